@@ -1,0 +1,66 @@
+"""Errors that a user can act on.
+
+Every public function of the package raises a subclass of :class:`RobustError`. The message is one line that names the
+place, what was found, what was expected and, where there is one, the remedy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """A place in an input file; lines and columns count from one."""
+
+    file: str
+    line: int | None = None
+    column: int | None = None
+
+    def __str__(self) -> str:
+        parts = [self.file]
+        if self.line is not None:
+            parts.append(str(self.line))
+            if self.column is not None:
+                parts.append(str(self.column))
+        return ":".join(parts)
+
+
+class RobustError(Exception):
+    """Base of all errors of this package; `exit_code` is what the command line returns for it."""
+
+    exit_code = 2
+
+    def __init__(self, message: str, location: Location | None = None) -> None:
+        self.message = message
+        self.location = location
+        super().__init__(f"{location}: {message}" if location else message)
+
+
+class InputError(RobustError):
+    """The input is wrong: the message says where, what was found and what was expected."""
+
+
+class UnsupportedError(RobustError):
+    """The input is legal, but outside what this package decides."""
+
+    exit_code = 4
+
+
+class SolverError(RobustError):
+    """A solver failed, or is not available."""
+
+    exit_code = 3
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A suffix for an error message about an unknown name: the closest known names, or what is known at all."""
+    candidates = sorted(set(known))
+    close = get_close_matches(name, candidates, n=2, cutoff=0.6)
+    if close:
+        return f"; did you mean {' or '.join(repr(match) for match in close)}?"
+    if candidates and len(candidates) <= 8:
+        return f"; known are {', '.join(candidates)}"
+    return ""

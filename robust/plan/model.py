@@ -1,0 +1,348 @@
+"""The parametrized planning problem ⟨Γ, P⟩ with its parametrized STN plan, grounded [IRR, Definitions 1 and 2].
+
+Everything here is plain, frozen data: what readers produce, and what simulator and encoders consume. Only the action
+instances that the plan uses are ground. Numeric expressions are polynomials over fluents, parameters and `?duration`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from fractions import Fraction
+from functools import cached_property
+
+from robust.errors import Location
+from robust.plan.polynomial import Polynomial
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Atom:
+    """A ground proposition such as `(at rover base)`; names are lower case."""
+
+    predicate: str
+    arguments: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"({' '.join((self.predicate, *self.arguments))})"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Fluent:
+    """A ground numeric fluent such as `(charge auv)`; names are lower case."""
+
+    function: str
+    arguments: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"({' '.join((self.function, *self.arguments))})"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class ParameterReference:
+    """A use of the parameter of that name in an expression."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True, slots=True)
+class Duration:
+    """`?duration`: t_end − t_start of the action instance that the expression belongs to."""
+
+    def __str__(self) -> str:
+        return "?duration"
+
+
+NumericVariable = Fluent | ParameterReference | Duration
+Expression = Polynomial[NumericVariable]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter γ of Γ: its nominal value π(γ), its weight ω_γ > 0 and its declared bounds (None: unbounded)."""
+
+    name: str
+    nominal: Fraction
+    weight: Fraction = Fraction(1)
+    lower: Fraction | None = None
+    upper: Fraction | None = None
+    location: Location | None = field(default=None, compare=False)
+
+
+class TimePointKind(Enum):
+    ZERO = "zero"
+    START = "start"
+    END = "end"
+    INSTANT = "instant"
+    TIMED_LITERAL = "timed literal"
+
+
+@dataclass(frozen=True, slots=True)
+class TimePoint:
+    """A time point of the plan: zero, start or end of an instance, an instantaneous action, a timed initial literal."""
+
+    kind: TimePointKind
+    instance: str | None = None
+    time: Fraction | None = None
+
+    def __str__(self) -> str:
+        match self.kind:
+            case TimePointKind.ZERO:
+                return ".zero"
+            case TimePointKind.START | TimePointKind.END:
+                return f"{self.instance}.{self.kind.value}"
+            case TimePointKind.INSTANT:
+                return f"{self.instance}"
+            case TimePointKind.TIMED_LITERAL:
+                return f"@{self.time}"
+
+    def __lt__(self, other: TimePoint) -> bool:
+        return str(self) < str(other)
+
+
+ZERO = TimePoint(TimePointKind.ZERO)
+
+
+class Relation(Enum):
+    """How the polynomial of a comparison relates to zero."""
+
+    AT_LEAST = ">="
+    GREATER = ">"
+    EQUAL = "="
+    DIFFERENT = "!="
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    value: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Holds:
+    """The atom has the given truth value."""
+
+    atom: Atom
+    value: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """`expression relation 0`."""
+
+    expression: Expression
+    relation: Relation
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    operands: tuple[Condition, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    operands: tuple[Condition, ...]
+
+
+Condition = Truth | Holds | Comparison | And | Or
+"""Conditions are in negation normal form, quantifiers expanded over the problem's objects; `And(())` does not occur."""
+
+
+class Timing(Enum):
+    AT_START = "at start"
+    OVER_ALL = "over all"
+    AT_END = "at end"
+
+
+@dataclass(frozen=True, slots=True)
+class TimedCondition:
+    """One conjunct of an action's condition; an instantaneous action's conditions are AT_START.
+
+    `text` is the ground condition in PDDL syntax, for names of obligations and for messages.
+    """
+
+    timing: Timing
+    condition: Condition
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class DurationConstraint:
+    """`?duration relation bound`, as the comparison it amounts to; `timing` says when fluents in it are read."""
+
+    timing: Timing
+    condition: Comparison
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class AtomEffect:
+    """Add (`value`) or delete an atom if `condition` holds just before; at one time point an add wins over a delete."""
+
+    timing: Timing
+    atom: Atom
+    value: bool
+    condition: Condition = Truth(True)
+
+
+class Assignment(Enum):
+    ASSIGN = "assign"
+    INCREASE = "increase"
+
+
+@dataclass(frozen=True, slots=True)
+class NumericEffect:
+    """Assign or increase a fluent by an expression read just before (decreases are negated increases)."""
+
+    timing: Timing
+    fluent: Fluent
+    operator: Assignment
+    expression: Expression
+    condition: Condition = Truth(True)
+
+
+@dataclass(frozen=True, slots=True)
+class ContinuousEffect:
+    """The fluent changes by `rate` per unit of time during the open interval (start, end) of the instance."""
+
+    fluent: Fluent
+    rate: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class ActionInstance:
+    """One ground action of the plan, named `identifier`."""
+
+    identifier: str
+    action: str
+    arguments: tuple[str, ...]
+    durative: bool
+    durations: tuple[DurationConstraint, ...] = ()
+    conditions: tuple[TimedCondition, ...] = ()
+    atom_effects: tuple[AtomEffect, ...] = ()
+    numeric_effects: tuple[NumericEffect, ...] = ()
+    continuous_effects: tuple[ContinuousEffect, ...] = ()
+    location: Location | None = field(default=None, compare=False)
+
+    @property
+    def start(self) -> TimePoint:
+        kind = TimePointKind.START if self.durative else TimePointKind.INSTANT
+        return TimePoint(kind, self.identifier)
+
+    @property
+    def end(self) -> TimePoint:
+        """The end, or the only time point of an instantaneous action."""
+        return TimePoint(TimePointKind.END, self.identifier) if self.durative else self.start
+
+    @property
+    def time_points(self) -> tuple[TimePoint, ...]:
+        return (self.start, self.end) if self.durative else (self.start,)
+
+    def at(self, timing: Timing) -> TimePoint:
+        """The time point at which an AT_START or AT_END condition or effect happens."""
+        return self.end if timing is Timing.AT_END else self.start
+
+    def __str__(self) -> str:
+        return f"({' '.join((self.action, *self.arguments))})"
+
+    def label(self, part: TimedCondition | DurationConstraint) -> str:
+        """The name of the obligation that `part` gives rise to."""
+        if isinstance(part, DurationConstraint):
+            return f"{self.identifier} {self.action}: duration {part.text}"
+        timing = f"{part.timing.value} " if self.durative else ""
+        return f"{self.identifier} {self.action}: {timing}{part.text}"
+
+
+@dataclass(frozen=True, slots=True)
+class TimedLiteral:
+    """A timed initial literal: at `time`, an atom gets a truth value or a fluent a number."""
+
+    time: Fraction
+    target: Atom | Fluent
+    value: bool | Fraction
+
+    @property
+    def point(self) -> TimePoint:
+        return TimePoint(TimePointKind.TIMED_LITERAL, time=self.time)
+
+
+Bound = Polynomial[NumericVariable]
+"""A bound of a temporal constraint: a polynomial over parameters only."""
+
+
+@dataclass(frozen=True, slots=True)
+class TemporalConstraint:
+    """`lower ≤ t_target − t_source ≤ upper`; None is an infinite bound. Written `c: target - source in [l, u]`."""
+
+    source: TimePoint
+    target: TimePoint
+    lower: Bound | None
+    upper: Bound | None
+    location: Location | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class GoalCondition:
+    """One conjunct of the goal, evaluated in the state after all time points; `text` as in :class:`TimedCondition`."""
+
+    condition: Condition
+    text: str
+
+    @property
+    def label(self) -> str:
+        return f"goal: {self.text}"
+
+
+@dataclass(frozen=True)
+class ParametrizedPlan:
+    """⟨Γ, P⟩ with π_Γ: all that decides whether, and for which parameter values, the plan is valid.
+
+    `initial_fluents` maps every fluent that has a value at time zero to a polynomial over parameters.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    instances: tuple[ActionInstance, ...]
+    constraints: tuple[TemporalConstraint, ...]
+    initial_atoms: frozenset[Atom]
+    initial_fluents: Mapping[Fluent, Expression]
+    timed_literals: tuple[TimedLiteral, ...]
+    goal: tuple[GoalCondition, ...]
+
+    @cached_property
+    def instance(self) -> Mapping[str, ActionInstance]:
+        """Instances by identifier."""
+        return {instance.identifier: instance for instance in self.instances}
+
+    @cached_property
+    def time_points(self) -> tuple[TimePoint, ...]:
+        """Zero, the time points of all instances in the plan's order, then the timed literals' by time."""
+        return (
+            ZERO,
+            *self._points_of_instances(),
+            *sorted({literal.point for literal in self.timed_literals}, key=_time),
+        )
+
+    def _points_of_instances(self) -> Iterator[TimePoint]:
+        for instance in self.instances:
+            yield from instance.time_points
+
+    @property
+    def nominal(self) -> dict[str, Fraction]:
+        """π: the nominal value of every parameter."""
+        return {parameter.name: parameter.nominal for parameter in self.parameters}
+
+
+def _time(point: TimePoint) -> Fraction:
+    return point.time or Fraction(0)
+
+
+def conjuncts(condition: Condition) -> Iterator[Condition]:
+    """The top-level conjuncts of a condition."""
+    if isinstance(condition, And):
+        for operand in condition.operands:
+            yield from conjuncts(operand)
+    else:
+        yield condition

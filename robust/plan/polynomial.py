@@ -1,0 +1,141 @@
+"""Exact multivariate polynomials over any hashable, printable variables.
+
+Numeric expressions of a planning problem are polynomials until everything that is constant has been folded; only then
+does the question arise whether they are linear (a rate times a duration is linear as soon as one of them is known).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from fractions import Fraction
+from typing import Generic, TypeVar
+
+V = TypeVar("V", bound=Hashable)
+W = TypeVar("W", bound=Hashable)
+Monomial = tuple[V, ...]
+"""The variables of a product in a canonical order, repeated for powers; the empty tuple is the constant monomial."""
+
+
+class Polynomial(Generic[V]):
+    """An immutable polynomial with rational coefficients; equal polynomials are equal and hash alike."""
+
+    __slots__ = ("_hash", "terms")
+
+    def __init__(self, terms: Mapping[Monomial[V], Fraction]) -> None:
+        self.terms: dict[Monomial[V], Fraction] = {m: c for m, c in terms.items() if c}
+        self._hash: int | None = None
+
+    @staticmethod
+    def constant(value: Fraction | int) -> Polynomial[V]:
+        return Polynomial({(): Fraction(value)})
+
+    @staticmethod
+    def variable(name: V) -> Polynomial[V]:
+        return Polynomial({(name,): Fraction(1)})
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Polynomial) and self.terms == other.terms
+
+    def __hash__(self) -> int:
+        if self._hash is None:
+            self._hash = hash(frozenset(self.terms.items()))
+        return self._hash
+
+    def __add__(self, other: Polynomial[V] | Fraction | int) -> Polynomial[V]:
+        if not isinstance(other, Polynomial):
+            other = Polynomial.constant(other)
+        terms = dict(self.terms)
+        for monomial, coefficient in other.terms.items():
+            terms[monomial] = terms.get(monomial, Fraction(0)) + coefficient
+        return Polynomial(terms)
+
+    def __neg__(self) -> Polynomial[V]:
+        return self.scaled(Fraction(-1))
+
+    def __sub__(self, other: Polynomial[V] | Fraction | int) -> Polynomial[V]:
+        return self + (-other)
+
+    def __mul__(self, other: Polynomial[V]) -> Polynomial[V]:
+        terms: dict[Monomial[V], Fraction] = {}
+        for left, a in self.terms.items():
+            for right, b in other.terms.items():
+                monomial = tuple(sorted(left + right, key=_order)) if left and right else left + right
+                terms[monomial] = terms.get(monomial, Fraction(0)) + a * b
+        return Polynomial(terms)
+
+    def scaled(self, factor: Fraction | int) -> Polynomial[V]:
+        return Polynomial({monomial: coefficient * factor for monomial, coefficient in self.terms.items()})
+
+    @property
+    def degree(self) -> int:
+        return max((len(monomial) for monomial in self.terms), default=0)
+
+    @property
+    def is_constant(self) -> bool:
+        return all(not monomial for monomial in self.terms)
+
+    @property
+    def is_linear(self) -> bool:
+        return all(len(monomial) <= 1 for monomial in self.terms)
+
+    @property
+    def constant_term(self) -> Fraction:
+        return self.terms.get((), Fraction(0))
+
+    @property
+    def variables(self) -> frozenset[V]:
+        return frozenset(variable for monomial in self.terms for variable in monomial)
+
+    def coefficients(self) -> Iterator[tuple[V, Fraction]]:
+        """The linear part, variable by variable; only meaningful where `is_linear`."""
+        for monomial, coefficient in self.terms.items():
+            if monomial:
+                yield monomial[0], coefficient
+
+    def substitute(self, value: Callable[[V], Polynomial[W]]) -> Polynomial[W]:
+        """Replace every variable by `value(variable)`."""
+        if self.is_linear:
+            terms: dict[Monomial[W], Fraction] = {}
+            for monomial, coefficient in self.terms.items():
+                image = value(monomial[0]).terms if monomial else {(): Fraction(1)}
+                for inner, factor in image.items():
+                    terms[inner] = terms.get(inner, Fraction(0)) + coefficient * factor
+            return Polynomial(terms)
+        total: Polynomial[W] = Polynomial({})
+        for monomial, coefficient in self.terms.items():
+            product: Polynomial[W] = Polynomial.constant(coefficient)
+            for variable in monomial:
+                product = product * value(variable)
+            total = total + product
+        return total
+
+    def evaluate(self, values: Mapping[V, Fraction]) -> Fraction:
+        """The value under an assignment of every variable."""
+        total = Fraction(0)
+        for monomial, coefficient in self.terms.items():
+            product = coefficient
+            for variable in monomial:
+                product *= values[variable]
+            total += product
+        return total
+
+    def __str__(self) -> str:
+        if not self.terms:
+            return "0"
+        text = ""
+        for monomial, coefficient in sorted(self.terms.items(), key=_last_constant):
+            sign, size = ("-" if coefficient < 0 else "+"), abs(coefficient)
+            factors = ([] if size == 1 and monomial else [str(size)]) + [str(variable) for variable in monomial]
+            text += f" {sign} {'·'.join(factors)}" if text else f"{'-' if sign == '-' else ''}{'·'.join(factors)}"
+        return text
+
+    def __repr__(self) -> str:
+        return f"Polynomial({self})"
+
+
+def _order(variable: object) -> tuple[str, str]:
+    return type(variable).__name__, str(variable)
+
+
+def _last_constant(term: tuple[Monomial[V], Fraction]) -> tuple[bool, list[tuple[str, str]]]:
+    return not term[0], [_order(variable) for variable in term[0]]
