@@ -8,29 +8,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from fractions import Fraction
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
-V = TypeVar("V", bound=Hashable)
+V_co = TypeVar("V_co", bound=Hashable, covariant=True)
 W = TypeVar("W", bound=Hashable)
-Monomial = tuple[V, ...]
+Monomial = tuple[V_co, ...]
 """The variables of a product in a canonical order, repeated for powers; the empty tuple is the constant monomial."""
 
 
-class Polynomial(Generic[V]):
+class Polynomial(Generic[V_co]):
     """An immutable polynomial with rational coefficients; equal polynomials are equal and hash alike."""
 
     __slots__ = ("_hash", "terms")
 
-    def __init__(self, terms: Mapping[Monomial[V], Fraction]) -> None:
-        self.terms: dict[Monomial[V], Fraction] = {m: c for m, c in terms.items() if c}
+    def __init__(self, terms: Mapping[Monomial[V_co], Fraction]) -> None:
+        self.terms: dict[Monomial[V_co], Fraction] = {m: c for m, c in terms.items() if c}
         self._hash: int | None = None
 
     @staticmethod
-    def constant(value: Fraction | int) -> Polynomial[V]:
+    def constant(value: Fraction | int) -> Polynomial[Any]:
         return Polynomial({(): Fraction(value)})
 
     @staticmethod
-    def variable(name: V) -> Polynomial[V]:
+    def variable(name: W) -> Polynomial[W]:
         return Polynomial({(name,): Fraction(1)})
 
     def __eq__(self, other: object) -> bool:
@@ -41,7 +41,7 @@ class Polynomial(Generic[V]):
             self._hash = hash(frozenset(self.terms.items()))
         return self._hash
 
-    def __add__(self, other: Polynomial[V] | Fraction | int) -> Polynomial[V]:
+    def __add__(self, other: Polynomial[V_co] | Fraction | int) -> Polynomial[V_co]:
         if not isinstance(other, Polynomial):
             other = Polynomial.constant(other)
         terms = dict(self.terms)
@@ -49,21 +49,21 @@ class Polynomial(Generic[V]):
             terms[monomial] = terms.get(monomial, Fraction(0)) + coefficient
         return Polynomial(terms)
 
-    def __neg__(self) -> Polynomial[V]:
+    def __neg__(self) -> Polynomial[V_co]:
         return self.scaled(Fraction(-1))
 
-    def __sub__(self, other: Polynomial[V] | Fraction | int) -> Polynomial[V]:
+    def __sub__(self, other: Polynomial[V_co] | Fraction | int) -> Polynomial[V_co]:
         return self + (-other)
 
-    def __mul__(self, other: Polynomial[V]) -> Polynomial[V]:
-        terms: dict[Monomial[V], Fraction] = {}
+    def __mul__(self, other: Polynomial[V_co]) -> Polynomial[V_co]:
+        terms: dict[Monomial[V_co], Fraction] = {}
         for left, a in self.terms.items():
             for right, b in other.terms.items():
                 monomial = tuple(sorted(left + right, key=_order)) if left and right else left + right
                 terms[monomial] = terms.get(monomial, Fraction(0)) + a * b
         return Polynomial(terms)
 
-    def scaled(self, factor: Fraction | int) -> Polynomial[V]:
+    def scaled(self, factor: Fraction | int) -> Polynomial[V_co]:
         return Polynomial({monomial: coefficient * factor for monomial, coefficient in self.terms.items()})
 
     @property
@@ -83,16 +83,16 @@ class Polynomial(Generic[V]):
         return self.terms.get((), Fraction(0))
 
     @property
-    def variables(self) -> frozenset[V]:
+    def variables(self) -> frozenset[V_co]:
         return frozenset(variable for monomial in self.terms for variable in monomial)
 
-    def coefficients(self) -> Iterator[tuple[V, Fraction]]:
+    def coefficients(self) -> Iterator[tuple[V_co, Fraction]]:
         """The linear part, variable by variable; only meaningful where `is_linear`."""
         for monomial, coefficient in self.terms.items():
             if monomial:
                 yield monomial[0], coefficient
 
-    def substitute(self, value: Callable[[V], Polynomial[W]]) -> Polynomial[W]:
+    def substitute(self, value: Callable[[V_co], Polynomial[W]]) -> Polynomial[W]:
         """Replace every variable by `value(variable)`."""
         if self.is_linear:
             terms: dict[Monomial[W], Fraction] = {}
@@ -109,7 +109,7 @@ class Polynomial(Generic[V]):
             total = total + product
         return total
 
-    def evaluate(self, values: Mapping[V, Fraction]) -> Fraction:
+    def evaluate(self, values: Mapping[V_co, Fraction]) -> Fraction:
         """The value under an assignment of every variable."""
         total = Fraction(0)
         for monomial, coefficient in self.terms.items():
@@ -137,5 +137,5 @@ def _order(variable: object) -> tuple[str, str]:
     return type(variable).__name__, str(variable)
 
 
-def _last_constant(term: tuple[Monomial[V], Fraction]) -> tuple[bool, list[tuple[str, str]]]:
+def _last_constant(term: tuple[Monomial[V_co], Fraction]) -> tuple[bool, list[tuple[str, str]]]:
     return not term[0], [_order(variable) for variable in term[0]]

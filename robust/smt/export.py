@@ -1,0 +1,56 @@
+"""Every query as an SMT-LIB file that any solver can read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from io import StringIO
+from pathlib import Path
+
+from pysmt.smtlib.printers import SmtDagPrinter
+
+from robust.errors import InputError
+from robust.smt.terms import Formula, Terms
+
+
+class Exporter:
+    """Writes numbered `.smt2` files into a directory, one for each query, with the question and the answer as comments.
+
+    Raises:
+        InputError: if the directory cannot be made or written.
+    """
+
+    def __init__(self, directory: str | Path) -> None:
+        self._directory = Path(directory)
+        self._count = 0
+        try:
+            self._directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"{directory}: cannot write SMT-LIB files there ({error.strerror}); expected a directory"
+            ) from error
+
+    def write(self, terms: Terms, assertions: Iterable[Formula], question: str, answer: str) -> Path:
+        self._count += 1
+        stem = re.sub(r"[^A-Za-z0-9.]+", "-", question).strip("-")[:60]
+        path = self._directory / f"{self._count:05d}-{stem}.smt2"
+        path.write_text(smtlib(terms, assertions, question, answer), encoding="utf-8")
+        return path
+
+
+def smtlib(terms: Terms, assertions: Iterable[Formula], question: str, answer: str) -> str:
+    """One query as an SMT-LIB 2.6 script; shared subterms are bound by `let`."""
+    assertions = list(assertions)
+    symbols = sorted(terms.variables(terms.conjunction(assertions)), key=lambda symbol: symbol.symbol_name())
+    lines = [f"; {line}" for line in question.splitlines()]
+    lines += [f"; answer: {answer}", "(set-logic QF_LRA)"]
+    lines += [f"(declare-fun {_quote(symbol.symbol_name())} () {symbol.symbol_type()})" for symbol in symbols]
+    for assertion in assertions:
+        buffer = StringIO()
+        SmtDagPrinter(buffer).printer(assertion)
+        lines.append(f"(assert {buffer.getvalue()})")
+    return "\n".join([*lines, "(check-sat)", ""])
+
+
+def _quote(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z~!@$%^&*_+=<>.?/-][A-Za-z0-9~!@$%^&*_+=<>.?/-]*", name) else f"|{name}|"

@@ -1,0 +1,154 @@
+"""Formulas of linear real arithmetic over polynomials, with constants folded before any solver sees them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from fractions import Fraction
+from typing import TypeAlias
+
+from pysmt.environment import Environment
+from pysmt.fnode import FNode
+from pysmt.typing import BOOL, REAL
+
+from robust.errors import UnsupportedError
+from robust.plan.model import Relation
+from robust.plan.polynomial import Polynomial
+
+Formula: TypeAlias = FNode
+Build: TypeAlias = Callable[[list[Formula]], Formula]
+
+
+class Terms:
+    """Builds pySMT formulas in an environment of its own; symbols stand for any printable variables."""
+
+    def __init__(self) -> None:
+        self.environment = Environment()
+        self.manager = self.environment.formula_manager
+        self.true: Formula = self.manager.TRUE()
+        self.false: Formula = self.manager.FALSE()
+        self._symbols: dict[Hashable, Formula] = {}
+        self._comparisons: dict[tuple[Polynomial[Hashable], Relation], Formula] = {}
+
+    def real(self, variable: Hashable) -> Formula:
+        """The real-valued symbol of a variable, named after it."""
+        if variable not in self._symbols:
+            self._symbols[variable] = self.manager.Symbol(str(variable), REAL)
+        return self._symbols[variable]
+
+    def fresh_boolean(self, name: str) -> Formula:
+        return self.manager.FreshSymbol(BOOL, f"{name}%d")
+
+    def truth(self, value: bool) -> Formula:
+        return self.true if value else self.false
+
+    def negation(self, formula: Formula) -> Formula:
+        if formula is self.true:
+            return self.false
+        if formula is self.false:
+            return self.true
+        return formula.arg(0) if formula.is_not() else self.manager.Not(formula)
+
+    def conjunction(self, formulas: Iterable[Formula]) -> Formula:
+        return self._junction(formulas, self.true, self.false, self.manager.And)
+
+    def disjunction(self, formulas: Iterable[Formula]) -> Formula:
+        return self._junction(formulas, self.false, self.true, self.manager.Or)
+
+    def _junction(self, formulas: Iterable[Formula], neutral: Formula, absorbing: Formula, build: Build) -> Formula:
+        operands: dict[Formula, None] = {}
+        for formula in formulas:
+            if formula is absorbing:
+                return absorbing
+            if formula is not neutral:
+                operands[formula] = None
+        if not operands:
+            return neutral
+        if len(operands) == 1:
+            return next(iter(operands))
+        return build(list(operands))
+
+    def implication(self, condition: Formula, consequence: Formula) -> Formula:
+        return self.disjunction((self.negation(condition), consequence))
+
+    def equivalence(self, left: Formula, right: Formula) -> Formula:
+        return self.manager.Iff(left, right)
+
+    def number(self, value: Fraction) -> Formula:
+        return self.manager.Real(value)
+
+    def linear(self, expression: Polynomial[Hashable]) -> Formula:
+        """A linear polynomial as a real term.
+
+        Raises:
+            UnsupportedError: if a product of variables is left.
+        """
+        if not expression.is_linear:
+            raise UnsupportedError(
+                f"non-linear arithmetic: {expression} multiplies unknowns; expected a product with at most one factor "
+                "that is not constant"
+            )
+        terms = [
+            self.real(variable) if factor == 1 else self.manager.Times(self.number(factor), self.real(variable))
+            for variable, factor in expression.coefficients()
+        ]
+        if expression.constant_term or not terms:
+            terms.append(self.number(expression.constant_term))
+        return terms[0] if len(terms) == 1 else self.manager.Plus(terms)
+
+    def compare(self, expression: Polynomial[Hashable], relation: Relation) -> Formula:
+        """`expression relation 0`; a constant expression is decided here."""
+        if expression.is_constant:
+            return self.truth(holds(expression.constant_term, relation))
+        key = (expression, relation)
+        if key not in self._comparisons:
+            self._comparisons[key] = self._compare(expression, relation)
+        return self._comparisons[key]
+
+    def _compare(self, expression: Polynomial[Hashable], relation: Relation) -> Formula:
+        zero = self.number(Fraction(0))
+        term = self.linear(expression)
+        match relation:
+            case Relation.AT_LEAST:
+                return self.manager.GE(term, zero)
+            case Relation.GREATER:
+                return self.manager.GT(term, zero)
+            case Relation.EQUAL:
+                return self.manager.Equals(term, zero)
+            case Relation.DIFFERENT:
+                return self.manager.Not(self.manager.Equals(term, zero))
+
+    def at_least(self, expression: Polynomial[Hashable]) -> Formula:
+        return self.compare(expression, Relation.AT_LEAST)
+
+    def greater(self, expression: Polynomial[Hashable]) -> Formula:
+        return self.compare(expression, Relation.GREATER)
+
+    def equal(self, expression: Polynomial[Hashable]) -> Formula:
+        return self.compare(expression, Relation.EQUAL)
+
+    def size(self, formula: Formula) -> int:
+        """The number of distinct nodes of a formula."""
+        oracle = self.environment.sizeo
+        return int(oracle.get_size(formula, measure=oracle.MEASURE_DAG_NODES))
+
+    def variables(self, formula: Formula) -> frozenset[Formula]:
+        """The symbols that occur in a formula."""
+        return frozenset(self.environment.fvo.get_free_variables(formula))
+
+
+def holds(value: Fraction, relation: Relation) -> bool:
+    """Whether `value relation 0`."""
+    match relation:
+        case Relation.AT_LEAST:
+            return value >= 0
+        case Relation.GREATER:
+            return value > 0
+        case Relation.EQUAL:
+            return value == 0
+        case Relation.DIFFERENT:
+            return value != 0
+
+
+def values_by_variable(values: Mapping[str, Fraction], variables: Iterable[Hashable]) -> dict[Hashable, Fraction]:
+    """Map a model's values, keyed by symbol name, back to the variables that the symbols stand for."""
+    return {variable: values[str(variable)] for variable in variables if str(variable) in values}
