@@ -1,0 +1,223 @@
+"""The relational encoding as a whole: named obligations, each with the query that refutes it.
+
+`enc_proofs` is examined in stages, by ∀X(A → P₁ ∧ P₂) ≡ ∀X(A → P₁) ∧ ∀X(A ∧ P₁ → P₂): durations first, then
+ε-separation, then conditions and the goal. Each stage may assume the ones before it, which decides most orders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+from functools import cache
+
+from robust.encode.clock import FINALLY, Clock, before
+from robust.encode.durations import duration_rules
+from robust.encode.mutex import MutexPair, mutex_pairs
+from robust.encode.network import Difference, TemporalNetwork
+from robust.encode.orders import Orders, common_scale
+from robust.encode.overall import OverAll
+from robust.encode.slices import Slices
+from robust.encode.state import States
+from robust.encode.validity import Validity
+from robust.encode.variables import Linear, TimeVariable, constant
+from robust.plan.model import ZERO, ParameterReference, ParametrizedPlan, TimePoint, Timing
+from robust.smt.terms import Formula, Terms
+
+EPSILON = Fraction(1, 1000)
+
+
+class Stage(Enum):
+    """The order in which obligations are examined; a stage assumes the earlier ones."""
+
+    DURATION = 0
+    SEPARATION = 1
+    CONDITION = 2
+
+
+@dataclass(frozen=True)
+class Obligation:
+    """One conjunct of enc_proofs, named after its source; `violation` is its negation over the encoding's unknowns."""
+
+    name: str
+    stage: Stage
+    violation: Formula
+
+
+class RelationalEncoding:
+    """enc_tn, enc_eff and enc_proofs of a plan without positions.
+
+    Args:
+        plan: the ground, parametrized plan.
+        epsilon: the separation of mutex time points.
+
+    Raises:
+        UnsupportedError: if an expression is not linear after folding constants.
+    """
+
+    def __init__(self, plan: ParametrizedPlan, epsilon: Fraction = EPSILON) -> None:
+        self.plan = plan
+        self.epsilon = epsilon
+        self.terms = Terms()
+        self.network = TemporalNetwork(plan)
+        self.validity = Validity(self.network, self.terms)
+        self._mutex = mutex_pairs(plan)
+        self._rules = tuple(duration_rules(plan))
+        self._orders = self._known_orders()
+        self._states = States(plan, Clock(self.network, self._orders, self.terms))
+        self._assumed: dict[Stage, list[Linear]] = {Stage.DURATION: []}
+        # Each stage's obligations are built before the orders learn them, and after they learnt the earlier stages'.
+        durations = list(self._duration_obligations())
+        self._assumed[Stage.SEPARATION] = list(self._learn_durations())
+        separations = list(self._separation_obligations())
+        self._assumed[Stage.CONDITION] = [*self._assumed[Stage.SEPARATION], *self._learn_separations()]
+        self.obligations: tuple[Obligation, ...] = (*durations, *separations, *self._condition_obligations())
+        self._slices = cache(self._make_slices)
+
+    # -- queries -------------------------------------------------------------------------------------------------
+
+    def query(self, obligation: Obligation) -> list[Formula]:
+        """Satisfiable, for parameter values within enc_valid, if some schedule breaks the obligation.
+
+        Only the part of the network that the violation touches: the rest has a schedule whenever enc_valid holds.
+        """
+        formulas = [obligation.violation, *self._states.definitions_of([obligation.violation])]
+        return [*self._slices(obligation.stage).touching(formulas), *formulas]
+
+    def full_query(self, obligation: Obligation) -> list[Formula]:
+        """As :meth:`query` over the whole network: a model gives a time to every time point."""
+        formulas = [obligation.violation, *self._states.definitions_of([obligation.violation])]
+        return [*self.network_formulas(), *map(self.terms.at_least, self._assumed[obligation.stage]), *formulas]
+
+    def network_formulas(self) -> list[Formula]:
+        """enc_tn over parameters and free time points."""
+        return [self.terms.at_least(inequality.expression) for inequality in self.network.inequalities]
+
+    def parameters_in(self, formulas: Iterable[Formula]) -> frozenset[str]:
+        """Names of the parameters that occur in formulas."""
+        names = {symbol.symbol_name() for formula in formulas for symbol in self.terms.variables(formula)}
+        return frozenset(parameter.name for parameter in self.plan.parameters if parameter.name in names)
+
+    def unknowns(self) -> list[Formula]:
+        """The symbols of the parameters and of the free time points."""
+        used = (unknown for place in self.network.positions.values() for unknown in place.variables)
+        times = dict.fromkeys(unknown for unknown in used if isinstance(unknown, TimeVariable))
+        return [self.terms.real(unknown) for unknown in (*map(ParameterReference, self.plan.nominal), *times)]
+
+    def schedule(self, values: Mapping[str, Fraction]) -> dict[TimePoint, Fraction]:
+        """The time of every time point, from values of :meth:`unknowns` by symbol name."""
+        return {
+            point: place.evaluate({unknown: values[str(unknown)] for unknown in place.variables})
+            for point, place in self.network.positions.items()
+        }
+
+    # -- obligations, stage by stage -----------------------------------------------------------------------------
+
+    def _duration_obligations(self) -> Iterator[Obligation]:
+        for rule in self._rules:
+            if rule.exact and all(map(self._is_known, rule.bounds)):
+                violation = self.terms.false
+            else:
+                holds = self._states.condition(rule.condition, before(rule.instance.start), rule.instance)
+                violation = self.terms.negation(holds)
+            yield Obligation(rule.name, Stage.DURATION, violation)
+
+    def _separation_obligations(self) -> Iterator[Obligation]:
+        for pair in self._mutex:
+            violation = self.terms.false
+            if not self._is_separated(pair):
+                gap = self.network.position(pair.second) - self.network.position(pair.first)
+                near = (self.terms.greater(-gap + self.epsilon), self.terms.greater(gap + self.epsilon))
+                violation = self.terms.conjunction(near)
+            yield Obligation(pair.label, Stage.SEPARATION, violation)
+
+    def _condition_obligations(self) -> Iterator[Obligation]:
+        overall = OverAll(self.plan, self._states)
+        unconditional = {(rule.instance.identifier, rule.condition) for rule in self._rules}
+        for instance in self.plan.instances:
+            for duration in instance.durations:
+                if (instance.identifier, duration.condition) not in unconditional:
+                    moment = before(instance.at(duration.timing))
+                    holds = self._states.condition(duration.condition, moment, instance)
+                    yield Obligation(instance.label(duration), Stage.CONDITION, self.terms.negation(holds))
+            for timed in instance.conditions:
+                if timed.timing is Timing.OVER_ALL:
+                    violation = overall.violation(instance, timed.condition)
+                else:
+                    moment = before(instance.at(timed.timing))
+                    violation = self.terms.negation(self._states.condition(timed.condition, moment, instance))
+                yield Obligation(instance.label(timed), Stage.CONDITION, violation)
+        for goal in self.plan.goal:
+            violation = self.terms.negation(self._states.condition(goal.condition, FINALLY))
+            yield Obligation(goal.label, Stage.CONDITION, violation)
+
+    # -- what is known of the order, and what a stage assumes -----------------------------------------------------
+
+    def _known_orders(self) -> Orders:
+        edges = [
+            (difference.source, difference.target, weight)
+            for difference in self.network.differences
+            if (weight := self.network.surely_at_least(difference.weight)) is not None
+        ]
+        learnt = [self.network.surely_at_least(bound.weight) for rule in self._rules for bound in rule.bounds]
+        numbers = [
+            self.epsilon,
+            *(weight for _, _, weight in edges),
+            *(weight for weight in learnt if weight is not None),
+        ]
+        return Orders(self.plan.time_points, edges, common_scale(numbers))
+
+    def _is_known(self, bound: Difference) -> bool:
+        """Whether the network alone keeps a bound, whatever the parameters are."""
+        known = self._orders.least(bound.source, bound.target)
+        return bound.weight.is_constant and known is not None and known >= bound.weight.constant_term
+
+    def _is_separated(self, pair: MutexPair) -> bool:
+        bounds = (self._orders.least(pair.first, pair.second), self._orders.least(pair.second, pair.first))
+        return any(bound is not None and bound >= self.epsilon for bound in bounds)
+
+    def _learn_durations(self) -> Iterator[Linear]:
+        for rule in self._rules:
+            for bound in rule.bounds:
+                known = self._is_known(bound)
+                weight = self.network.surely_at_least(bound.weight)
+                if weight is not None:
+                    self._orders.learn(bound.source, bound.target, weight)
+                if not known:
+                    yield self.network.distance(bound)
+
+    def _learn_separations(self) -> Iterator[Linear]:
+        """A mutex pair whose order is known up to less than ε is ε apart in that order; repeat until nothing is new."""
+        pairs = [pair for pair in self._mutex if not self._is_separated(pair)]
+        learning = True
+        while learning:
+            learning = False
+            for pair in pairs:
+                for first, second in ((pair.first, pair.second), (pair.second, pair.first)):
+                    known = self._orders.least(first, second)
+                    if known is not None and -self.epsilon < known < self.epsilon:
+                        learning |= self._orders.learn(first, second, self.epsilon)
+                        yield self.network.distance(Difference(first, second, constant(self.epsilon), pair.label))
+            pairs = [pair for pair in pairs if not self._is_separated(pair)]
+
+    def _make_slices(self, stage: Stage) -> Slices:
+        """enc_tn with what the stage assumes; `t ≥ 0` is left out where an earlier time point implies it."""
+        supported = set() if stage is Stage.DURATION else self._supported_points()
+        network = [i.expression for i in self.network.inequalities if i.not_before_zero not in supported]
+        return Slices(self.terms, [*network, *self._assumed[stage]])
+
+    def _supported_points(self) -> set[TimePoint]:
+        """Time points that follow another one, other than zero, in every schedule that respects durations.
+
+        Ties are counted in the plan's order only, so that no two points support each other in a circle.
+        """
+        rank = {point: index for index, point in enumerate(self.plan.time_points)}
+        bounds = [*self.network.differences, *(bound for rule in self._rules for bound in rule.bounds)]
+        return {
+            bound.target
+            for bound in bounds
+            if bound.source != ZERO
+            and (weight := self.network.surely_at_least(bound.weight)) is not None
+            and (weight > 0 or (weight == 0 and rank[bound.source] < rank[bound.target]))
+        }

@@ -1,0 +1,174 @@
+"""enc_tn: the temporal network of a parametrized STN plan [IRR §2, Definition 2].
+
+Equalities of the network are solved instead of asserted: each time point is a linear expression over the parameters
+and the few time points that nothing ties down. In plans whose schedule is fixed up to the parameters no time variable
+is left at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from robust.encode.variables import Linear, Range, TimeVariable, Unknown, constant, least, variable
+from robust.plan.model import (
+    ZERO,
+    Bound,
+    Duration,
+    Fluent,
+    ParameterReference,
+    ParametrizedPlan,
+    TemporalConstraint,
+    TimePoint,
+    TimePointKind,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """`t_target − t_source ≥ weight`, weight over parameters; `origin` is the statement that it comes from.
+
+    `is_default` marks `t_τ ≥ 0`, which holds for every time point unsaid.
+    """
+
+    source: TimePoint
+    target: TimePoint
+    weight: Linear
+    origin: str
+    is_default: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Inequality:
+    """`expression ≥ 0` with the statement that it comes from; for `t_τ ≥ 0`, which τ."""
+
+    expression: Linear
+    origin: str
+    not_before_zero: TimePoint | None = None
+
+
+class TemporalNetwork:
+    """The network of a plan, with its rigid part solved.
+
+    `positions` gives every time point as a linear expression; `differences` is the whole network as lower bounds;
+    `inequalities` is what remains to be asserted: together with the definitions in `positions` it is enc_tn.
+    """
+
+    def __init__(self, plan: ParametrizedPlan) -> None:
+        self.plan = plan
+        self.ranges: dict[str, Range] = {p.name: (p.lower, p.upper) for p in plan.parameters}
+        self.differences = tuple(_differences(plan))
+        self.positions, equations = _solve_equalities(plan)
+        self.inequalities = tuple(self._inequalities(equations))
+
+    def position(self, point: TimePoint) -> Linear:
+        """t_τ."""
+        return self.positions[point]
+
+    def distance(self, difference: Difference) -> Linear:
+        """What must be at least zero for the difference to hold."""
+        return self.positions[difference.target] - self.positions[difference.source] - difference.weight
+
+    def surely_at_least(self, weight: Linear) -> Fraction | None:
+        """The least value of a weight over all declared parameter values; None if it has none."""
+        return least(weight, self.ranges)
+
+    def _inequalities(self, equations: list[Inequality]) -> Iterator[Inequality]:
+        seen: set[Linear] = set()
+        candidates = [
+            *equations,
+            *(Inequality(self.distance(d), d.origin, d.target if d.is_default else None) for d in self.differences),
+            *self.bounds_of_parameters(),
+        ]
+        for inequality in candidates:
+            expression = inequality.expression
+            trivial = expression.is_constant and expression.constant_term >= 0
+            if not trivial and expression not in seen:
+                seen.add(expression)
+                yield inequality
+
+    def bounds_of_parameters(self) -> Iterator[Inequality]:
+        """The declared bounds."""
+        for parameter in self.plan.parameters:
+            value = variable(ParameterReference(parameter.name))
+            if parameter.lower is not None:
+                yield Inequality(value - parameter.lower, f"parameter {parameter.name} lb {parameter.lower}")
+            if parameter.upper is not None:
+                yield Inequality(-value + parameter.upper, f"parameter {parameter.name} ub {parameter.upper}")
+
+
+def over_parameters(bound: Bound) -> Linear:
+    """A bound of the network as an expression over the encodings' unknowns."""
+    return bound.substitute(_parameter)
+
+
+def _parameter(name: Fluent | ParameterReference | Duration) -> Linear:
+    if not isinstance(name, ParameterReference):
+        raise TypeError(f"a temporal constraint can only mention parameters, not {name}")
+    return variable(name)
+
+
+def _differences(plan: ParametrizedPlan) -> Iterator[Difference]:
+    for point in plan.time_points[1:]:
+        yield Difference(ZERO, point, constant(0), f"{point} ≥ 0", is_default=True)
+        if point.kind is TimePointKind.TIMED_LITERAL:
+            time = constant(point.time or Fraction(0))
+            yield Difference(ZERO, point, time, f"timed initial literal {point}")
+            yield Difference(point, ZERO, -time, f"timed initial literal {point}")
+    for item in plan.constraints:
+        origin = describe(item)
+        if item.lower is not None:
+            yield Difference(item.source, item.target, over_parameters(item.lower), origin)
+        if item.upper is not None:
+            yield Difference(item.target, item.source, -over_parameters(item.upper), origin)
+
+
+def describe(item: TemporalConstraint) -> str:
+    """The constraint as the plan file writes it, with its line."""
+    lower = "-inf" if item.lower is None else str(item.lower)
+    upper = "inf" if item.upper is None else str(item.upper)
+    line = f" (line {item.location.line})" if item.location and item.location.line else ""
+    return f"c: {item.target} - {item.source} in [{lower}, {upper}]{line}"
+
+
+def _solve_equalities(plan: ParametrizedPlan) -> tuple[dict[TimePoint, Linear], list[Inequality]]:
+    """Tie time points together along equalities, breadth first from zero, then from each point not reached yet.
+
+    A second equality between points that are tied already is an equation over the parameters.
+    """
+    ties: dict[TimePoint, list[tuple[TimePoint, Linear, str]]] = {point: [] for point in plan.time_points}
+    for source, target, length, origin in _equalities(plan):
+        ties[source].append((target, length, origin))
+        ties[target].append((source, -length, origin))
+    positions: dict[TimePoint, Linear] = {}
+    equations: list[Inequality] = []
+    for root in plan.time_points:
+        if root in positions:
+            continue
+        positions[root] = constant(0) if root == ZERO else variable(TimeVariable(root))
+        queue = [root]
+        for point in queue:
+            for neighbour, length, origin in ties[point]:
+                place = positions[point] + length
+                if neighbour not in positions:
+                    positions[neighbour] = place
+                    queue.append(neighbour)
+                elif positions[neighbour] != place:
+                    gap = place - positions[neighbour]
+                    equations += [Inequality(gap, origin), Inequality(-gap, origin)]
+    return positions, equations
+
+
+def _equalities(plan: ParametrizedPlan) -> Iterator[tuple[TimePoint, TimePoint, Linear, str]]:
+    for point in plan.time_points:
+        if point.kind is TimePointKind.TIMED_LITERAL:
+            yield ZERO, point, constant(point.time or Fraction(0)), f"timed initial literal {point}"
+    for item in plan.constraints:
+        if item.lower is not None and item.lower == item.upper:
+            yield item.source, item.target, over_parameters(item.lower), describe(item)
+
+
+def unknowns_of(expressions: list[Linear]) -> frozenset[Unknown]:
+    """All unknowns of several expressions."""
+    return frozenset(unknown for expression in expressions for unknown in expression.variables)
