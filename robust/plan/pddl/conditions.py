@@ -1,0 +1,262 @@
+"""Forms to conditions and numeric expressions, with every name checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from robust.errors import did_you_mean
+from robust.plan.model import Timing
+from robust.plan.pddl import declarations
+from robust.plan.pddl.check import (
+    Scope,
+    bare_function,
+    count,
+    function,
+    proposition,
+    term,
+    unknown_variable,
+    unsupported,
+)
+from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, number, quote
+from robust.plan.pddl.syntax import (
+    Arithmetic,
+    Comparator,
+    Conjunction,
+    Disjunction,
+    DurationBound,
+    DurationTerm,
+    Equality,
+    Implication,
+    LiftedCondition,
+    Negation,
+    Number,
+    NumericComparison,
+    NumericExpression,
+    Operator,
+    ParameterTerm,
+    Quantification,
+    TimedLiftedCondition,
+    TypedName,
+)
+
+_TIMED_CONDITION = "a timed condition: (at start ...), (over all ...) or (at end ...)"
+
+
+def expression(item: Item, scope: Scope) -> NumericExpression:
+    """A numeric expression."""
+    if isinstance(item, Word):
+        return _numeric_word(item, scope)
+    if not item.items:
+        raise fault(item, "a numeric expression")
+    if isinstance(item.items[0], Word) and item.items[0].kind is Kind.OPERATOR:
+        return _arithmetic(item, scope)
+    return function(item, scope)
+
+
+def _numeric_word(word: Word, scope: Scope) -> NumericExpression:
+    match word.kind:
+        case Kind.NUMBER:
+            return Number(number(word), word.text, word.location)
+        case Kind.VARIABLE:
+            return _numeric_variable(word, scope)
+        case Kind.NAME:
+            return bare_function(word, scope)
+        case Kind.TIME:
+            raise fault(word, "a numeric expression; #t belongs into continuous effects, as in (increase (f) (* #t 2))")
+        case _:
+            raise fault(word, "a numeric expression")
+
+
+def _numeric_variable(word: Word, scope: Scope) -> NumericExpression:
+    name = word.text[1:]
+    if name == "duration" and scope.durative:
+        return DurationTerm(word.location)
+    if name in scope.variables:
+        raise fault(word, "a number; it is a variable for objects")
+    if name in scope.parameters:
+        return ParameterTerm(name, scope.parameters[name], word.location)
+    raise unknown_variable(word, scope)
+
+
+def _arithmetic(form: Form, scope: Scope) -> Arithmetic:
+    if form.head not in ("+", "-", "*", "/"):
+        raise fault(form.items[0], "an arithmetic operator (+ - * /) or a numeric function")
+    operator = Operator(form.head)
+    least, most = {"-": (1, 2), "/": (2, 2)}.get(form.head, (1, len(form.items)))
+    if not least <= len(form.rest) <= most:
+        expected = {"-": "one or two operands", "/": "two operands"}.get(form.head, "at least one operand")
+        raise fault(form, expected, found=f"'{form.head}' with {count(len(form.rest), 'operand')}")
+    return arithmetic(operator, [expression(item, scope) for item in form.rest], form)
+
+
+def arithmetic(operator: Operator, operands: Sequence[NumericExpression], form: Form) -> Arithmetic:
+    """An operation whose number of operands has been checked."""
+    divisor = operands[-1]
+    if operator is Operator.DIVIDED and isinstance(divisor, Number) and not divisor.value:
+        raise fault(divisor.location, "a divisor other than zero", found="a division by zero")
+    return Arithmetic(operator, tuple(operands), form.location)
+
+
+def condition(item: Item, scope: Scope) -> LiftedCondition:  # noqa: PLR0911 (one return for each kind of form)
+    """A condition without time specifiers."""
+    if not isinstance(item, Form):
+        raise fault(item, "a condition in parentheses")
+    if not item.items:
+        return Conjunction((), item.location)
+    head = item.items[0]
+    if isinstance(head, Word) and head.kind is Kind.OPERATOR:
+        return _comparison(item, scope)
+    if specified_time(item) is not None:
+        raise fault(item, "a condition without a time specifier here")
+    match item.head:
+        case "and":
+            return Conjunction(tuple([condition(inner, scope) for inner in item.rest]), item.location)
+        case "or":
+            return Disjunction(tuple([condition(inner, scope) for inner in item.rest]), item.location)
+        case "not":
+            check_operands(item, 1, "a condition")
+            return Negation(condition(item.items[1], scope), item.location)
+        case "imply":
+            check_operands(item, 2, "conditions")
+            return Implication(condition(item.items[1], scope), condition(item.items[2], scope), item.location)
+        case "forall" | "exists":
+            variables = quantified(item, scope, "a condition")
+            operand = condition(item.items[2], scope.bind(variables))
+            return Quantification(item.head == "forall", variables, operand, item.location)
+        case "preference":
+            raise preference(item)
+        case _:
+            return proposition(item, scope)
+
+
+def preference(form: Form) -> Exception:
+    return unsupported(form, "a preference", "remove it, or state it as a condition that must hold")
+
+
+def check_operands(form: Form, number: int, what: str) -> None:
+    """The form has that many operands."""
+    if len(form.rest) != number:
+        expected = f"{number} {what}" if number > 1 else f"one {what.removeprefix('a ')}"
+        raise fault(form, expected, found=f"{quote(form.head)} with {count(len(form.rest), 'operand')}")
+
+
+def quantified(form: Form, scope: Scope, what: str) -> tuple[TypedName, ...]:
+    """The variables of `(forall (variables) ...)`; afterwards the third item exists."""
+    if len(form.items) != 3:
+        expected = f"variables in parentheses and {what}"
+        raise fault(form, expected, found=f"{quote(form.head)} with {count(len(form.rest), 'operand')}")
+    listed = form.items[1]
+    if not isinstance(listed, Form):
+        raise fault(listed, "variables in parentheses, as in (?x - type)")
+    return declarations.variables(listed.items, scope.vocabulary.types)
+
+
+def _comparison(form: Form, scope: Scope) -> LiftedCondition:
+    if form.head not in ("<", "<=", "=", ">=", ">"):
+        raise fault(form.items[0], "a condition: a predicate, a comparison (< <= = >= >), and, or, not, imply, ...")
+    if len(form.rest) != 2:
+        raise fault(form, "two operands", found=f"'{form.head}' with {count(len(form.rest), 'operand')}")
+    left, right = form.rest
+    if form.head == "=":
+        _check_known(left, scope)
+        if _is_object_equality(left, right, scope):
+            return Equality(term(left, scope), term(right, scope), form.location)
+    return NumericComparison(Comparator(form.head), expression(left, scope), expression(right, scope), form.location)
+
+
+def _check_known(item: Item, scope: Scope) -> None:
+    """A name on the left of `=` decides what is compared, so it is known."""
+    vocabulary = scope.vocabulary
+    if (
+        isinstance(item, Word)
+        and item.kind is Kind.NAME
+        and item.text not in {*vocabulary.objects, *vocabulary.functions}
+    ):
+        hint = did_you_mean(item.text, [*vocabulary.objects, *vocabulary.functions])
+        raise fault(item, "the name of a declared object or numeric function", hint=hint)
+
+
+def _is_object_equality(left: Item, right: Item, scope: Scope) -> bool:
+    """Whether `=` compares objects: the left side decides, unless it is both an object and a function."""
+    return scope.knows_object(left) and (scope.knows_object(right) or not _is_bare_function(left, scope))
+
+
+def _is_bare_function(item: Item, scope: Scope) -> bool:
+    return isinstance(item, Word) and item.text in scope.vocabulary.functions
+
+
+def specified_time(form: Form) -> Timing | None:
+    """The time specifier of `(at start (...))` and the like, if it is one; a predicate may also be called `at`."""
+    words = " ".join([item.text for item in form.items[:2] if isinstance(item, Word)])
+    if words not in ("at start", "at end", "over all") or len(form.items) < 3 or not isinstance(form.items[2], Form):
+        return None
+    if len(form.items) > 3:
+        raise fault(form.items[3], f"')' after the operand of '{words}'")
+    return Timing(words)
+
+
+def timed_conditions(item: Item, scope: Scope) -> list[TimedLiftedCondition]:
+    """The condition of a durative action, split by time specifier."""
+    if not isinstance(item, Form):
+        raise fault(item, _TIMED_CONDITION)
+    when = specified_time(item)
+    if when is not None:
+        return [TimedLiftedCondition(when, condition(item.items[2], scope))]
+    if not item.items:
+        return []
+    match item.head:
+        case "and":
+            return [timed for inner in item.rest for timed in timed_conditions(inner, scope)]
+        case "forall":
+            variables = quantified(item, scope, "a timed condition")
+            inside = timed_conditions(item.items[2], scope.bind(variables))
+            return [
+                TimedLiftedCondition(timed.timing, Quantification(True, variables, timed.condition, item.location))
+                for timed in inside
+            ]
+        case "preference":
+            raise preference(item)
+        case "or" | "not" | "imply" | "exists":
+            hint = f"; put '{item.head}' inside it, as in (at start ({item.head} ...))"
+            raise fault(item, _TIMED_CONDITION, hint=hint)
+        case _:
+            raise fault(item, _TIMED_CONDITION, hint=_time_hint(item))
+
+
+def _time_hint(form: Form) -> str:
+    """A suggestion where a time specifier was misspelt."""
+    if form.head in ("at", "over") and len(form.items) == 3 and isinstance(form.items[2], Form):
+        second = form.items[1]
+        if isinstance(second, Word):
+            return did_you_mean(f"{form.head} {second.text}", [specifier.value for specifier in Timing])
+    return ""
+
+
+def duration_bounds(item: Item, scope: Scope, specified: Timing = Timing.AT_START) -> list[DurationBound]:
+    """The `:duration` of an action; bounds without a time specifier are evaluated at the start."""
+    expected = "a duration such as (= ?duration 5), (<= ?duration (f)) or (and ...)"
+    if not isinstance(item, Form):
+        raise fault(item, expected)
+    if not item.items:
+        return []
+    when = specified_time(item)
+    if when is Timing.OVER_ALL:
+        raise fault(item, "a duration at start or at end")
+    if when is not None:
+        return duration_bounds(item.items[2], scope, when)
+    if item.head == "and":
+        return [bound for inner in item.rest for bound in duration_bounds(inner, scope, specified)]
+    if item.head not in ("<=", "=", ">=", "<", ">") or len(item.items) != 3:
+        raise fault(item, expected)
+    return [_duration_bound(item, scope, specified)]
+
+
+def _duration_bound(form: Form, scope: Scope, specified: Timing) -> DurationBound:
+    left = form.items[1]
+    if not isinstance(left, Word) or left.text != "?duration":
+        raise fault(left, f"'?duration' as the left side of '{form.head}'")
+    return DurationBound(specified, Comparator(form.head), expression(form.items[2], scope), form.location)
+
+
+def conjunction(items: Sequence[LiftedCondition], form: Form) -> LiftedCondition:
+    return items[0] if len(items) == 1 else Conjunction(tuple(items), form.location)

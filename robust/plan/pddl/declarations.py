@@ -1,0 +1,231 @@
+"""Sections of a domain that declare names: requirements, types, constants, predicates, functions, parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from robust.errors import InputError, did_you_mean
+from robust.plan.pddl.check import RESERVED, unsupported
+from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, quote
+from robust.plan.pddl.syntax import OBJECT, Signature, TypedName
+
+_REQUIREMENTS = (
+    # PDDL 1.2
+    "strips typing negative-preconditions disjunctive-preconditions equality existential-preconditions "
+    "universal-preconditions quantified-preconditions conditional-effects adl ucpop action-expansions "
+    "foreach-expansions dag-expansions domain-axioms subgoal-through-axioms subgoals-through-axioms "
+    "safety-constraints expression-evaluation fluents open-world true-negation "
+    # PDDL 2.1 to 3.1
+    "durative-actions duration-inequalities continuous-effects timed-initial-literals timed-initial-fluents "
+    "timed-effects derived-predicates preferences constraints goal-utilities action-costs numeric-fluents "
+    "object-fluents "
+    # PDDL+, and parameters to synthesise
+    "time processes events synth-parameters"
+)
+REQUIREMENTS = frozenset(f":{name}" for name in _REQUIREMENTS.split())
+
+
+def check_requirements(items: Iterable[Item]) -> None:
+    """Known requirements only; which of them a domain uses is not held against it."""
+    for item in items:
+        if not isinstance(item, Word) or item.kind is not Kind.KEYWORD:
+            raise fault(item, "a requirement such as :durative-actions")
+        if item.text not in REQUIREMENTS:
+            raise fault(item, "a requirement of PDDL", hint=did_you_mean(item.text, REQUIREMENTS))
+
+
+def typed_list(items: Sequence[Item], kind: Kind, what: str) -> list[tuple[Word, tuple[Word, ...]]]:
+    """The words of `a b - t c - (either u v)` with the names of their types (none: not given)."""
+    result: list[tuple[Word, tuple[Word, ...]]] = []
+    pending: list[Word] = []
+    position = 0
+    while position < len(items):
+        item = items[position]
+        if _is_dash(item):
+            if not pending:
+                raise fault(item, f"{what} before '-'")
+            if position + 1 == len(items):
+                raise fault(item, "a type after '-'", found="nothing after '-'")
+            types = _type_names(items[position + 1])
+            result.extend((word, types) for word in pending)
+            pending = []
+            position += 2
+            continue
+        if not isinstance(item, Word) or item.kind is not kind:
+            raise fault(item, f"{what}{' (a name that begins with ?)' if kind is Kind.VARIABLE else ''}")
+        pending.append(item)
+        position += 1
+    return result + [(word, ()) for word in pending]
+
+
+def _is_dash(item: Item) -> bool:
+    return isinstance(item, Word) and item.kind is Kind.OPERATOR and item.text == "-"
+
+
+def _type_names(item: Item) -> tuple[Word, ...]:
+    if isinstance(item, Word) and item.kind is Kind.NAME:
+        return (item,)
+    if isinstance(item, Form) and item.head == "either" and len(item.items) > 1:
+        names = [word for word in item.rest if isinstance(word, Word) and word.kind is Kind.NAME]
+        if len(names) == len(item.rest):
+            return tuple(names)
+    raise fault(item, "a type, as in '- truck' or '- (either truck ship)'")
+
+
+def types(items: Sequence[Item]) -> dict[str, frozenset[str]]:
+    """The hierarchy as every type with all its ancestors and itself."""
+    parents: dict[str, set[str]] = {OBJECT: set()}
+    places: dict[str, Word] = {}
+    for word, above in typed_list(items, Kind.NAME, "the name of a type"):
+        names = {parent.text for parent in above} or {OBJECT}
+        if places.get(word.text) is not None and parents[word.text] != names:
+            raise fault(word, f"one declaration; the first is {_place(places[word.text])}", found=_again(word, "type"))
+        if word.text == OBJECT and above and names != {OBJECT}:
+            raise fault(word, "no type above it: every type is below 'object'")
+        places[word.text] = word
+        parents[word.text] = names if word.text != OBJECT else set()
+        for parent in above:  # a type that only appears above others is declared by that
+            parents.setdefault(parent.text, {OBJECT})
+    return {name: _ancestors(name, parents, places) for name in parents}
+
+
+def _ancestors(name: str, parents: Mapping[str, set[str]], places: Mapping[str, Word]) -> frozenset[str]:
+    above = {OBJECT}
+    todo = [*parents[name]]
+    while todo:
+        parent = todo.pop()
+        if parent == name:
+            raise fault(places[name], "a type hierarchy without cycles", found=f"{quote(name)} above itself")
+        if parent not in above:
+            above.add(parent)
+            todo.extend(parents[parent])
+    return frozenset({*above, name})
+
+
+def typed_names(
+    items: Sequence[Item], kind: Kind, what: str, hierarchy: Mapping[str, frozenset[str]]
+) -> list[TypedName]:
+    """Declared variables or objects with types that exist."""
+    result = []
+    for word, above in typed_list(items, kind, what):
+        for name in above:
+            if name.text not in hierarchy:
+                raise fault(name, "a declared type", hint=did_you_mean(name.text, hierarchy))
+        alternatives = tuple(dict.fromkeys(name.text for name in above)) or (OBJECT,)
+        text = word.text[1:] if kind is Kind.VARIABLE else word.text
+        result.append(TypedName(text, alternatives, word.location))
+    return result
+
+
+def variables(items: Sequence[Item], hierarchy: Mapping[str, frozenset[str]]) -> tuple[TypedName, ...]:
+    """The variables of an action, a predicate, a function or a quantifier; their names differ."""
+    result = tuple(typed_names(items, Kind.VARIABLE, "a variable", hierarchy))
+    seen: set[str] = set()
+    for variable in result:
+        if variable.name == "duration":
+            raise fault(variable.location, "another name: it is the duration of the action", found="'?duration'")
+        if variable.name in seen:
+            found = f"a second variable '?{variable.name}'"
+            raise fault(variable.location, "variables of different names", found=found)
+        seen.add(variable.name)
+    return result
+
+
+def objects(
+    items: Sequence[Item], hierarchy: Mapping[str, frozenset[str]], known: Mapping[str, TypedName]
+) -> dict[str, TypedName]:
+    """The `known` objects and those that `items` declares."""
+    result = dict(known)
+    for declared in typed_names(items, Kind.NAME, "the name of an object", hierarchy):
+        other = result.setdefault(declared.name, declared)
+        if set(other.types) != set(declared.types):
+            expected = f"the type of the declaration {_place(other)}"
+            raise fault(declared.location, expected, found=f"object '{declared.name}' with another type")
+    return result
+
+
+def predicates(items: Sequence[Item], hierarchy: Mapping[str, frozenset[str]]) -> dict[str, Signature]:
+    result: dict[str, Signature] = {}
+    for item in items:
+        _add(result, _signature(item, "predicate", hierarchy), "predicate")
+    return result
+
+
+def functions(
+    items: Sequence[Item], hierarchy: Mapping[str, frozenset[str]], predicates: Mapping[str, Signature]
+) -> dict[str, Signature]:
+    """Numeric functions; `- number` may follow them."""
+    result: dict[str, Signature] = {}
+    position = 0
+    while position < len(items):
+        item = items[position]
+        if _is_dash(item):
+            _check_numeric(items, position)
+            position += 2
+            continue
+        signature = _signature(item, "function", hierarchy)
+        if signature.name in predicates:
+            other = predicates[signature.name]
+            expected = f"another name; it is a predicate {_place(other)}"
+            raise fault(signature.location, expected, found=f"function '{signature.name}'")
+        _add(result, signature, "function")
+        position += 1
+    return result
+
+
+def _check_numeric(items: Sequence[Item], position: int) -> None:
+    if position == 0 or position + 1 == len(items) or _is_dash(items[position - 1]):
+        raise fault(items[position], "a function before '-' and 'number' after it")
+    kind = items[position + 1]
+    if isinstance(kind, Word) and kind.text == "number":
+        return
+    if isinstance(kind, Form) and kind.head != "either":
+        raise fault(kind, "'number' after '-'")
+    raise unsupported(kind, "a function that returns objects", "use a predicate with one more argument")
+
+
+def _signature(item: Item, what: str, hierarchy: Mapping[str, frozenset[str]]) -> Signature:
+    if not isinstance(item, Form):
+        raise fault(item, f"a {what} with its parameters, as in (name ?x - type)")
+    head = item.items[0] if item.items else item
+    if not isinstance(head, Word) or head.kind is not Kind.NAME:
+        raise fault(head, f"the name of a {what}")
+    if head.text in RESERVED:
+        raise fault(head, f"the name of a {what}; this word has a meaning of its own")
+    return Signature(head.text, variables(item.rest, hierarchy), head.location)
+
+
+def _add(known: dict[str, Signature], signature: Signature, what: str) -> None:
+    if signature.name in known:
+        expected = f"one declaration; the first is {_place(known[signature.name])}"
+        raise fault(signature.location, expected, found=f"a second {what} '{signature.name}'")
+    known[signature.name] = signature
+
+
+def synth_parameters(items: Sequence[Item], taken: Iterable[str]) -> tuple[str, ...]:
+    """Parameters to synthesise: `?s` or `?s - number`, with names that are not `taken`."""
+    if len(items) == 1 and isinstance(items[0], Form):
+        items = items[0].items
+    used = {*taken}
+    result = []
+    for word, kinds in typed_list(items, Kind.VARIABLE, "a parameter"):
+        if kinds and [kind.text for kind in kinds] != ["number"]:
+            raise fault(kinds[0], "'number': parameters to synthesise are numbers")
+        name = word.text[1:]
+        if name in used or name == "duration":
+            raise duplicate_parameter(word)
+        used.add(name)
+        result.append(name)
+    return tuple(result)
+
+
+def duplicate_parameter(word: Word) -> InputError:
+    return fault(word, "parameters and variables of different names")
+
+
+def _again(word: Word, what: str) -> str:
+    return f"a second, different {what} '{word.text}'"
+
+
+def _place(declared: Word | TypedName | Signature) -> str:
+    return f"at {declared.location}"

@@ -1,0 +1,274 @@
+"""Actions, goal and initial state of a PDDL problem as the ground types of :mod:`robust.plan.model`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TypeVar, assert_never
+
+from robust.errors import InputError, Location, did_you_mean
+from robust.plan.model import (
+    ActionInstance,
+    And,
+    Assignment,
+    Atom,
+    AtomEffect,
+    Comparison,
+    Condition,
+    ContinuousEffect,
+    Duration,
+    DurationConstraint,
+    Expression,
+    Fluent,
+    GoalCondition,
+    Holds,
+    NumericEffect,
+    NumericVariable,
+    Or,
+    TimedCondition,
+    TimedLiteral,
+    Truth,
+)
+from robust.plan.pddl.check import count, fits, type_text
+from robust.plan.pddl.instantiation import Context, atom, comparison, condition, expression, fluent, junction, quotient
+from robust.plan.pddl.syntax import (
+    ActionSchema,
+    Conjunction,
+    ContinuousUpdate,
+    Domain,
+    DurationBound,
+    ForallEffect,
+    LiftedCondition,
+    LiftedEffect,
+    LiteralEffect,
+    NumericUpdate,
+    Problem,
+    Quantification,
+    Update,
+    WhenEffect,
+)
+from robust.plan.pddl.text import condition_text, duration_text
+from robust.plan.polynomial import Polynomial
+
+T = TypeVar("T")
+
+
+def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
+    domain: Domain,
+    problem: Problem,
+    identifier: str,
+    action: str,
+    arguments: Sequence[str],
+    durative: bool,
+    location: Location | None,
+    *,
+    parametrized: Collection[Fluent] = frozenset(),
+) -> ActionInstance:
+    """The instance `identifier` of an action; InputError at `location` if name, kind or arguments do not fit.
+
+    A fluent that nothing changes may be a divisor, and then its initial value is used, unless it is `parametrized`.
+    """
+    schema = _schema(domain, action, durative, location)
+    names = tuple(argument.lower() for argument in arguments)
+    _check_arguments(domain, problem, schema, names, location)
+    bindings = {parameter.name: name for parameter, name in zip(schema.parameters, names, strict=True)}
+    context = Context(domain, problem, identifier, bindings, parametrized)
+    effects = _Effects()
+    effects.add(schema.effects, context, Truth(True))
+    return ActionInstance(
+        identifier=identifier,
+        action=schema.name,
+        arguments=names,
+        durative=durative,
+        durations=tuple([_duration(bound, context) for bound in schema.durations]),
+        conditions=_distinct(
+            TimedCondition(timed.timing, ground, text)
+            for timed in schema.conditions
+            for ground, text in _conjuncts(timed.condition, context)
+        ),
+        atom_effects=_distinct(effects.atoms),
+        numeric_effects=tuple(effects.numeric),
+        continuous_effects=tuple(effects.continuous),
+        location=location,
+    )
+
+
+def ground_goal(
+    domain: Domain, problem: Problem, *, parametrized: Collection[Fluent] = frozenset()
+) -> tuple[GoalCondition, ...]:
+    """The conjuncts of the goal; `parametrized` as for :func:`ground_action`."""
+    context = Context(domain, problem, "", {}, parametrized)
+    return _distinct(GoalCondition(ground, text) for ground, text in _conjuncts(problem.goal, context))
+
+
+def _distinct(items: Iterable[T]) -> tuple[T, ...]:
+    """Without repetitions: a condition that is written twice is one obligation."""
+    return tuple(dict.fromkeys(items))
+
+
+def initial_atoms(problem: Problem) -> frozenset[Atom]:
+    """The atoms that are true at time zero."""
+    return problem.atoms
+
+
+def initial_fluents(domain: Domain, problem: Problem) -> dict[Fluent, Expression]:
+    """The numeric fluents that have a value at time zero, with that constant."""
+    return {name: Polynomial.constant(value) for name, value in problem.fluents.items()}
+
+
+def timed_literals(problem: Problem) -> tuple[TimedLiteral, ...]:
+    """The timed initial literals by time."""
+    return problem.timed_literals
+
+
+def fluents_read(instance: ActionInstance) -> frozenset[Fluent]:
+    """The fluents whose value matters to the instance: all that it mentions but the targets of assignments."""
+    conditions: list[Condition] = [timed.condition for timed in instance.conditions]
+    conditions += [bound.condition for bound in instance.durations]
+    conditions += [effect.condition for effect in instance.atom_effects]
+    conditions += [effect.condition for effect in instance.numeric_effects]
+    expressions = [effect.expression for effect in instance.numeric_effects]
+    expressions += [effect.rate for effect in instance.continuous_effects]
+    read = {effect.fluent for effect in instance.continuous_effects}
+    read |= {effect.fluent for effect in instance.numeric_effects if effect.operator is Assignment.INCREASE}
+    variables: set[NumericVariable] = {
+        variable for used in (*expressions, *_compared(conditions)) for variable in used.variables
+    }
+    return frozenset(read | {variable for variable in variables if isinstance(variable, Fluent)})
+
+
+def _compared(conditions: Iterable[Condition]) -> Iterator[Expression]:
+    """The expressions in comparisons."""
+    todo = [*conditions]
+    while todo:
+        one = todo.pop()
+        match one:
+            case Comparison():
+                yield one.expression
+            case And() | Or():
+                todo.extend(one.operands)
+            case Truth() | Holds():
+                pass
+            case _:
+                assert_never(one)
+
+
+def _schema(domain: Domain, action: str, durative: bool, location: Location | None) -> ActionSchema:
+    schema = domain.actions.get(action.lower())
+    if schema is None:
+        hint = did_you_mean(action.lower(), domain.actions)
+        raise InputError(f"found action '{action.lower()}', expected one of domain '{domain.name}'{hint}", location)
+    if schema.durative != durative:
+        kinds = {True: "a durative action", False: "an instantaneous action"}
+        defined = f"{kinds[schema.durative]} as defined at {schema.location}"
+        raise InputError(f"found '{schema.name}' used as {kinds[durative]}, expected {defined}", location)
+    return schema
+
+
+def _check_arguments(
+    domain: Domain, problem: Problem, schema: ActionSchema, names: tuple[str, ...], location: Location | None
+) -> None:
+    usage = f"({' '.join((schema.name, *(f'?{parameter.name}' for parameter in schema.parameters)))})"
+    if len(names) != len(schema.parameters):
+        found = f"'{schema.name}' with {count(len(names), 'argument')}"
+        expected = f"{count(len(schema.parameters), 'argument')} as in {usage}"
+        raise InputError(f"found {found}, expected {expected}", location)
+    for name, parameter in zip(names, schema.parameters, strict=True):
+        declared = problem.objects.get(name)
+        if declared is None:
+            hint = did_you_mean(name, problem.objects)
+            raise InputError(f"found '{name}', expected an object of problem '{problem.name}'{hint}", location)
+        if not fits(declared.types, parameter.types, domain.types):
+            found = f"'{name}' of type {type_text(declared.types)}"
+            expected = f"type {type_text(parameter.types)} for ?{parameter.name} of {usage}"
+            raise InputError(f"found {found}, expected {expected}", location)
+
+
+def _conjuncts(lifted: LiftedCondition, context: Context) -> Iterator[tuple[Condition, str]]:
+    """The conjuncts of a condition, those of a `forall` object by object; what is always true is left out."""
+    match lifted:
+        case Conjunction(operands):
+            for operand in operands:
+                yield from _conjuncts(operand, context)
+        case Quantification(True, variables, operand):
+            for inner in context.instances(variables):
+                yield from _conjuncts(operand, inner)
+        case _:
+            ground = condition(lifted, context)
+            if ground != Truth(True):
+                yield ground, condition_text(lifted, context.bindings)
+
+
+def _duration(bound: DurationBound, context: Context) -> DurationConstraint:
+    duration: Expression = Polynomial.variable(Duration())
+    difference = duration - expression(bound.bound, context)
+    return DurationConstraint(
+        bound.timing, comparison(bound.comparator, difference), duration_text(bound, context.bindings)
+    )
+
+
+@dataclass(slots=True)
+class _Effects:
+    """Collects the ground effects of one instance."""
+
+    atoms: list[AtomEffect] = field(default_factory=list)
+    numeric: list[NumericEffect] = field(default_factory=list)
+    continuous: list[ContinuousEffect] = field(default_factory=list)
+
+    def add(self, effects: Iterable[LiftedEffect], context: Context, when: Condition) -> None:
+        """Add effects that happen if `when` holds."""
+        for effect in effects:
+            match effect:
+                case LiteralEffect(timing, proposition, value):
+                    self.atoms.append(AtomEffect(timing, atom(proposition, context), value, when))
+                case NumericUpdate():
+                    self._add_numeric(_numeric(effect, context, when), effect.location)
+                case ContinuousUpdate(update, target, rate):
+                    change = expression(rate, context)
+                    signed = change if update is Update.INCREASE else -change
+                    self.continuous.append(ContinuousEffect(fluent(target, context), signed))
+                case ForallEffect(variables, inside):
+                    for inner in context.instances(variables):
+                        self.add(inside, inner, when)
+                case WhenEffect(guard, inside):
+                    both = junction([when, condition(guard, context)], every=True)
+                    if both != Truth(False):
+                        self.add(inside, context, both)
+                case _:
+                    assert_never(effect)
+
+    def _add_numeric(self, effect: NumericEffect, location: Location) -> None:
+        """Equal increases add up, equal assignments are one, and different unconditional changes contradict."""
+        for other in self.numeric:
+            if (other.timing, other.fluent) != (effect.timing, effect.fluent):
+                continue
+            if Assignment.ASSIGN not in (other.operator, effect.operator):
+                continue
+            if other == effect and effect.fluent not in effect.expression.variables:
+                return
+            if other.condition == effect.condition == Truth(True):
+                message = f"found an assignment and another change of {effect.fluent} {effect.timing.value}"
+                raise InputError(f"{message} in one action, expected at most one of them", location)
+        self.numeric.append(effect)
+
+
+def _numeric(effect: NumericUpdate, context: Context, when: Condition) -> NumericEffect:
+    target = fluent(effect.target, context)
+    value = expression(effect.expression, context)
+    operator = Assignment.ASSIGN
+    match effect.update:
+        case Update.ASSIGN:
+            pass
+        case Update.INCREASE:
+            operator = Assignment.INCREASE
+        case Update.DECREASE:
+            operator, value = Assignment.INCREASE, -value
+        case Update.SCALE_UP:
+            value = _fluent(target) * value
+        case Update.SCALE_DOWN:
+            value = quotient(_fluent(target), value, effect.expression, context)
+    return NumericEffect(effect.timing, target, operator, value, when)
+
+
+def _fluent(target: Fluent) -> Expression:
+    return Polynomial.variable(target)

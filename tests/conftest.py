@@ -1,0 +1,16 @@
+"""Fixtures that many tests share."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def dataset() -> Path:
+    """The directory of recorded instances (ROBUST_DATASET, or beside the repository); skips the test if absent."""
+    beside = Path(__file__).resolve().parents[2] / "shared" / "paper-dataset"
+    path = Path(os.environ.get("ROBUST_DATASET") or beside)
+    if not path.is_dir():
+        pytest.skip(f"no recorded instances at {path}; set ROBUST_DATASET to run this test")
+    return path
