@@ -1,0 +1,255 @@
+"""From files to the parametrized planning problem: domain, problem, plan and parameter specifications put together."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from typing import assert_never
+
+from robust.errors import InputError, Location, did_you_mean
+from robust.plan.model import (
+    ZERO,
+    ActionInstance,
+    And,
+    Bound,
+    Comparison,
+    Condition,
+    Duration,
+    Expression,
+    Fluent,
+    GoalCondition,
+    Holds,
+    NumericVariable,
+    Or,
+    Parameter,
+    ParameterReference,
+    ParametrizedPlan,
+    Relation,
+    TemporalConstraint,
+    Truth,
+)
+from robust.plan.parametrize import ParameterSpec, parse_specs, read_parameter_file
+from robust.plan.pddl.grounding import (
+    fluents_read,
+    ground_action,
+    ground_goal,
+    initial_atoms,
+    initial_fluents,
+    timed_literals,
+)
+from robust.plan.pddl.reader import read_domain, read_problem
+from robust.plan.pddl.syntax import Domain, Problem
+from robust.plan.polynomial import Polynomial
+from robust.plan.stn import ParameterDeclaration, STNBound, STNPlan, check_interval, check_range, read_stn
+from robust.plan.wiring import Wiring, referenced_parameters, wire
+
+File = str | PathLike[str]
+
+
+def load_plan(
+    domain: File,
+    problem: File,
+    plan: File,
+    *,
+    parameters: Sequence[str] = (),
+    parameter_file: File | None = None,
+) -> ParametrizedPlan:
+    """Read a PDDL domain and problem and a `.stn` plan; InputError for anything wrong in them.
+
+    `parameters` are specifications as :mod:`robust.plan.parametrize` describes them, and `parameter_file` is a TOML
+    file of more of them. The result is named after the plan's file.
+    """
+    parsed_domain = read_domain(domain)
+    parsed_problem = read_problem(problem, parsed_domain)
+    specs = () if parameter_file is None else read_parameter_file(parameter_file)
+    return assemble(parsed_domain, parsed_problem, read_stn(plan), (*specs, *parse_specs(parameters)))
+
+
+def assemble(domain: Domain, problem: Problem, stn: STNPlan, specs: Iterable[ParameterSpec] = ()) -> ParametrizedPlan:
+    """Ground what the plan uses and make the specified quantities parameters; InputError if the parts do not fit.
+
+    A duration that a specification makes a parameter γ replaces the instance's own constraint `(= ?duration e)` by
+    `(= ?duration γ)`: it is the model's duration that varies. Inequalities on the duration stay as they are.
+    """
+    _check_references(stn)
+    fluents = initial_fluents(domain, problem)
+    declared = _domain_parameters(domain, stn)
+    wiring = wire(stn, specs, fluents, declared)
+    varied = wiring.fluents.keys()  # must stay symbolic even where grounding would need a constant
+    instances = [
+        _with_duration(
+            ground_action(
+                domain,
+                problem,
+                one.identifier,
+                one.action,
+                one.arguments,
+                one.durative,
+                one.location,
+                parametrized=varied,
+            ),
+            wiring.durations.get(one.identifier),
+        )
+        for one in stn.instances
+    ]
+    goal = ground_goal(domain, problem, parametrized=varied)
+    _check_used(stn, wiring, declared, fluents)
+    parameters = _parameters(stn, wiring, declared)
+    values = {**fluents, **{fluent: _reference(name) for fluent, name in wiring.fluents.items()}}
+    _check_initial_values(instances, goal, values, Location(stn.file))
+    return ParametrizedPlan(
+        name=stn.name,
+        parameters=parameters,
+        instances=tuple(instances),
+        constraints=tuple(
+            TemporalConstraint(one.source, one.target, _bound(one.lower), _bound(one.upper), one.location)
+            for one in wiring.constraints
+        ),
+        initial_atoms=initial_atoms(problem),
+        initial_fluents=values,
+        timed_literals=timed_literals(problem),
+        goal=goal,
+    )
+
+
+def _check_references(stn: STNPlan) -> None:
+    """What the reader guarantees and a plan built by a program may lack: unique names, all declared, sane numbers."""
+    if not stn.instances:
+        raise InputError("empty plan: found no action instance, expected at least one", Location(stn.file))
+    names = [parameter.name for parameter in stn.parameters]
+    declared = {"instance": [instance.identifier for instance in stn.instances], "parameter": names}
+    for kind, declarations in declared.items():
+        name, count = Counter(declarations).most_common(1)[0] if declarations else ("", 0)
+        if count > 1:
+            message = f"found {count} declarations of {kind} {name!r}, expected one"
+            raise InputError(message, Location(stn.file))
+    points = {ZERO, *(point for instance in stn.instances for point in (instance.start, instance.end))}
+    for parameter in stn.parameters:
+        check_range(parameter)
+    for constraint in stn.constraints:
+        check_interval(constraint)
+        for point in (constraint.target, constraint.source):
+            if point not in points:
+                message = f"found time point '{point}', expected one of the plan's instances"
+                raise InputError(message + did_you_mean(str(point), map(str, points)), constraint.location)
+        for name in sorted(referenced_parameters([constraint], ()) - set(names)):
+            hint = did_you_mean(name, names)
+            raise InputError(f"found bound {name!r}, expected a declared parameter{hint}", constraint.location)
+
+
+def _domain_parameters(domain: Domain, stn: STNPlan) -> dict[str, str]:
+    """The plan's names for all synthesis parameters of the domain, with what declares them.
+
+    An action that the domain lacks is passed over here: grounding reports it.
+    """
+    declared = dict.fromkeys(domain.parameters, f"domain {domain.name}")
+    for instance in stn.instances:
+        schema = domain.actions.get(instance.action)
+        for name in schema.synth_parameters if schema else ():
+            declared[f"{instance.identifier}.{name}"] = f"action {instance.action} of instance {instance.identifier}"
+    return declared
+
+
+def _check_used(
+    stn: STNPlan, wiring: Wiring, declared: Mapping[str, str], fluents: Mapping[Fluent, Expression]
+) -> None:
+    used = referenced_parameters(wiring.constraints, fluents.values())
+    used.update(declared, wiring.durations.values(), wiring.fluents.values())
+    for parameter in wiring.parameters:
+        if parameter.name not in used:
+            known = [name for name in declared if name not in {one.name for one in stn.parameters}]
+            message = f"found parameter {parameter.name!r} without a use, expected one in a bound or in the domain"
+            remedy = did_you_mean(parameter.name, known) or "; remove the declaration"
+            raise InputError(message + remedy, parameter.location)
+
+
+def _parameters(stn: STNPlan, wiring: Wiring, declared: Mapping[str, str]) -> tuple[Parameter, ...]:
+    """All parameters with their nominal values."""
+    known = {parameter.name for parameter in wiring.parameters}
+    for name, origin in declared.items():
+        if name not in known:
+            message = f"found no nominal value for parameter {name!r} of {origin}, expected {_remedy(name)}"
+            raise InputError(message, Location(stn.file))
+    return tuple(_parameter(parameter) for parameter in wiring.parameters)
+
+
+def _parameter(declaration: ParameterDeclaration) -> Parameter:
+    name, default = declaration.name, declaration.default
+    if default is None:
+        message = f"found parameter {name!r} without a nominal value, expected {_remedy(name)}"
+        raise InputError(message, declaration.location)
+    return Parameter(name, default, declaration.weight, declaration.lower, declaration.upper, declaration.location)
+
+
+def _remedy(name: str) -> str:
+    return f"'parameter {name} default VALUE;' in the plan or the option --parameter {name},default=VALUE"
+
+
+def _with_duration(instance: ActionInstance, parameter: str | None) -> ActionInstance:
+    """The instance with `(= ?duration parameter)` in place of its own equality on the duration."""
+    if parameter is None:
+        return instance
+    duration: Expression = Polynomial.variable(Duration())
+    condition = Comparison(duration - _reference(parameter), Relation.EQUAL)
+    durations = tuple(
+        replace(one, condition=condition, text=f"(= ?duration {parameter})")
+        if one.condition.relation is Relation.EQUAL
+        else one
+        for one in instance.durations
+    )
+    return replace(instance, durations=durations)
+
+
+def _reference(name: str) -> Expression:
+    variable: NumericVariable = ParameterReference(name)
+    return Polynomial.variable(variable)
+
+
+def _bound(bound: STNBound) -> Bound | None:
+    match bound:
+        case None:
+            return None
+        case ParameterReference(name):
+            return _reference(name)
+        case _:
+            return Polynomial.constant(bound)
+
+
+def _check_initial_values(
+    instances: Iterable[ActionInstance],
+    goal: Iterable[GoalCondition],
+    values: Mapping[Fluent, Expression],
+    plan: Location,
+) -> None:
+    """InputError for a fluent that is read and has no value at time zero: an unknown number is not zero."""
+    for instance in instances:
+        for fluent in sorted(fluents_read(instance) - values.keys()):
+            reader = f"instance {instance.identifier} {instance} reads it"
+            raise _no_value(fluent, reader, values, instance.location or plan)
+    for condition in goal:
+        for fluent in sorted(set(_fluents(condition.condition)) - values.keys()):
+            raise _no_value(fluent, f"the goal {condition.text} reads it", values, plan)
+
+
+def _no_value(fluent: Fluent, reader: str, values: Mapping[Fluent, Expression], place: Location) -> InputError:
+    remedy = f"add (= {fluent} VALUE) to the problem's :init"
+    message = f"found no initial value of {fluent}, expected one because {reader}: {remedy}"
+    return InputError(message + did_you_mean(str(fluent), map(str, values)), place)
+
+
+def _fluents(condition: Condition) -> Iterator[Fluent]:
+    """The fluents that a condition reads."""
+    pending = [condition]
+    while pending:
+        one = pending.pop()
+        match one:
+            case Truth() | Holds():
+                pass
+            case Comparison(expression):
+                yield from (variable for variable in expression.variables if isinstance(variable, Fluent))
+            case And(operands) | Or(operands):
+                pending.extend(operands)
+            case _:
+                assert_never(one)

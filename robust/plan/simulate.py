@@ -1,0 +1,265 @@
+"""A concrete simulator: executes one schedule of a parametrized plan, step by step, with exact fractions [DESIGN §4].
+
+It answers which named obligations one schedule violates, and shows the states on the way. It shares no code with the
+SMT encodings: they are compared against it, and it turns a counterexample into a trace that a person can read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+from typing import assert_never
+
+from robust.errors import InputError, did_you_mean
+from robust.plan.interference import mutex_pairs
+from robust.plan.model import (
+    ZERO,
+    ActionInstance,
+    Atom,
+    Comparison,
+    Condition,
+    DurationConstraint,
+    Expression,
+    Fluent,
+    Holds,
+    ParametrizedPlan,
+    Relation,
+    TemporalConstraint,
+    TimedCondition,
+    TimePoint,
+    Timing,
+    Truth,
+)
+from robust.plan.polynomial import Polynomial
+from robust.plan.timeline import Execution, Happening, Leaf, Reading, State, leaves, over_time
+
+_VIOLATED = {Relation.AT_LEAST: "<", Relation.GREATER: "<=", Relation.EQUAL: "!=", Relation.DIFFERENT: "="}
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """An obligation that the schedule breaks: its label, a time at which it is broken, and why, with actual values."""
+
+    obligation: str
+    time: Fraction
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class TraceStep:
+    """One happening: its time points, the atoms that it changed, and the fluents that changed since the last step.
+
+    `fluents` are values right after the happening and include continuous change; the first step lists all fluents.
+    """
+
+    time: Fraction
+    points: tuple[TimePoint, ...]
+    atoms_changed: tuple[tuple[Atom, bool], ...]
+    fluents: Mapping[Fluent, Fraction]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What became of one schedule.
+
+    `network_violations` say why the schedule is not one that the plan allows (its preconditions, `enc_tn`);
+    `violations` are the broken obligations (`enc_proofs`). Both are computed in any case.
+    """
+
+    trace: tuple[TraceStep, ...]
+    violations: tuple[Violation, ...]
+    network_violations: tuple[str, ...]
+
+    @property
+    def valid(self) -> bool:
+        """The schedule is allowed and breaks no obligation."""
+        return not self.violations and not self.network_violations
+
+
+def simulate(
+    plan: ParametrizedPlan,
+    parameters: Mapping[str, Fraction],
+    schedule: Mapping[TimePoint, Fraction],
+    *,
+    epsilon: Fraction = Fraction(1, 1000),
+) -> Simulation:
+    """Execute `plan` with the given parameter values at the given times.
+
+    `schedule` gives every time point its time; zero (0) and timed literals (their own time) may be left out. `epsilon`
+    is the separation of mutex time points, in the plan's unit of time.
+
+    Raises InputError if a parameter or time point is missing or unknown, or a fluent is read that has no value;
+    UnsupportedError if an over-all condition is not linear in time between two happenings or a rate is not constant.
+    """
+    _check_names({parameter.name for parameter in plan.parameters}, set(parameters), "parameter")
+    times = _times(plan, schedule)
+    execution = Execution(plan, parameters, times)
+    violations = (
+        *(violation for instance in plan.instances for violation in _instance_violations(execution, instance)),
+        *_separation_violations(plan, times, epsilon),
+        *_goal_violations(execution),
+    )
+    return Simulation(tuple(_trace(execution.happenings)), violations, tuple(_network_violations(execution)))
+
+
+def _times(plan: ParametrizedPlan, schedule: Mapping[TimePoint, Fraction]) -> dict[TimePoint, Fraction]:
+    times = {ZERO: Fraction(0)}
+    times.update({literal.point: literal.time for literal in plan.timed_literals})
+    times.update(schedule)
+    _check_names({str(point) for point in plan.time_points}, {str(point) for point in times}, "time point")
+    return times
+
+
+def _check_names(expected: set[str], found: set[str], kind: str) -> None:
+    for name in sorted(found - expected):
+        raise InputError(f"unknown {kind} '{name}'{did_you_mean(name, expected)}")
+    for name in sorted(expected - found):
+        raise InputError(f"no value for {kind} '{name}'; give every {kind} of the plan a value")
+
+
+def _network_violations(execution: Execution) -> Iterator[str]:
+    """Why the schedule and the parameter values are not among those that the plan allows."""
+    times = execution.times
+    if times[ZERO] != 0:
+        yield f"{ZERO} = {times[ZERO]}, expected 0"
+    for point in execution.plan.time_points:
+        if times[point] < 0:
+            yield f"{point} = {times[point]} < 0"
+        if point.time is not None and times[point] != point.time:
+            yield f"{point} = {times[point]}, expected {point.time}"
+    for parameter in execution.plan.parameters:
+        value = execution.parameters[parameter.name]
+        if parameter.lower is not None and value < parameter.lower:
+            yield f"parameter {parameter.name} = {value} < lower bound {parameter.lower}"
+        if parameter.upper is not None and value > parameter.upper:
+            yield f"parameter {parameter.name} = {value} > upper bound {parameter.upper}"
+    reading = execution.reading(State(frozenset(), {}))
+    for constraint in execution.plan.constraints:
+        yield from _constraint_violations(constraint, times, reading)
+
+
+def _constraint_violations(
+    constraint: TemporalConstraint, times: Mapping[TimePoint, Fraction], reading: Reading
+) -> Iterator[str]:
+    distance = times[constraint.target] - times[constraint.source]
+    found = f"{constraint.target} - {constraint.source} = {distance}"
+    if constraint.lower is not None and distance < reading.expression(constraint.lower):
+        yield f"{found} < {_side(constraint.lower, reading)}"
+    if constraint.upper is not None and distance > reading.expression(constraint.upper):
+        yield f"{found} > {_side(constraint.upper, reading)}"
+
+
+def _instance_violations(execution: Execution, instance: ActionInstance) -> Iterator[Violation]:
+    """Duration constraints, non-negative duration and all conditions of one instance."""
+    duration = execution.duration(instance)
+    if duration < 0:
+        label = f"{instance.identifier} {instance.action}: non-negative duration"
+        yield Violation(label, execution.times[instance.end], f"?duration = {duration} < 0")
+    before = {point: happening.before for happening in execution.happenings for point in happening.points}
+    parts: tuple[DurationConstraint | TimedCondition, ...] = (*instance.durations, *instance.conditions)
+    for part in parts:
+        if isinstance(part, TimedCondition) and part.timing is Timing.OVER_ALL:
+            yield from _over_all_violation(execution, instance, part)
+            continue
+        point = instance.at(part.timing)
+        failure = _failure(part.condition, execution.reading(before[point], instance))
+        if failure:
+            yield Violation(instance.label(part), execution.times[point], failure)
+
+
+def _over_all_violation(execution: Execution, instance: ActionInstance, part: TimedCondition) -> Iterator[Violation]:
+    """The first tested instant of the open interval (start, end) at which the condition does not hold, if any."""
+    for time, state in _instants(execution, instance, part.condition):
+        failure = _failure(part.condition, execution.reading(state, instance))
+        if failure:
+            yield Violation(instance.label(part), time, failure)
+            return
+
+
+def _instants(execution: Execution, instance: ActionInstance, condition: Condition) -> Iterator[tuple[Fraction, State]]:
+    """Instants of (start, end) that decide an over-all condition, with the state at each, in order of time.
+
+    Between two happenings all comparisons have constant truth between the roots of their expressions, so the roots and
+    one instant between any two neighbours decide. The states just before and just after a happening inside the interval
+    belong to it; the limits at start and at end do not.
+    """
+    start, end = execution.times[instance.start], execution.times[instance.end]
+    for happening, following in pairwise(execution.happenings):
+        if not start <= happening.time < end:
+            continue
+        if happening.time > start:
+            yield happening.time, happening.after
+        for time in _interior_instants(execution.reading(happening.after, instance), happening, following, condition):
+            yield time, happening.just_before(time)
+        if following.time < end:
+            yield following.time, following.before
+
+
+def _interior_instants(
+    reading: Reading, happening: Happening, following: Happening, condition: Condition
+) -> Iterator[Fraction]:
+    """Between two happenings: every root of a comparison, and one instant in each of the intervals that they leave."""
+    roots: set[Fraction] = set()
+    for leaf in leaves(condition):
+        if isinstance(leaf, Comparison):
+            value, slope = over_time(leaf.expression, reading, happening.slopes)
+            if slope:
+                roots.add(happening.time - value / slope)
+    borders = [happening.time, *sorted(r for r in roots if happening.time < r < following.time), following.time]
+    for left, right in pairwise(borders):
+        if left != happening.time:
+            yield left
+        yield (left + right) / 2
+
+
+def _separation_violations(
+    plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction], epsilon: Fraction
+) -> Iterator[Violation]:
+    for a, b in mutex_pairs(plan):
+        distance = abs(times[a] - times[b])
+        if distance < epsilon:
+            detail = f"{a} = {times[a]} and {b} = {times[b]} are {distance} apart, less than {epsilon}"
+            yield Violation(f"separation: {a}, {b}", max(times[a], times[b]), detail)
+
+
+def _goal_violations(execution: Execution) -> Iterator[Violation]:
+    final = execution.happenings[-1]
+    for goal in execution.plan.goal:
+        failure = _failure(goal.condition, execution.reading(final.after))
+        if failure:
+            yield Violation(goal.label, final.time, failure)
+
+
+def _failure(condition: Condition, reading: Reading) -> str:
+    """Why the condition does not hold, with actual values; empty if it does."""
+    return " and ".join(dict.fromkeys(_reason(leaf, reading) for leaf in reading.failures(condition)))
+
+
+def _reason(leaf: Leaf, reading: Reading) -> str:
+    match leaf:
+        case Truth():
+            return "the condition is false"
+        case Holds(atom, value):
+            return f"{atom} is {'false' if value else 'true'}"
+        case Comparison(expression, relation):
+            left = {monomial: factor for monomial, factor in expression.terms.items() if factor > 0}
+            right = {monomial: -factor for monomial, factor in expression.terms.items() if factor < 0}
+            return f"{_side(Polynomial(left), reading)} {_VIOLATED[relation]} {_side(Polynomial(right), reading)}"
+    assert_never(leaf)
+
+
+def _side(expression: Expression, reading: Reading) -> str:
+    """One side of a comparison, with its value unless it is a number."""
+    return str(expression) if expression.is_constant else f"{expression} = {reading.expression(expression)}"
+
+
+def _trace(happenings: tuple[Happening, ...]) -> Iterator[TraceStep]:
+    known: Mapping[Fluent, Fraction] = {}
+    for happening in happenings:
+        before, after = happening.before.atoms, happening.after
+        changed = tuple((atom, atom in after.atoms) for atom in sorted(before ^ after.atoms))
+        fluents = {fluent: value for fluent, value in after.fluents.items() if known.get(fluent) != value}
+        yield TraceStep(happening.time, happening.points, changed, fluents)
+        known = after.fluents

@@ -1,0 +1,303 @@
+"""The states that one concrete schedule of a plan passes through, exactly [DESIGN §4; PDDL 2.1].
+
+Part of the concrete simulator (:mod:`robust.plan.simulate`). Time points with equal times form one happening: all their
+effects read the state just before it and take place together. Between two happenings every fluent is linear in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import assert_never
+
+from robust.errors import InputError, UnsupportedError, did_you_mean
+from robust.plan.model import (
+    ActionInstance,
+    And,
+    Assignment,
+    Atom,
+    AtomEffect,
+    Comparison,
+    Condition,
+    Duration,
+    Expression,
+    Fluent,
+    Holds,
+    NumericEffect,
+    NumericVariable,
+    Or,
+    ParameterReference,
+    ParametrizedPlan,
+    Relation,
+    TimePoint,
+    TimePointKind,
+    Truth,
+)
+from robust.plan.polynomial import Polynomial
+
+Leaf = Truth | Holds | Comparison
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """The true atoms and the values of the fluents that have one."""
+
+    atoms: frozenset[Atom]
+    fluents: Mapping[Fluent, Fraction]
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """All that happens at one time; `slopes` are the changes per unit of time until the next happening."""
+
+    time: Fraction
+    points: tuple[TimePoint, ...]
+    before: State
+    after: State
+    slopes: Mapping[Fluent, Fraction]
+
+    def just_before(self, time: Fraction) -> State:
+        """The state at `time`, between this happening and the next, before any effect at `time`."""
+        fluents = dict(self.after.fluents)
+        for fluent, slope in self.slopes.items():
+            fluents[fluent] += slope * (time - self.time)
+        return State(self.after.atoms, fluents)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Evaluates expressions and conditions in one state, under parameter values, for an instance of known duration.
+
+    `duration` is None where `?duration` has no meaning (goals, initial values). Raises InputError for a fluent without
+    a value, an unknown parameter and a `?duration` without meaning.
+    """
+
+    state: State
+    parameters: Mapping[str, Fraction]
+    duration: Fraction | None = None
+
+    def variable(self, variable: NumericVariable) -> Fraction:
+        match variable:
+            case Fluent():
+                return self._known(
+                    self.state.fluents.get(variable), f"numeric fluent {variable}", "give it one in :init"
+                )
+            case ParameterReference(name):
+                hint = did_you_mean(name, self.parameters)
+                return self._known(self.parameters.get(name), f"parameter '{name}'", f"pass a value for it{hint}")
+            case Duration():
+                return self._known(self.duration, "?duration", "use it inside durative actions only")
+        assert_never(variable)
+
+    @staticmethod
+    def _known(value: Fraction | None, what: str, remedy: str) -> Fraction:
+        if value is None:
+            raise InputError(f"{what} is read but has no value here; {remedy}")
+        return value
+
+    def expression(self, expression: Expression) -> Fraction:
+        return expression.evaluate({variable: self.variable(variable) for variable in expression.variables})
+
+    def leaf(self, leaf: Leaf) -> bool:
+        match leaf:
+            case Truth(value):
+                return value
+            case Holds(atom, value):
+                return (atom in self.state.atoms) is value
+            case Comparison(expression, relation):
+                return related(self.expression(expression), relation)
+        assert_never(leaf)
+
+    def failures(self, condition: Condition) -> tuple[Leaf, ...]:
+        """The false leaves that make the condition false; empty if it holds. All of the condition is read."""
+        results: list[tuple[Leaf, ...]] = []
+        pending: list[tuple[Condition, bool]] = [(condition, False)]
+        while pending:
+            node, operands_done = pending.pop()
+            if not isinstance(node, And | Or):
+                results.append(() if self.leaf(node) else (node,))
+            elif not operands_done:
+                pending.append((node, True))
+                pending.extend((operand, False) for operand in reversed(node.operands))
+            else:
+                cut = len(results) - len(node.operands)
+                parts, results = results[cut:], results[:cut]
+                results.append(_combined(node, parts))
+        return results[0]
+
+    def holds(self, condition: Condition) -> bool:
+        return not self.failures(condition)
+
+
+def _combined(node: And | Or, parts: list[tuple[Leaf, ...]]) -> tuple[Leaf, ...]:
+    joined = tuple(leaf for part in parts for leaf in part)
+    if isinstance(node, And):
+        return joined
+    if not parts:
+        return (Truth(False),)
+    return joined if all(parts) else ()
+
+
+def related(value: Fraction, relation: Relation) -> bool:
+    """Whether `value relation 0`."""
+    match relation:
+        case Relation.AT_LEAST:
+            return value >= 0
+        case Relation.GREATER:
+            return value > 0
+        case Relation.EQUAL:
+            return value == 0
+        case Relation.DIFFERENT:
+            return value != 0
+    assert_never(relation)
+
+
+def leaves(condition: Condition) -> Iterator[Leaf]:
+    """The atoms, comparisons and constants of a condition, from left to right."""
+    pending: list[Condition] = [condition]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, And | Or):
+            pending.extend(reversed(node.operands))
+        else:
+            yield node
+
+
+class Execution:
+    """One plan under parameter values and times: its happenings, and how to read a condition of an instance.
+
+    `times` gives every time point of the plan its time. Raises InputError where a fluent without a value is read, and
+    UnsupportedError where a continuous effect's rate changes while it acts.
+    """
+
+    def __init__(
+        self, plan: ParametrizedPlan, parameters: Mapping[str, Fraction], times: Mapping[TimePoint, Fraction]
+    ) -> None:
+        self.plan = plan
+        self.parameters = parameters
+        self.times = times
+        self._rates: dict[tuple[str, int], Fraction] = {}
+        self.happenings = tuple(self._run())
+
+    def duration(self, instance: ActionInstance) -> Fraction:
+        """t_end − t_start."""
+        return self.times[instance.end] - self.times[instance.start]
+
+    def reading(self, state: State, instance: ActionInstance | None = None) -> Reading:
+        """How `instance`, or the goal, reads the state."""
+        return Reading(state, self.parameters, self.duration(instance) if instance else None)
+
+    def _run(self) -> Iterator[Happening]:
+        at: dict[Fraction, list[TimePoint]] = {}
+        for point in self.plan.time_points:
+            at.setdefault(self.times[point], []).append(point)
+        previous: Happening | None = None
+        for time in sorted(at):
+            before = self._initial() if previous is None else previous.just_before(time)
+            after = self._after(at[time], before)
+            previous = Happening(time, tuple(at[time]), before, after, self._slopes(time, after))
+            yield previous
+
+    def _initial(self) -> State:
+        reading = Reading(State(frozenset(), {}), self.parameters)
+        fluents = {fluent: reading.expression(value) for fluent, value in self.plan.initial_fluents.items()}
+        return State(self.plan.initial_atoms, fluents)
+
+    def _after(self, points: list[TimePoint], before: State) -> State:
+        change = _Change(before)
+        for point in points:
+            if point.kind is TimePointKind.TIMED_LITERAL:
+                self._add_timed_literals(point, change)
+            elif point.instance is not None:
+                self._add_effects(self.plan.instance[point.instance], point, change)
+        return change.result()
+
+    def _add_timed_literals(self, point: TimePoint, change: _Change) -> None:
+        for literal in self.plan.timed_literals:
+            if literal.point != point:
+                continue
+            if isinstance(literal.target, Atom):
+                change.write(literal.target, bool(literal.value))
+            else:
+                change.assignments[literal.target] = Fraction(literal.value)
+
+    def _add_effects(self, instance: ActionInstance, point: TimePoint, change: _Change) -> None:
+        reading = self.reading(change.before, instance)
+        effects: tuple[AtomEffect | NumericEffect, ...] = (*instance.atom_effects, *instance.numeric_effects)
+        for effect in effects:
+            if instance.at(effect.timing) != point or not reading.holds(effect.condition):
+                continue
+            if isinstance(effect, AtomEffect):
+                change.write(effect.atom, effect.value)
+            elif effect.operator is Assignment.ASSIGN:
+                change.assignments[effect.fluent] = reading.expression(effect.expression)
+            else:
+                change.increases.append((effect.fluent, reading.expression(effect.expression)))
+
+    def _slopes(self, time: Fraction, after: State) -> dict[Fluent, Fraction]:
+        """The changes per unit of time right after `time`."""
+        slopes: dict[Fluent, Fraction] = {}
+        acting = [i for i in self.plan.instances if self.times[i.start] <= time < self.times[i.end]]
+        for instance in acting:
+            reading = self.reading(after, instance)
+            for index, effect in enumerate(instance.continuous_effects):
+                rate = reading.expression(effect.rate)
+                if self._rates.setdefault((instance.identifier, index), rate) != rate:
+                    raise UnsupportedError(_moving_rate(instance, effect.fluent))
+                reading.variable(effect.fluent)
+                slopes[effect.fluent] = slopes.get(effect.fluent, Fraction(0)) + rate
+        for instance in acting:
+            for effect in instance.continuous_effects:
+                if any(isinstance(variable, Fluent) and slopes.get(variable) for variable in effect.rate.variables):
+                    raise UnsupportedError(_moving_rate(instance, effect.fluent))
+        return slopes
+
+
+def _moving_rate(instance: ActionInstance, fluent: Fluent) -> str:
+    return (
+        f"instance {instance.identifier} {instance}: the rate of its continuous effect on {fluent} changes while it "
+        "acts; only rates that stay constant from start to end are supported"
+    )
+
+
+class _Change:
+    """The effects of one happening, collected before they take place together."""
+
+    def __init__(self, before: State) -> None:
+        self.before = before
+        self.adds: set[Atom] = set()
+        self.deletes: set[Atom] = set()
+        self.assignments: dict[Fluent, Fraction] = {}
+        self.increases: list[tuple[Fluent, Fraction]] = []
+
+    def write(self, atom: Atom, value: bool) -> None:
+        (self.adds if value else self.deletes).add(atom)
+
+    def result(self) -> State:
+        """Deletes, then adds; assignments (the last one stands), then increases."""
+        fluents = {**self.before.fluents, **self.assignments}
+        for fluent, amount in self.increases:
+            if fluent not in fluents:
+                raise InputError(f"numeric fluent {fluent} is increased but has no value here; give it one in :init")
+            fluents[fluent] += amount
+        return State((self.before.atoms - self.deletes) | self.adds, fluents)
+
+
+def over_time(expression: Expression, reading: Reading, slopes: Mapping[Fluent, Fraction]) -> tuple[Fraction, Fraction]:
+    """Value now and change per unit of time of an expression between two happenings.
+
+    Raises UnsupportedError where it is not linear in time (a product of several changing fluents).
+    """
+
+    def moving(variable: NumericVariable) -> Polynomial[str]:
+        slope = slopes.get(variable, Fraction(0)) if isinstance(variable, Fluent) else Fraction(0)
+        return Polynomial({(): reading.variable(variable), ("#t",): slope})
+
+    polynomial = expression.substitute(moving)
+    if not polynomial.is_linear:
+        raise UnsupportedError(
+            f"{expression} multiplies fluents that change continuously at the same time; "
+            "over-all conditions must be linear in time between two happenings"
+        )
+    return polynomial.constant_term, polynomial.terms.get(("#t",), Fraction(0))

@@ -1,0 +1,240 @@
+"""Parameter specifications looked up in a plan: which constraint, duration or initial value each of them replaces."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import assert_never
+
+from robust.errors import InputError, did_you_mean
+from robust.plan.model import ZERO, Expression, Fluent, ParameterReference, TimePoint
+from robust.plan.parametrize import ParameterSpec, Target
+from robust.plan.stn import (
+    InstanceDeclaration,
+    ParameterDeclaration,
+    STNBound,
+    STNConstraint,
+    STNPlan,
+    check_range,
+)
+from robust.plan.stn_reader import bad_parameter_name, is_parameter_name
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """What specifications make of a plan: declarations, constraints, and where else their parameters stand.
+
+    `durations` maps instances to the parameter that is their duration, `fluents` maps fluents to the parameter that is
+    their initial value.
+    """
+
+    parameters: tuple[ParameterDeclaration, ...]
+    constraints: tuple[STNConstraint, ...]
+    durations: Mapping[str, str]
+    fluents: Mapping[Fluent, str]
+
+
+def wire(
+    plan: STNPlan,
+    specs: Iterable[ParameterSpec],
+    initial_fluents: Mapping[Fluent, Expression],
+    domain_parameters: Collection[str] = (),
+) -> Wiring:
+    """Apply specifications to a plan; InputError for unknown names, doubles and missing or impossible nominal values.
+
+    - A duration or start time whose constraints fix it at d becomes `[γ, γ]` with nominal value d (unless a default is
+      given); one that is not fixed needs a default, and all its constraints are replaced by `[γ, γ]`.
+    - The initial value of a fluent becomes γ with that value as nominal one (unless a default is given).
+    - Existing parameters, and those that other specifications introduce, get the attributes that are given.
+    """
+    work = _Work(plan, initial_fluents, domain_parameters)
+    ordered = sorted(specs, key=lambda spec: spec.target is Target.EXISTING)  # stable: overrides see what others create
+    for spec in ordered:
+        work.apply(spec)
+    return Wiring(tuple(work.parameters.values()), tuple(work.constraints), work.durations, work.fluents)
+
+
+def referenced_parameters(constraints: Iterable[STNConstraint], expressions: Iterable[Expression]) -> set[str]:
+    """The names of the parameters that constraints and expressions mention."""
+    bounds = (bound for constraint in constraints for bound in (constraint.lower, constraint.upper))
+    names = {bound.name for bound in bounds if isinstance(bound, ParameterReference)}
+    variables = (variable for expression in expressions for variable in expression.variables)
+    return names | {variable.name for variable in variables if isinstance(variable, ParameterReference)}
+
+
+class _Work:
+    """The plan while specifications are applied one by one."""
+
+    def __init__(
+        self,
+        plan: STNPlan,
+        initial_fluents: Mapping[Fluent, Expression],
+        domain_parameters: Collection[str],
+    ) -> None:
+        self.plan = plan
+        self.instances = {instance.identifier: instance for instance in plan.instances}
+        self.initial_fluents = initial_fluents
+        self.domain_parameters = domain_parameters
+        self.parameters = {parameter.name: parameter for parameter in plan.parameters}
+        self.constraints = list(plan.constraints)
+        self.durations: dict[str, str] = {}
+        self.fluents: dict[Fluent, str] = {}
+        self.overridden: set[str] = set()
+        used = referenced_parameters(plan.constraints, initial_fluents.values())
+        self.unused = set(self.parameters) - used - set(domain_parameters)
+
+    def apply(self, spec: ParameterSpec) -> None:
+        match spec.target:
+            case Target.DURATION:
+                for instance in self.timed_instances(spec):
+                    self.vary_duration(instance, spec)
+            case Target.START:
+                self.vary_start(self.instance(spec), spec)
+            case Target.FLUENT:
+                self.vary_fluent(spec)
+            case Target.EXISTING:
+                self.override(spec)
+            case _:
+                assert_never(spec.target)
+
+    def instance(self, spec: ParameterSpec) -> InstanceDeclaration:
+        if spec.subject not in self.instances:
+            hint = did_you_mean(spec.subject, self.instances)
+            raise InputError(f"found {spec.subject!r}, expected an instance of the plan{hint}", spec.location)
+        return self.instances[spec.subject]
+
+    def timed_instances(self, spec: ParameterSpec) -> list[InstanceDeclaration]:
+        """The instance of that identifier, else all instances of that action."""
+        if spec.subject in self.instances:
+            chosen = [self.instances[spec.subject]]
+        else:
+            chosen = [instance for instance in self.plan.instances if instance.action == spec.subject.lower()]
+        if not chosen:
+            hint = did_you_mean(spec.subject, [*self.instances, *(one.action for one in self.plan.instances)])
+            message = f"found {spec.subject!r}, expected an instance of the plan or an action that it uses{hint}"
+            raise InputError(message, spec.location)
+        if spec.name is not None and len(chosen) > 1:
+            several = ", ".join(instance.identifier for instance in chosen)
+            expected = "one instance for the name (without a name, each instance gets a parameter of its own)"
+            found = f"one name for {len(chosen)} instances of {spec.subject!r} ({several})"
+            raise InputError(f"found {found}, expected {expected}", spec.location)
+        return chosen
+
+    def vary_duration(self, instance: InstanceDeclaration, spec: ParameterSpec) -> None:
+        identifier = instance.identifier
+        if not instance.durative:
+            found = f"{identifier!r}, which is instantaneous"
+            raise InputError(f"found {found}, expected an instance of a durative action", spec.location)
+        name = self.vary_time(f"dur_{identifier}", f"the duration of {identifier}", instance.start, instance.end, spec)
+        self.durations[identifier] = name
+
+    def vary_start(self, instance: InstanceDeclaration, spec: ParameterSpec) -> None:
+        identifier = instance.identifier
+        self.vary_time(f"start_{identifier}", f"the start of {identifier}", ZERO, instance.start, spec)
+
+    def vary_time(self, generated: str, what: str, source: TimePoint, target: TimePoint, spec: ParameterSpec) -> str:
+        """Replace all constraints between two time points by [γ, γ]; the name of γ."""
+        between = [(i, _oriented(c, source)) for i, c in enumerate(self.constraints) if _joins(c, source, target)]
+        bounds = [bound for _, pair in between for bound in pair]
+        taken = next((bound.name for bound in bounds if isinstance(bound, ParameterReference)), None)
+        if taken is not None:
+            remedy = f"give its attributes as {taken!r},weight=W,lb=L,ub=U,default=D"
+            raise InputError(f"found {what} with parameter {taken!r}, expected one without: {remedy}", spec.location)
+        fixed = _fixed([pair for _, pair in between])
+        name = self.introduce(generated, what, fixed, spec, f"c: {target} - {source} in [D, D] in the plan")
+        reference = ParameterReference(name)
+        constraint = STNConstraint(target, source, reference, reference, spec.location)
+        position = between[0][0] if between else len(self.constraints)
+        removed = {i for i, _ in between}
+        before = [c for i, c in enumerate(self.constraints[:position]) if i not in removed]
+        after = [c for i, c in enumerate(self.constraints) if i >= position and i not in removed]
+        self.constraints = [*before, constraint, *after]
+        return name
+
+    def vary_fluent(self, spec: ParameterSpec) -> None:
+        function, *arguments = spec.subject[1:-1].split()
+        fluent = Fluent(function, tuple(arguments))
+        value = self.initial_fluents.get(fluent)
+        if value is None:
+            hint = did_you_mean(str(fluent), map(str, self.initial_fluents))
+            message = f"found {fluent}, expected a ground fluent with an initial value in the problem{hint}"
+            raise InputError(message, spec.location)
+        taken = self.fluents.get(fluent) or next(iter(referenced_parameters((), [value])), None)
+        if taken is not None:
+            message = f"found {fluent} with parameter {taken!r}, expected a fluent whose initial value is a number"
+            raise InputError(message, spec.location)
+        what = f"the initial value of {fluent}"
+        name = "_".join((fluent.function, *fluent.arguments))
+        self.fluents[fluent] = self.introduce(name, what, value.constant_term, spec, "a number in the problem")
+
+    def introduce(self, generated: str, what: str, fixed: Fraction | None, spec: ParameterSpec, remedy: str) -> str:
+        """Declare the parameter that a specification stands for; its name."""
+        name = spec.name or generated
+        if not is_parameter_name(name):
+            raise InputError(bad_parameter_name(name), spec.location)
+        if (name in self.parameters and (spec.name is None or name not in self.unused)) or (
+            name in self.domain_parameters
+        ):
+            origin = "" if spec.name else "generated "
+            remedy = f"write NAME={spec.target.value}:{spec.subject} with another name"
+            raise InputError(f"found {origin}name {name!r} twice, expected a new one: {remedy}", spec.location)
+        self.unused.discard(name)
+        base = self.parameters.get(name, ParameterDeclaration(name, location=spec.location))
+        merged = _merged(replace(base, default=fixed if base.default is None else base.default), spec)
+        if merged.default is None:
+            message = f"found no fixed value for {what}, expected a nominal value: default=D, or {remedy}"
+            raise InputError(message, spec.location)
+        self.parameters[name] = merged
+        return name
+
+    def override(self, spec: ParameterSpec) -> None:
+        name = spec.subject
+        if name not in self.parameters and name not in self.domain_parameters:
+            hint = did_you_mean(name, [*self.parameters, *self.domain_parameters])
+            if name in self.instances:
+                hint = f"; to vary the duration of instance {name} write duration:{name}"
+            raise InputError(f"found {name!r}, expected a parameter of the plan or the domain{hint}", spec.location)
+        if name in self.overridden:
+            raise InputError(f"found parameter {name!r} twice, expected all its attributes in one place", spec.location)
+        self.overridden.add(name)
+        base = self.parameters.get(name, ParameterDeclaration(name, location=spec.location))
+        self.parameters[name] = _merged(base, spec)
+
+
+def _merged(base: ParameterDeclaration, spec: ParameterSpec) -> ParameterDeclaration:
+    given = spec.attributes
+    merged = replace(
+        base,
+        weight=given.get("weight") or base.weight,
+        default=given.get("default", base.default),
+        lower=given.get("lower", base.lower),
+        upper=given.get("upper", base.upper),
+    )
+    check_range(merged, spec.location)
+    return merged
+
+
+def _joins(constraint: STNConstraint, source: TimePoint, target: TimePoint) -> bool:
+    return (constraint.source, constraint.target) in ((source, target), (target, source))
+
+
+def _oriented(constraint: STNConstraint, source: TimePoint) -> tuple[STNBound, STNBound]:
+    """The bounds of the constraint as seen from `source`."""
+    if constraint.source == source:
+        return constraint.lower, constraint.upper
+    return _negated(constraint.upper), _negated(constraint.lower)
+
+
+def _negated(bound: STNBound) -> STNBound:
+    return -bound if isinstance(bound, Fraction) else bound
+
+
+def _fixed(intervals: Iterable[tuple[STNBound, STNBound]]) -> Fraction | None:
+    """The only value in the intersection of intervals, if there is exactly one."""
+    pairs = list(intervals)
+    lowers = [lower for lower, _ in pairs if isinstance(lower, Fraction)]
+    uppers = [upper for _, upper in pairs if isinstance(upper, Fraction)]
+    if lowers and uppers and max(lowers) == min(uppers):
+        return max(lowers)
+    return None
