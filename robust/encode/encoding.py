@@ -61,9 +61,9 @@ class RelationalEncoding:
         self.epsilon = epsilon
         self.terms = Terms()
         self.network = TemporalNetwork(plan)
-        self.validity = Validity(self.network, self.terms)
-        self._mutex = mutex_pairs(plan)
         self._rules = tuple(duration_rules(plan))
+        self.validity = Validity(self.network, self._rules, self.terms)
+        self._mutex = mutex_pairs(plan)
         self._orders = self._known_orders()
         self._states = States(plan, Clock(self.network, self._orders, self.terms))
         self._assumed: dict[Stage, list[Linear]] = {Stage.DURATION: []}
@@ -80,9 +80,12 @@ class RelationalEncoding:
     def query(self, obligation: Obligation) -> list[Formula]:
         """Satisfiable, for parameter values within enc_valid, if some schedule breaks the obligation.
 
-        Only the part of the network that the violation touches: the rest has a schedule whenever enc_valid holds.
+        Only the part of the network that the violation touches: the rest has a schedule whenever enc_valid holds. For
+        the same reason a violation over parameters alone needs no network.
         """
         formulas = [obligation.violation, *self._states.definitions_of([obligation.violation])]
+        if len(formulas) == 1 and len(self.parameters_in(formulas)) == len(self.terms.variables(obligation.violation)):
+            return formulas
         return [*self._slices(obligation.stage).touching(formulas), *formulas]
 
     def full_query(self, obligation: Obligation) -> list[Formula]:
