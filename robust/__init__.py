@@ -1,3 +1,70 @@
-"""SMT-first formal verification of temporal plans: validity, robustness envelopes, and why to believe them."""
+"""SMT-first formal verification of temporal plans: validity, robustness envelopes, and why to believe them.
+
+>>> import robust
+>>> plan = robust.load_plan("domain.pddl", "problem.pddl", "plan.stn")    # doctest: +SKIP
+>>> robust.check(plan).answer                                             # doctest: +SKIP
+<Answer.PROVED: 'proved'>
+>>> robust.envelope(plan, beta=Fraction(1)).box                           # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from robust.api import check, envelope
+    from robust.errors import InputError, RobustError, SolverError, UnsupportedError
+    from robust.irr.box import Box, Interval
+    from robust.irr.check import Answer, CheckResult, Counterexample
+    from robust.irr.result import EnvelopeResult, Status, Step
+    from robust.plan.load import load_plan
+    from robust.plan.model import ParametrizedPlan
 
 __version__ = "0.1.0"
+
+_HOME = {
+    "Answer": "robust.irr.check",
+    "Box": "robust.irr.box",
+    "CheckResult": "robust.irr.check",
+    "Counterexample": "robust.irr.check",
+    "EnvelopeResult": "robust.irr.result",
+    "InputError": "robust.errors",
+    "Interval": "robust.irr.box",
+    "ParametrizedPlan": "robust.plan.model",
+    "RobustError": "robust.errors",
+    "SolverError": "robust.errors",
+    "Status": "robust.irr.result",
+    "Step": "robust.irr.result",
+    "UnsupportedError": "robust.errors",
+    "check": "robust.api",
+    "envelope": "robust.api",
+    "load_plan": "robust.plan.load",
+}
+
+__all__ = [
+    "Answer",
+    "Box",
+    "CheckResult",
+    "Counterexample",
+    "EnvelopeResult",
+    "InputError",
+    "Interval",
+    "ParametrizedPlan",
+    "RobustError",
+    "SolverError",
+    "Status",
+    "Step",
+    "UnsupportedError",
+    "__version__",
+    "check",
+    "envelope",
+    "load_plan",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Import on first use: starting the command line must not load solvers."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'robust' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable
 from fractions import Fraction
 from typing import TypeAlias
 
@@ -27,6 +27,7 @@ class Terms:
         self.true: Formula = self.manager.TRUE()
         self.false: Formula = self.manager.FALSE()
         self._symbols: dict[Hashable, Formula] = {}
+        self._sizes: dict[Formula, int] = {}
         self._comparisons: dict[tuple[Polynomial[Hashable], Relation], Formula] = {}
 
     def real(self, variable: Hashable) -> Formula:
@@ -128,8 +129,14 @@ class Terms:
 
     def size(self, formula: Formula) -> int:
         """The number of distinct nodes of a formula."""
-        oracle = self.environment.sizeo
-        return int(oracle.get_size(formula, measure=oracle.MEASURE_DAG_NODES))
+        if formula not in self._sizes:
+            seen, queue = {formula}, [formula]
+            for node in queue:
+                new = [argument for argument in node.args() if argument not in seen]
+                seen.update(new)
+                queue += new
+            self._sizes[formula] = len(seen)
+        return self._sizes[formula]
 
     def variables(self, formula: Formula) -> frozenset[Formula]:
         """The symbols that occur in a formula."""
@@ -147,8 +154,3 @@ def holds(value: Fraction, relation: Relation) -> bool:
             return value == 0
         case Relation.DIFFERENT:
             return value != 0
-
-
-def values_by_variable(values: Mapping[str, Fraction], variables: Iterable[Hashable]) -> dict[Hashable, Fraction]:
-    """Map a model's values, keyed by symbol name, back to the variables that the symbols stand for."""
-    return {variable: values[str(variable)] for variable in variables if str(variable) in values}

@@ -1,0 +1,94 @@
+"""Boxes of parameter values: decoupled robustness envelopes [IRR, Definition 3]."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from robust.plan.model import Parameter
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """The values from `lower` to `upper`; None is an infinite end, which is always open."""
+
+    lower: Fraction | None
+    upper: Fraction | None
+    lower_closed: bool = True
+    upper_closed: bool = True
+
+    def __contains__(self, value: Fraction) -> bool:
+        above = self.lower is None or self.lower < value or (self.lower_closed and self.lower == value)
+        below = self.upper is None or value < self.upper or (self.upper_closed and self.upper == value)
+        return above and below
+
+    def is_within(self, other: Interval) -> bool:
+        """Whether every value of this interval is a value of the other one."""
+        if self.lower is None:
+            above = other.lower is None
+        else:
+            above = other.lower is None or other.lower < self.lower
+            above = above or (other.lower == self.lower and (other.lower_closed or not self.lower_closed))
+        if self.upper is None:
+            return above and other.upper is None
+        below = other.upper is None or self.upper < other.upper
+        return above and (below or (other.upper == self.upper and (other.upper_closed or not self.upper_closed)))
+
+    def some_value(self) -> Fraction:
+        """Some value of a non-empty interval: the middle of a finite one."""
+        if self.lower is None:
+            return Fraction(0) if self.upper is None else self.upper - 1
+        return self.lower + 1 if self.upper is None else (self.lower + self.upper) / 2
+
+    @property
+    def width(self) -> Fraction | None:
+        """`upper − lower`; None if infinite."""
+        return None if self.lower is None or self.upper is None else self.upper - self.lower
+
+    def __str__(self) -> str:
+        opening = "[" if self.lower is not None and self.lower_closed else "("
+        closing = "]" if self.upper is not None and self.upper_closed else ")"
+        lower = "-inf" if self.lower is None else str(self.lower)
+        upper = "inf" if self.upper is None else str(self.upper)
+        return f"{opening}{lower}, {upper}{closing}"
+
+
+@dataclass(frozen=True)
+class Box:
+    """An interval for each parameter, in the plan's order."""
+
+    intervals: Mapping[str, Interval]
+
+    @staticmethod
+    def point(values: Mapping[str, Fraction]) -> Box:
+        """The degenerate box that holds one point."""
+        return Box({name: Interval(value, value) for name, value in values.items()})
+
+    @staticmethod
+    def nominal(parameters: Iterable[Parameter]) -> Box:
+        return Box.point({parameter.name: parameter.nominal for parameter in parameters})
+
+    def __getitem__(self, name: str) -> Interval:
+        return self.intervals[name]
+
+    def __contains__(self, values: Mapping[str, Fraction]) -> bool:
+        return all(values[name] in interval for name, interval in self.intervals.items())
+
+    def replace(self, name: str, interval: Interval) -> Box:
+        return Box({**self.intervals, name: interval})
+
+    @property
+    def ranges(self) -> dict[str, tuple[Fraction | None, Fraction | None]]:
+        """Ends by parameter."""
+        return {name: (interval.lower, interval.upper) for name, interval in self.intervals.items()}
+
+    @property
+    def total_width(self) -> Fraction | None:
+        """Σ (u − l) [IRR §5, Convergence]; None if a side is infinite."""
+        widths = [interval.width for interval in self.intervals.values()]
+        finite = [width for width in widths if width is not None]
+        return sum(finite, Fraction(0)) if len(finite) == len(widths) else None
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name} ∈ {interval}" for name, interval in self.intervals.items()) or "(no parameters)"

@@ -1,0 +1,200 @@
+"""Is the plan valid for every schedule and every parameter value of a box? If not: which obligation breaks, and how."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from fractions import Fraction
+
+from robust.encode.cycles import Facet
+from robust.encode.encoding import Obligation, RelationalEncoding
+from robust.errors import SolverError
+from robust.irr.box import Box
+from robust.irr.containment import no_schedule, require_some_schedule, within, worst_point
+from robust.plan.model import TimePoint
+from robust.plan.simulate import Simulation, simulate
+from robust.smt.export import Exporter
+from robust.smt.limits import Deadline
+from robust.smt.session import Session, Verdict
+from robust.smt.statistics import Statistics
+
+
+class Answer(Enum):
+    """The verdict on a plan or on one obligation; UNKNOWN is out of time or interrupted."""
+
+    PROVED = "proved"
+    REFUTED = "refuted"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Counterexample:
+    """Parameter values and a schedule that the network allows, in which an obligation breaks.
+
+    `simulation` executes that schedule with exact arithmetic and confirms it.
+    """
+
+    obligation: str
+    parameters: Mapping[str, Fraction]
+    schedule: Mapping[TimePoint, Fraction]
+    simulation: Simulation
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """The verdict, that of each obligation examined, and a counterexample for each refuted one, by obligation.
+
+    Where the network has no schedule at all for some parameter values of the box, there is nothing to execute: `reason`
+    names the statements that contradict each other, and those values.
+    """
+
+    answer: Answer
+    box: Box
+    obligations: Mapping[str, Answer]
+    counterexamples: Mapping[str, Counterexample]
+    seconds: float
+    reason: str | None = None
+    interrupted: bool = False
+    statistics: Statistics = field(default_factory=Statistics)
+
+
+class Checker:
+    """Examines the obligations of a plan over a box of parameter values.
+
+    Args:
+        encoding: the plan's formulas.
+        box: the parameter values that the verdict is about.
+        solver: `z3` or `cvc5`.
+        every: examine all obligations instead of stopping at the first that breaks. Each is examined over the schedules
+            that respect the stages before it.
+        deadline: when to stop; what was not examined by then is UNKNOWN.
+        exporter: where queries are written, if anywhere.
+        on_obligation: called with the number examined so far, of how many, and the obligation's name.
+    """
+
+    def __init__(
+        self,
+        encoding: RelationalEncoding,
+        box: Box,
+        *,
+        solver: str = "z3",
+        every: bool = False,
+        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+        exporter: Exporter | None = None,
+        on_obligation: Callable[[int, int, str], None] | None = None,
+    ) -> None:
+        self._encoding = encoding
+        self._box = box
+        self._solver = solver
+        self._every = every
+        self._deadline = deadline
+        self._exporter = exporter
+        self._on_obligation = on_obligation
+        self._statistics = Statistics()
+        self._answers: dict[str, Answer] = {}
+        self._counterexamples: dict[str, Counterexample] = {}
+        self._existence_known = False
+        self._reason: str | None = None
+
+    def run(self) -> CheckResult:
+        """Decide.
+
+        Raises:
+            InputError: if the network has no schedule, whatever the parameter values.
+            SolverError: if the simulator does not confirm a counterexample.
+        """
+        started = time.perf_counter()
+        interrupted = False
+        try:
+            if self._has_schedule():
+                self._examine()
+        except KeyboardInterrupt:
+            interrupted = True
+        answers = {o.name: self._answers.get(o.name, Answer.UNKNOWN) for o in self._encoding.obligations}
+        return CheckResult(
+            self._overall(answers),
+            self._box,
+            answers,
+            self._counterexamples,
+            time.perf_counter() - started,
+            self._reason,
+            interrupted,
+            self._statistics,
+        )
+
+    def _overall(self, answers: Mapping[str, Answer]) -> Answer:
+        if self._counterexamples or self._reason:
+            return Answer.REFUTED
+        complete = all(answer is Answer.PROVED for answer in answers.values())
+        return Answer.PROVED if complete and self._existence_known else Answer.UNKNOWN
+
+    def _has_schedule(self) -> bool:
+        """Whether obligations can be examined: enc_valid holds throughout the box, or one of them breaks."""
+        found = self._encoding.validity.broken_facet(self._box.ranges, self._session, self._deadline)
+        match found:
+            case None:
+                self._existence_known = True
+            case Facet(obligation=None):
+                require_some_schedule(self._encoding, found, self._session(), self._deadline)
+                self._reason = no_schedule(found, worst_point(found, self._box))
+                return False
+            case Verdict():
+                return False
+        return True
+
+    def _examine(self) -> None:
+        obligations = self._encoding.obligations
+        for index, obligation in enumerate(obligations):
+            if self._on_obligation is not None:
+                self._on_obligation(index, len(obligations), obligation.name)
+            answer = self._decide(obligation)
+            self._answers[obligation.name] = answer
+            if answer is Answer.REFUTED and not self._every:
+                return
+
+    def _decide(self, obligation: Obligation) -> Answer:
+        if obligation.violation is self._encoding.terms.false:
+            return Answer.PROVED
+        if not self._counterexamples:
+            # Earlier stages hold throughout the box, so the part of the network that matters is enough for a proof.
+            quick = self._session()
+            quick.add(*self._encoding.query(obligation), *within(self._encoding, self._box.intervals))
+            verdict = quick.check(obligation.name, self._deadline)
+            if verdict is not Verdict.SATISFIABLE:
+                return _ANSWERS[verdict]
+        full = self._session()
+        full.add(*self._encoding.full_query(obligation), *within(self._encoding, self._box.intervals))
+        verdict = full.check(f"{obligation.name}: counterexample", self._deadline)
+        if verdict is Verdict.SATISFIABLE:
+            self._counterexamples[obligation.name] = self._counterexample(obligation, full)
+        elif verdict is Verdict.UNSATISFIABLE and not self._existence_known and not self._every:
+            # The obligation breaks for parameter values of the box, but these leave no schedule to show it with.
+            self._reason = f"no schedule with the parameter values that break {obligation.name!r}"
+            return Answer.REFUTED
+        return _ANSWERS[verdict]
+
+    def _counterexample(self, obligation: Obligation, session: Session) -> Counterexample:
+        encoding = self._encoding
+        values = {name: Fraction(value) for name, value in session.values(encoding.unknowns()).items()}
+        parameters = {name: values.get(name, self._box[name].some_value()) for name in self._box.intervals}
+        schedule = encoding.schedule({**values, **parameters})
+        simulation = simulate(encoding.plan, parameters, schedule, epsilon=encoding.epsilon)
+        broken = {violation.obligation for violation in simulation.violations}
+        if simulation.network_violations or obligation.name not in broken:
+            raise SolverError(
+                f"the simulator does not confirm that {obligation.name!r} breaks "
+                f"({'; '.join(simulation.network_violations) or 'no such violation'}); please report this plan as a bug"
+            )
+        return Counterexample(obligation.name, parameters, schedule, simulation)
+
+    def _session(self) -> Session:
+        return Session(self._encoding.terms, solver=self._solver, statistics=self._statistics, exporter=self._exporter)
+
+
+_ANSWERS = {
+    Verdict.SATISFIABLE: Answer.REFUTED,
+    Verdict.UNSATISFIABLE: Answer.PROVED,
+    Verdict.UNKNOWN: Answer.UNKNOWN,
+}

@@ -1,0 +1,208 @@
+"""CheckInEnvelope: is a box inside the robustness envelope [IRR §4, Algorithm 1 lines 18–22, Theorem 1]?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from robust.encode.cycles import Facet
+from robust.encode.encoding import Obligation, RelationalEncoding
+from robust.encode.variables import variable
+from robust.errors import InputError, Location
+from robust.irr.box import Box, Interval
+from robust.plan.model import ParameterReference
+from robust.smt.export import Exporter
+from robust.smt.limits import Deadline
+from robust.smt.session import Session, Verdict
+from robust.smt.statistics import Statistics
+from robust.smt.terms import Formula
+
+
+class OutOfTimeError(Exception):
+    """The deadline passed before the question was decided; internal to the searches, which return what they have."""
+
+
+@dataclass(frozen=True)
+class Refutation:
+    """Why a box is not inside: it holds parameter values without a schedule, or with one that breaks an obligation.
+
+    `reason` names the obligation or the contradicting statements, `values` are the parameter values, `facet` is what
+    they break if it is an inequality over parameters.
+    """
+
+    reason: str
+    values: Mapping[str, Fraction]
+    facet: Facet | None = None
+
+
+@dataclass
+class _Question:
+    """One obligation with its own solver session, opened when first asked."""
+
+    obligation: Obligation
+    formulas: list[Formula]
+    parameters: frozenset[str]
+    session: Session | None = None
+    proved_for: dict[str, Interval] | None = None
+
+
+class Containment:
+    """Decides boxes, one obligation at a time, the most recently failed first.
+
+    What was proved for a box is not asked again for a box that is the same in all parameters that matter; what was
+    refuted at a point is not asked again for a box that contains the point.
+
+    Args:
+        encoding: the plan's formulas.
+        solver: `z3` or `cvc5`.
+        statistics: where queries are counted.
+        exporter: where queries are written, if anywhere.
+    """
+
+    def __init__(
+        self,
+        encoding: RelationalEncoding,
+        *,
+        solver: str = "z3",
+        statistics: Statistics | None = None,
+        exporter: Exporter | None = None,
+    ) -> None:
+        self.encoding = encoding
+        self.statistics = statistics or Statistics()
+        self.solver = solver
+        self._exporter = exporter
+        self._questions = list(self._open_questions())
+        self._refuted: list[Refutation] = []
+
+    def refute(self, box: Box, deadline: Deadline) -> Refutation | None:
+        """Why the box is not inside the envelope; None if it is.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+        """
+        for known in reversed(self._refuted):
+            if known.values in box:
+                return known
+        refutation = self._refute_existence(box, deadline) or self._refute_obligations(box, deadline)
+        if refutation is not None:
+            self._refuted.append(refutation)
+        return refutation
+
+    def _refute_existence(self, box: Box, deadline: Deadline) -> Refutation | None:
+        answer = self.encoding.validity.broken_facet(box.ranges, self.open_session, deadline)
+        match answer:
+            case None:
+                return None
+            case Facet():
+                values = worst_point(answer, box)
+                return Refutation(answer.obligation or no_schedule(answer, values), values, answer)
+            case Verdict():
+                raise OutOfTimeError
+
+    def _refute_obligations(self, box: Box, deadline: Deadline) -> Refutation | None:
+        for index, question in enumerate(self._questions):
+            values = self._ask(question, box, deadline)
+            if values is not None:
+                self._questions.insert(0, self._questions.pop(index))
+                return Refutation(question.obligation.name, values)
+        return None
+
+    def _ask(self, question: _Question, box: Box, deadline: Deadline) -> dict[str, Fraction] | None:
+        """Parameter values in the box with which the obligation breaks; None if there are none."""
+        relevant = {name: box[name] for name in question.parameters}
+        if question.proved_for is not None and all(
+            interval.is_within(question.proved_for[name]) for name, interval in relevant.items()
+        ):
+            return None
+        if question.session is None:
+            question.session = self.open_session()
+            question.session.add(*question.formulas)
+        with question.session.frame(*within(self.encoding, relevant)):
+            verdict = question.session.check(question.obligation.name, deadline)
+            if verdict is Verdict.UNKNOWN:
+                raise OutOfTimeError
+            if verdict is Verdict.SATISFIABLE:
+                return self._point_in(box, question.session)
+        question.proved_for = relevant
+        return None
+
+    def _open_questions(self) -> Iterator[_Question]:
+        for obligation in self.encoding.obligations:
+            if obligation.violation is not self.encoding.terms.false:
+                formulas = self.encoding.query(obligation)
+                yield _Question(obligation, formulas, self.encoding.parameters_in(formulas))
+
+    def open_session(self) -> Session:
+        """A new session over the encoding's terms that counts and exports like the others."""
+        return Session(self.encoding.terms, solver=self.solver, statistics=self.statistics, exporter=self._exporter)
+
+    def _point_in(self, box: Box, session: Session) -> dict[str, Fraction]:
+        symbols = {name: self.encoding.terms.real(ParameterReference(name)) for name in box.intervals}
+        values = session.values(symbols.values())
+        return {name: Fraction(values.get(name, box[name].some_value())) for name in box.intervals}
+
+
+def within(encoding: RelationalEncoding, intervals: Mapping[str, Interval]) -> Iterator[Formula]:
+    """enc_R: the parameters are within their intervals."""
+    terms = encoding.terms
+    for name, interval in intervals.items():
+        value = variable(ParameterReference(name))
+        if interval.lower is not None:
+            above = value - interval.lower
+            yield terms.at_least(above) if interval.lower_closed else terms.greater(above)
+        if interval.upper is not None:
+            below = -value + interval.upper
+            yield terms.at_least(below) if interval.upper_closed else terms.greater(below)
+
+
+def no_schedule(facet: Facet, values: Mapping[str, Fraction]) -> str:
+    """The statements of the network that contradict each other, and with which parameter values."""
+    names = sorted(str(unknown) for unknown in facet.expression.variables)
+    where = f" with {', '.join(f'{name} = {values[name]}' for name in names)}" if names else ""
+    return f"no schedule{where}: {_contradiction(facet)}"
+
+
+def _contradiction(facet: Facet) -> str:
+    return f"{'; '.join(facet.origins)} {'contradict each other' if len(facet.origins) > 1 else 'cannot hold'}"
+
+
+def require_some_schedule(encoding: RelationalEncoding, facet: Facet, session: Session, deadline: Deadline) -> None:
+    """Tell a plan that can never be executed from parameter values that leave no schedule.
+
+    Args:
+        encoding: the plan's formulas.
+        facet: what some parameter values break.
+        session: a new session over the encoding's terms.
+        deadline: when to give up, as if there were a schedule.
+
+    Raises:
+        InputError: if no parameter values leave a schedule.
+    """
+    session.add(*encoding.network_formulas())
+    if session.check("enc_tn", deadline) is Verdict.UNSATISFIABLE:
+        place = next((item.location for item in encoding.plan.constraints if item.location), None)
+        raise InputError(
+            f"the plan's network has no schedule: {_contradiction(facet)}; expected constraints that can hold together",
+            Location(place.file) if place else None,
+        )
+
+
+def worst_point(facet: Facet, box: Box) -> dict[str, Fraction]:
+    """A point of the box at which the facet breaks: the worst end in each parameter that matters.
+
+    An infinite end is replaced by a value far enough to break the facet whatever the other parameters are.
+    """
+    values = {name: interval.some_value() for name, interval in box.intervals.items()}
+    infinite: list[tuple[str, Fraction]] = []
+    for unknown, factor in facet.expression.coefficients():
+        name = str(unknown)
+        end = box[name].lower if factor > 0 else box[name].upper
+        if end is None:
+            infinite.append((name, factor))
+        else:
+            values[name] = end
+    for name, factor in infinite[:1]:
+        excess = facet.expression.evaluate({unknown: values[str(unknown)] for unknown in facet.expression.variables})
+        values[name] -= (max(excess, Fraction(0)) + 1) / factor
+    return values
