@@ -1,0 +1,1 @@
+"""Domains, generators and drivers that reproduce the experiments."""
