@@ -1,0 +1,264 @@
+"""Writes a ground plan with concrete parameter values and one schedule as PDDL that VAL reads.
+
+Atoms and fluents become nullary predicates and functions, each action instance an action without parameters that is
+named after it, and parameters their values. Temporal constraints have no place in PDDL and are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import assert_never
+
+from robust.plan.model import (
+    ActionInstance,
+    And,
+    Assignment,
+    Atom,
+    AtomEffect,
+    Comparison,
+    Condition,
+    Duration,
+    DurationConstraint,
+    Expression,
+    Fluent,
+    Holds,
+    NumericEffect,
+    NumericVariable,
+    Or,
+    ParameterReference,
+    ParametrizedPlan,
+    Relation,
+    TimedCondition,
+    TimePoint,
+    Timing,
+    Truth,
+)
+from robust.plan.polynomial import Polynomial
+
+_REQUIREMENTS = (
+    ":typing :fluents :durative-actions :duration-inequalities :negative-preconditions "
+    ":disjunctive-preconditions :conditional-effects :timed-initial-literals :continuous-effects"
+)
+_ALWAYS, _NEVER = "(top)", "(not (top))"
+
+
+@dataclass(frozen=True, slots=True)
+class PddlText:
+    """The contents of the three files that a validator reads."""
+
+    domain: str
+    problem: str
+    plan: str
+
+
+def pddl_text(
+    plan: ParametrizedPlan, parameters: Mapping[str, Fraction], schedule: Mapping[TimePoint, Fraction]
+) -> PddlText:
+    """Domain, problem and time-triggered plan of one schedule under `parameters`."""
+    atoms = sorted({_symbol(atom) for atom in _atoms(plan)} | {_ALWAYS})
+    fluents = sorted(_symbol(fluent) for fluent in plan.initial_fluents)
+    functions = f"(:functions {' '.join(fluents)})" if fluents else ""
+    actions = (_Writer(parameters, i, schedule[i.end] - schedule[i.start]).action() for i in plan.instances)
+    domain = "\n".join(
+        [f"(define (domain d) (:requirements {_REQUIREMENTS})", f"(:predicates {' '.join(atoms)})", functions, *actions]
+    )
+    return PddlText(domain + ")\n", _problem(plan, parameters), _plan(plan, schedule))
+
+
+def _problem(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> str:
+    writer = _Writer(parameters)
+    values = {
+        fluent: value.evaluate({ParameterReference(name): v for name, v in parameters.items()})
+        for fluent, value in plan.initial_fluents.items()
+    }
+    facts = [_ALWAYS, *(_symbol(atom) for atom in sorted(plan.initial_atoms))]
+    facts += [f"(= {_symbol(fluent)} {number(value)})" for fluent, value in values.items()]
+    for literal in plan.timed_literals:
+        fact = _symbol(literal.target)
+        if isinstance(literal.target, Fluent):
+            fact = f"(= {fact} {number(Fraction(literal.value))})"
+        elif not literal.value:
+            fact = f"(not {fact})"
+        facts.append(f"(at {number(literal.time)} {fact})")
+    goals = [_ALWAYS, *(writer.condition(goal.condition) for goal in plan.goal)]
+    return f"(define (problem x) (:domain d)\n(:init {' '.join(facts)})\n(:goal (and {' '.join(goals)})))\n"
+
+
+def _plan(plan: ParametrizedPlan, schedule: Mapping[TimePoint, Fraction]) -> str:
+    lines = []
+    for instance in plan.instances:
+        start = schedule[instance.start]
+        duration = f" [{number(schedule[instance.end] - start)}]" if instance.durative else ""
+        lines.append(f"{number(start)}: ({instance.identifier}){duration}\n")
+    return "".join(lines)
+
+
+def _atoms(plan: ParametrizedPlan) -> Iterable[Atom]:
+    yield from plan.initial_atoms
+    for literal in plan.timed_literals:
+        if isinstance(literal.target, Atom):
+            yield literal.target
+    conditions = [goal.condition for goal in plan.goal]
+    for instance in plan.instances:
+        effects = (*instance.atom_effects, *instance.numeric_effects)
+        conditions += [part.condition for part in (*instance.conditions, *effects)]
+        yield from (effect.atom for effect in instance.atom_effects)
+    while conditions:
+        condition = conditions.pop()
+        if isinstance(condition, And | Or):
+            conditions += condition.operands
+        elif isinstance(condition, Holds):
+            yield condition.atom
+
+
+def number(value: Fraction) -> str:
+    """A number in PDDL: a decimal where it is finite, a quotient otherwise (which a plan's times cannot be)."""
+    text, places, rest = f"{value.numerator // value.denominator}", "", value % 1
+    while rest and len(places) < 30:
+        rest *= 10
+        places, rest = places + str(int(rest)), rest % 1
+    if rest:
+        return f"(/ {value.numerator} {value.denominator})"
+    if value < 0 and places:
+        return f"-{number(-value)}"
+    return f"{text}.{places}" if places else text
+
+
+def _symbol(name: Atom | Fluent) -> str:
+    head = name.predicate if isinstance(name, Atom) else name.function
+    return f"({'_'.join((head, *name.arguments))})"
+
+
+def condition_text(condition: Condition) -> str:
+    """A condition in PDDL, parameters and `?duration` by name: what the plan model keeps as its `text`."""
+    return _Writer(None).condition(condition)
+
+
+class _Writer:
+    """Writes the parts of one instance; `parameters` None keeps parameters and `?duration` by name."""
+
+    def __init__(
+        self,
+        parameters: Mapping[str, Fraction] | None,
+        instance: ActionInstance | None = None,
+        duration: Fraction | None = None,
+    ) -> None:
+        self.parameters = parameters
+        self.instance = instance
+        self.duration = duration
+        self.exact = parameters is not None
+
+    def expression(self, expression: Expression) -> str:
+        terms = sorted(expression.terms.items(), key=lambda term: (not term[0], [str(v) for v in term[0]]))
+        text = ""
+        for monomial, coefficient in terms:
+            factors = [] if coefficient == 1 and monomial else [number(coefficient)]
+            factors += [self._variable(variable) for variable in monomial]
+            product = _nested("*", factors)
+            text = f"(+ {text} {product})" if text else product
+        return text or "0"
+
+    def _variable(self, variable: NumericVariable) -> str:
+        match variable:
+            case Fluent():
+                return str(variable) if self.parameters is None else _symbol(variable)
+            case ParameterReference(name):
+                return name if self.parameters is None else number(self.parameters[name])
+            case Duration():
+                return "?duration"
+        assert_never(variable)
+
+    def fixed(self, expression: Expression) -> str:
+        """As `expression`, with the value of `?duration`: VAL reads it in numeric effects and :duration only."""
+        duration = self.duration
+        if duration is None:
+            return self.expression(expression)
+        return self.expression(
+            expression.substitute(
+                lambda v: Polynomial.constant(duration) if isinstance(v, Duration) else Polynomial.variable(v)
+            )
+        )
+
+    def timed(self, part: TimedCondition) -> str:
+        """A condition with its timing.
+
+        VAL grants its tolerance to strict comparisons too, so that x > x holds; the negation of <= is exact at time
+        points, but VAL does not see it fail between two happenings.
+        """
+        self.exact = part.timing is not Timing.OVER_ALL
+        text = f"({part.timing.value} {self.condition(part.condition)})"
+        self.exact = True
+        return text
+
+    def condition(self, condition: Condition) -> str:
+        match condition:
+            case Truth(value):
+                return _ALWAYS if value else _NEVER
+            case Holds(atom, value):
+                text = str(atom) if self.parameters is None else _symbol(atom)
+                return text if value else f"(not {text})"
+            case Comparison(expression, relation):
+                return self._comparison(self.fixed(expression), relation)
+            case And(operands):
+                return f"(and {' '.join(self.condition(operand) for operand in operands)})"
+            case Or(operands):
+                return f"(or {' '.join(self.condition(operand) for operand in operands)})" if operands else _NEVER
+        assert_never(condition)
+
+    def _comparison(self, text: str, relation: Relation) -> str:
+        if relation is Relation.DIFFERENT:
+            return f"(not (= {text} 0))"
+        if relation is Relation.GREATER and self.exact:
+            return f"(not (<= {text} 0))"
+        return f"({relation.value} {text} 0)"
+
+    def action(self) -> str:
+        instance = self.instance
+        assert instance is not None
+        effects = [self._effect(effect) for effect in (*instance.atom_effects, *instance.numeric_effects)]
+        if not instance.durative:
+            conditions = [_ALWAYS, *(self.condition(part.condition) for part in instance.conditions)]
+            return (
+                f"(:action {instance.identifier} :parameters ()\n :precondition (and {' '.join(conditions)})\n"
+                f" :effect (and {' '.join(effects)}))"
+            )
+        conditions = [f"(at start {_ALWAYS})"]
+        conditions += [self.timed(part) for part in instance.conditions]
+        durations = ["(at start (>= ?duration 0))", *(self._duration(part) for part in instance.durations)]
+        effects += [f"(increase {_symbol(e.fluent)} (* #t {self.fixed(e.rate)}))" for e in instance.continuous_effects]
+        return (
+            f"(:durative-action {instance.identifier} :parameters ()\n :duration (and {' '.join(durations)})\n"
+            f" :condition (and {' '.join(conditions)})\n :effect (and {' '.join(effects)}))"
+        )
+
+    def _duration(self, part: DurationConstraint) -> str:
+        """`?duration` on the left: the comparison divided by its coefficient."""
+        polynomial = part.condition.expression
+        factor = polynomial.terms[(Duration(),)]
+        bound = (Polynomial({(Duration(),): factor}) - polynomial).scaled(1 / factor)
+        relation = {Relation.AT_LEAST: ">=" if factor > 0 else "<=", Relation.EQUAL: "="}[part.condition.relation]
+        return f"({part.timing.value} ({relation} ?duration {self.expression(bound)}))"
+
+    def _effect(self, effect: AtomEffect | NumericEffect) -> str:
+        if isinstance(effect, AtomEffect):
+            text = _symbol(effect.atom) if effect.value else f"(not {_symbol(effect.atom)})"
+        else:
+            operator = "assign" if effect.operator is Assignment.ASSIGN else "increase"
+            text = f"({operator} {_symbol(effect.fluent)} {self.expression(effect.expression)})"
+        assert self.instance is not None
+        timed = self.instance.durative
+        when = f"({effect.timing.value} " if timed else ""
+        close = ")" if timed else ""
+        if effect.condition == Truth(True):
+            return f"{when}{text}{close}"
+        condition = self.condition(effect.condition)
+        return f"(when {when}{condition}{close} {when}{text}{close})"
+
+
+def _nested(operator: str, operands: list[str]) -> str:
+    text = operands[0]
+    for operand in operands[1:]:
+        text = f"({operator} {text} {operand})"
+    return text

@@ -1,0 +1,169 @@
+"""Concrete parameter values and schedules of a parametrized plan, drawn with a given random generator.
+
+The temporal network is solved here by shortest paths of its own, so that what is sampled does not depend on the code
+under test. Every function is deterministic in its `random`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from itertools import product
+from math import lcm
+from random import Random
+
+from robust.plan.model import ZERO, Bound, Parameter, ParameterReference, ParametrizedPlan, TimePoint
+
+Distances = list[list[int | None]]
+"""Row a, column b: the least upper bound of t_b − t_a in units of a common denominator; None is unbounded."""
+
+HORIZON = Fraction(6)
+"""How far beyond its earliest time an unbounded time point is put at most."""
+
+
+def sample_parameters(
+    plan: ParametrizedPlan, random: Random, *, spread: Fraction = Fraction(2), quantum: Fraction = Fraction(1, 8)
+) -> dict[str, Fraction]:
+    """A value per parameter: its nominal value, a declared bound, or a multiple of `quantum` within `spread` of it."""
+    return {parameter.name: _parameter_value(parameter, random, spread, quantum) for parameter in plan.parameters}
+
+
+def _parameter_value(parameter: Parameter, random: Random, spread: Fraction, quantum: Fraction) -> Fraction:
+    steps = int(spread / quantum)
+    near = parameter.nominal + quantum * random.randint(-steps, steps)
+    if parameter.lower is not None:
+        near = max(near, parameter.lower)
+    if parameter.upper is not None:
+        near = min(near, parameter.upper)
+    choices = [parameter.nominal, near, near, parameter.lower, parameter.upper]
+    return random.choice([value for value in choices if value is not None])
+
+
+def sample_schedule(
+    plan: ParametrizedPlan,
+    parameters: Mapping[str, Fraction],
+    random: Random,
+    *,
+    epsilon: Fraction = Fraction(1, 1000),
+    quantum: Fraction = Fraction(1, 8),
+) -> dict[TimePoint, Fraction] | None:
+    """A schedule of all time points that satisfies the network under `parameters`; None if there is none."""
+    schedules = sample_schedules(plan, parameters, random, 1, epsilon=epsilon, quantum=quantum)
+    return schedules[0] if schedules else None
+
+
+def sample_schedules(
+    plan: ParametrizedPlan,
+    parameters: Mapping[str, Fraction],
+    random: Random,
+    count: int,
+    *,
+    epsilon: Fraction = Fraction(1, 1000),
+    quantum: Fraction = Fraction(1, 8),
+) -> list[dict[TimePoint, Fraction]]:
+    """`count` schedules that satisfy the network under `parameters`, without repetitions; empty if there is none.
+
+    Points are fixed one by one, in random order, at an end of the window that is left to them, at the time of a point
+    already fixed, `epsilon` beside it, or a multiple of `quantum` above the window's lower end.
+    """
+    network = Network(plan, parameters, (epsilon, quantum))
+    if not network.consistent:
+        return []
+    found: list[dict[TimePoint, Fraction]] = []
+    for _ in range(count):
+        schedule = network.sample(random, epsilon, quantum)
+        if schedule not in found:
+            found.append(schedule)
+    return found
+
+
+class Network:
+    """The temporal network under parameter values, closed under shortest paths, parameter bounds included.
+
+    `consistent` says whether it has a schedule. All times are integers in units of `1 / scale`, a common denominator of
+    all bounds and of `steps`.
+    """
+
+    def __init__(
+        self, plan: ParametrizedPlan, parameters: Mapping[str, Fraction], steps: tuple[Fraction, ...] = ()
+    ) -> None:
+        self.points = plan.time_points
+        edges = _edges(plan, parameters)
+        self.scale = lcm(*(number.denominator for number in (*steps, HORIZON, *(edge[2] for edge in edges))))
+        self.distances = self._closed(edges)
+        negative = any((row[i] or 0) < 0 for i, row in enumerate(self.distances))
+        self.consistent = not negative and _within_bounds(plan, parameters)
+
+    def _closed(self, edges: list[tuple[TimePoint, TimePoint, Fraction]]) -> Distances:
+        index = {point: i for i, point in enumerate(self.points)}
+        size = range(len(self.points))
+        distances: Distances = [[0 if a == b else None for b in size] for a in size]
+        for source, target, bound in edges:
+            _lower(distances[index[source]], index[target], self._units(bound))
+        for middle, a in product(size, size):
+            before = distances[a][middle]
+            if before is not None:
+                for b, after in enumerate(distances[middle]):
+                    if after is not None:
+                        _lower(distances[a], b, before + after)
+        return distances
+
+    def _units(self, time: Fraction) -> int:
+        return int(time * self.scale)
+
+    def sample(self, random: Random, epsilon: Fraction, quantum: Fraction) -> dict[TimePoint, Fraction]:
+        """One schedule; see :func:`sample_schedules`. Closed distances make any choice within a window extensible."""
+        fixed = {0: 0}
+        waiting = list(range(1, len(self.points)))
+        random.shuffle(waiting)
+        for point in waiting:
+            lower, upper = self._window(point, fixed)
+            other = random.choice(list(fixed.values()))
+            beside = [other, other - self._units(epsilon), other + self._units(epsilon)]
+            step = self._units(quantum)
+            between = lower + step * random.randint(0, (upper - lower) // step)
+            fixed[point] = random.choice(
+                [lower, upper, between, between, *(time for time in beside if lower <= time <= upper)]
+            )
+        return {point: Fraction(fixed[i], self.scale) for i, point in enumerate(self.points)}
+
+    def _window(self, point: int, fixed: Mapping[int, int]) -> tuple[int, int]:
+        """The times left to a point, up to the horizon where it is unbounded."""
+        to_fixed = [(time, self.distances[point][other]) for other, time in fixed.items()]
+        from_fixed = [(time, self.distances[other][point]) for other, time in fixed.items()]
+        lower = max(time - distance for time, distance in to_fixed if distance is not None)
+        uppers = [time + distance for time, distance in from_fixed if distance is not None]
+        return lower, min(uppers) if uppers else lower + self._units(HORIZON)
+
+
+def _edges(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> list[tuple[TimePoint, TimePoint, Fraction]]:
+    """`(a, b, w)`: t_b − t_a ≤ w."""
+    edges = [(point, ZERO, Fraction(0)) for point in plan.time_points]
+    for point in plan.time_points:
+        if point.time is not None:
+            edges += [(ZERO, point, point.time), (point, ZERO, -point.time)]
+    for constraint in plan.constraints:
+        if constraint.upper is not None:
+            edges.append((constraint.source, constraint.target, bound_value(constraint.upper, parameters)))
+        if constraint.lower is not None:
+            edges.append((constraint.target, constraint.source, -bound_value(constraint.lower, parameters)))
+    return edges
+
+
+def _lower(row: list[int | None], column: int, distance: int) -> None:
+    known = row[column]
+    if known is None or distance < known:
+        row[column] = distance
+
+
+def _within_bounds(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> bool:
+    return all(
+        (parameter.lower is None or parameter.lower <= parameters[parameter.name])
+        and (parameter.upper is None or parameters[parameter.name] <= parameter.upper)
+        for parameter in plan.parameters
+    )
+
+
+def bound_value(bound: Bound, parameters: Mapping[str, Fraction]) -> Fraction:
+    """The value of a temporal bound or another polynomial over parameters only."""
+    return bound.evaluate({ParameterReference(name): value for name, value in parameters.items()})

