@@ -8,7 +8,7 @@ import select
 import signal
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
 from fractions import Fraction
 from typing import Any
@@ -52,8 +52,8 @@ class Backend(ABC):
         self._solver.pop()
 
     @abstractmethod
-    def check(self, deadline: Deadline, symbols: Iterable[Formula]) -> Verdict:
-        """Decide the asserted formulas; `symbols` are those whose values may be asked for afterwards."""
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
+        """Decide the asserted formulas; `symbols` gives those whose values may be asked for afterwards."""
 
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
         """The model of the last satisfiable check."""
@@ -66,9 +66,12 @@ class Z3(Backend):
     name = "z3"
 
     def _create(self, terms: Terms) -> Any:
-        return _pysmt_solver(terms, self.name)
+        solver = _pysmt_solver(terms, self.name)
+        # All sessions of one environment share what has been translated already.
+        solver.converter = terms.translations.setdefault(self.name, solver.converter)
+        return solver
 
-    def check(self, deadline: Deadline, symbols: Iterable[Formula]) -> Verdict:
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
         remaining = deadline.remaining
         # Zero means "no limit" to z3, and a limit that has passed must still return at once.
         milliseconds = 4294967295 if remaining is None else max(1, int(remaining * 1000))
@@ -90,14 +93,14 @@ class Cvc5(Backend):
         self._copied_values: Mapping[str, Value] | None = None
         return _pysmt_solver(terms, self.name)
 
-    def check(self, deadline: Deadline, symbols: Iterable[Formula]) -> Verdict:
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
         self._copied_values = None
         remaining = deadline.remaining
         slice_ = self.slice_milliseconds if remaining is None else min(self.slice_milliseconds, int(remaining * 1000))
         self._solver.cvc5.setOption("tlimit-per", str(max(1, slice_)))
         verdict = _solve(self._solver)
         if verdict is Verdict.UNKNOWN and not deadline.passed:
-            return self._check_in_copy(deadline, list(symbols))
+            return self._check_in_copy(deadline, list(symbols()))
         return verdict
 
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:

@@ -42,12 +42,14 @@ class Session:
         self._exporter = exporter
         self._backend = create_backend(solver, terms)
         self._frames: list[list[Formula]] = [[]]
+        self._symbols: list[set[Formula]] = [set()]
 
     def add(self, *formulas: Formula) -> None:
         """Assert formulas in the current frame; constants that are true cost nothing."""
         for formula in formulas:
             if formula is not self.terms.true:
                 self._frames[-1].append(formula)
+                self._symbols[-1] |= self.terms.variables(formula)
                 self._backend.add(formula)
                 self.statistics.nodes += self.terms.size(formula)
 
@@ -55,12 +57,14 @@ class Session:
     def frame(self, *formulas: Formula) -> Iterator[None]:
         """Assert formulas for the duration of the block."""
         self._frames.append([])
+        self._symbols.append(set())
         self._backend.push()
         try:
             self.add(*formulas)
             yield
         finally:
             self._frames.pop()
+            self._symbols.pop()
             self._backend.pop()
 
     @property
@@ -72,7 +76,7 @@ class Session:
         if deadline.passed:
             return Verdict.UNKNOWN
         started = time.perf_counter()
-        verdict = self._backend.check(deadline, self._symbols())
+        verdict = self._backend.check(deadline, self._asserted_symbols)
         seconds = time.perf_counter() - started
         self._count(verdict, seconds)
         log.debug("%s: %s in %.4f s", question, verdict.value, seconds)
@@ -82,11 +86,11 @@ class Session:
 
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
         """Values by symbol name in the model of the last satisfiable check; symbols never asserted are left out."""
-        asserted = self._symbols()
+        asserted = self._asserted_symbols()
         return self._backend.values([symbol for symbol in symbols if symbol in asserted])
 
-    def _symbols(self) -> frozenset[Formula]:
-        return frozenset().union(*(self.terms.variables(formula) for formula in self.assertions))
+    def _asserted_symbols(self) -> set[Formula]:
+        return set().union(*self._symbols)
 
     def _count(self, verdict: Verdict, seconds: float) -> None:
         self.statistics.queries += 1

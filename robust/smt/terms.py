@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
 from fractions import Fraction
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from pysmt.environment import Environment
 from pysmt.fnode import FNode
@@ -27,6 +27,9 @@ class Terms:
         self.true: Formula = self.manager.TRUE()
         self.false: Formula = self.manager.FALSE()
         self._symbols: dict[Hashable, Formula] = {}
+        self.translations: dict[str, Any] = {}
+        """What solvers have translated of this environment's formulas already, by solver."""
+        self._variables: dict[Formula, frozenset[Formula]] = {}
         self._sizes: dict[Formula, int] = {}
         self._comparisons: dict[tuple[Polynomial[Hashable], Relation], Formula] = {}
 
@@ -140,7 +143,9 @@ class Terms:
 
     def variables(self, formula: Formula) -> frozenset[Formula]:
         """The symbols that occur in a formula."""
-        return frozenset(self.environment.fvo.get_free_variables(formula))
+        if formula not in self._variables:
+            self._variables[formula] = frozenset(self.environment.fvo.get_free_variables(formula))
+        return self._variables[formula]
 
 
 def holds(value: Fraction, relation: Relation) -> bool:
