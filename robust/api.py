@@ -91,8 +91,8 @@ def envelope(
         on_step: called after each containment check with the best box so far.
 
     Returns:
-        The box, sound whatever the status (but INVALID: the nominal point itself is not in the envelope). Ctrl-C
-        returns the best box so far with status INTERRUPTED.
+        The best box found, inside the envelope if `verified`. It is not if the nominal point itself is outside
+        (INVALID), or if time ran out before that was known. Ctrl-C returns the best box so far (INTERRUPTED).
 
     Raises:
         InputError: wrong options, or no schedule at the nominal point.

@@ -181,14 +181,15 @@ class RelationalEncoding:
         return any(bound is not None and bound >= self.epsilon for bound in bounds)
 
     def _learn_durations(self) -> Iterator[Linear]:
+        """All bounds are assumed, also those that the network implies: its slices may leave out what implies them."""
         for rule in self._rules:
             for bound in rule.bounds:
-                known = self._is_known(bound)
                 weight = self.network.surely_at_least(bound.weight)
                 if weight is not None:
                     self._orders.learn(bound.source, bound.target, weight)
-                if not known:
-                    yield self.network.distance(bound)
+                distance = self.network.distance(bound)
+                if not distance.is_constant or distance.constant_term < 0:
+                    yield distance
 
     def _learn_separations(self) -> Iterator[Linear]:
         """A mutex pair whose order is known up to less than ε is ε apart in that order; repeat until nothing is new."""

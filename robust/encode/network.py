@@ -78,7 +78,9 @@ class TemporalNetwork:
         seen: set[Linear] = set()
         candidates = [
             *equations,
-            *(Inequality(self.distance(d), d.origin, d.target if d.is_default else None) for d in self.differences),
+            # Said before unsaid: what is left out as implied must not be a statement of the plan.
+            *(Inequality(self.distance(d), d.origin) for d in self.differences if not d.is_default),
+            *(Inequality(self.distance(d), d.origin, d.target) for d in self.differences if d.is_default),
             *self.bounds_of_parameters(),
         ]
         for inequality in candidates:

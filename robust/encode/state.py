@@ -316,7 +316,8 @@ class States:
                     )
                 )
             for continuous in instance.continuous_effects:
-                self.flows[continuous.fluent].append(Flow(instance, continuous))
+                if continuous.rate != Polynomial.constant(0):
+                    self.flows[continuous.fluent].append(Flow(instance, continuous))
         for literal in self.plan.timed_literals:
             match literal.target:
                 case Atom():

@@ -81,9 +81,10 @@ class IncrementalRobustification:
         self._trace: list[Step] = []
         self._unbounded_checks = 0
         self._first_widening: float | None = None
+        self._verified = False
 
     def run(self) -> EnvelopeResult:
-        """Search until done, out of time or interrupted by Ctrl-C; the box returned is inside the envelope.
+        """Search until done, out of time or interrupted by Ctrl-C; a `verified` box is inside the envelope.
 
         Raises:
             InputError: if the network has no schedule, whatever the parameter values.
@@ -93,6 +94,7 @@ class IncrementalRobustification:
             if refutation is not None:
                 self._require_some_schedule(refutation)
                 return self._result(Status.INVALID, refutation)
+            self._verified = True
             self._search()
         except OutOfTimeError:
             return self._result(Status.TIMEOUT)
@@ -221,6 +223,7 @@ class IncrementalRobustification:
             unbounded_checks=self._unbounded_checks,
             first_widening_seconds=self._first_widening,
             seconds=time.perf_counter() - self._started,
+            verified=self._verified,
             trace=tuple(self._trace),
             reason=refutation.reason if refutation else None,
             values=refutation.values if refutation else {},

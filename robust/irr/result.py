@@ -13,7 +13,7 @@ from robust.smt.statistics import Statistics
 
 
 class Status(Enum):
-    """How a search ended; the box is inside the envelope in every case but INVALID."""
+    """How a search ended."""
 
     COMPLETE = "complete"
     TIMEOUT = "timeout"
@@ -47,7 +47,8 @@ class EnvelopeResult:
     """A decoupled robustness envelope and how it was found.
 
     `reason` and `values` explain INVALID: what breaks at the nominal point, with which parameter values. `checks`
-    counts the rectangles tried as in [IRR §5]; queries about unbounded directions are in `unbounded_checks`.
+    counts the rectangles tried as in [IRR §5]; queries about unbounded directions are in `unbounded_checks`. `verified`
+    is False if not even the nominal point is known to be inside: INVALID, or stopped before that was decided.
     """
 
     status: Status
@@ -61,6 +62,7 @@ class EnvelopeResult:
     unbounded_checks: int
     first_widening_seconds: float | None
     seconds: float
+    verified: bool = True
     trace: tuple[Step, ...] = ()
     reason: str | None = None
     values: Mapping[str, Fraction] = field(default_factory=dict)

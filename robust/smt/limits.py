@@ -5,6 +5,11 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+from robust.errors import InputError
+
+LONGEST = 4_000_000
+"""Seconds; z3 counts milliseconds in 32 bits."""
+
 
 @dataclass(frozen=True, slots=True)
 class Deadline:
@@ -14,8 +19,16 @@ class Deadline:
 
     @staticmethod
     def after(seconds: float | None) -> Deadline:
-        """The moment `seconds` from now; None is never."""
-        return Deadline(None if seconds is None else time.monotonic() + seconds)
+        """The moment `seconds` from now; None, and more than solvers can count, is never.
+
+        Raises:
+            InputError: if `seconds` is negative or not a number.
+        """
+        if seconds is None or seconds > LONGEST:
+            return Deadline()
+        if not seconds >= 0:
+            raise InputError(f"time limit is {seconds}; expected seconds, at least 0")
+        return Deadline(time.monotonic() + seconds)
 
     @property
     def remaining(self) -> float | None:
