@@ -76,7 +76,11 @@ class Z3(Backend):
         # Zero means "no limit" to z3, and a limit that has passed must still return at once.
         milliseconds = 4294967295 if remaining is None else max(1, int(remaining * 1000))
         self._solver.z3.set("timeout", milliseconds)
-        return _solve(self._solver)
+        verdict = _solve(self._solver)
+        if verdict is Verdict.UNKNOWN and self._solver.z3.reason_unknown() == "interrupted from keyboard":
+            # z3's own handler takes the signal while it works, so Python never hears of it.
+            raise KeyboardInterrupt
+        return verdict
 
 
 class Cvc5(Backend):

@@ -8,6 +8,7 @@ from io import StringIO
 from pathlib import Path
 
 from pysmt.smtlib.printers import SmtDagPrinter
+from pysmt.utils import quote
 
 from robust.errors import InputError
 from robust.smt.terms import Formula, Terms
@@ -39,18 +40,65 @@ class Exporter:
 
 
 def smtlib(terms: Terms, assertions: Iterable[Formula], question: str, answer: str) -> str:
-    """One query as an SMT-LIB 2.6 script; shared subterms are bound by `let`."""
-    assertions = list(assertions)
-    symbols = sorted(terms.variables(terms.conjunction(assertions)), key=lambda symbol: symbol.symbol_name())
+    """One query as an SMT-LIB 2.6 script; shared subterms are bound by `let`.
+
+    Symbols that have a reserved word for a name are written with a space before it.
+    """
+    conjunction = terms.conjunction(assertions)
+    renamed = {
+        symbol: terms.manager.Symbol(f" {symbol.symbol_name()}", symbol.symbol_type())
+        for symbol in terms.variables(conjunction)
+        if symbol.symbol_name() in RESERVED
+    }
+    if renamed:
+        conjunction = terms.environment.substituter.substitute(conjunction, renamed)
+    symbols = sorted(terms.variables(conjunction), key=lambda symbol: symbol.symbol_name())
     lines = [f"; {line}" for line in question.splitlines()]
     lines += [f"; answer: {answer}", "(set-logic QF_LRA)"]
-    lines += [f"(declare-fun {_quote(symbol.symbol_name())} () {symbol.symbol_type()})" for symbol in symbols]
-    for assertion in assertions:
+    lines += [f"(declare-fun {quote(symbol.symbol_name())} () {symbol.symbol_type()})" for symbol in symbols]
+    for assertion in conjunction.args() if conjunction.is_and() else [conjunction]:
         buffer = StringIO()
         SmtDagPrinter(buffer).printer(assertion)
         lines.append(f"(assert {buffer.getvalue()})")
     return "\n".join([*lines, "(check-sat)", ""])
 
 
-def _quote(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z~!@$%^&*_+=<>.?/-][A-Za-z0-9~!@$%^&*_+=<>.?/-]*", name) else f"|{name}|"
+RESERVED = frozenset(
+    [
+        "_",
+        "!",
+        "as",
+        "let",
+        "exists",
+        "forall",
+        "match",
+        "par",
+        "true",
+        "false",
+        "not",
+        "and",
+        "or",
+        "xor",
+        "ite",
+        "distinct",
+        "div",
+        "mod",
+        "abs",
+        "to_real",
+        "to_int",
+        "is_int",
+        "Bool",
+        "Int",
+        "Real",
+        "String",
+        "BINARY",
+        "DECIMAL",
+        "HEXADECIMAL",
+        "NUMERAL",
+        "STRING",
+        "assert",
+        "check-sat",
+        "declare-fun",
+    ]
+)
+"""Words of SMT-LIB and of its theories that quoting does not turn into ordinary symbols for every solver."""
