@@ -64,6 +64,17 @@ class Validity:
             return facet
         return self._broken_by_some_circulation(ranges, make_session(), deadline)
 
+    def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
+        """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
+        ranges: dict[str, Range] = {name: (value, value) for name, value in values.items()}
+        for facet in self.facets:
+            if facet.obligation is None and facet.breaks_in(ranges):
+                return facet
+        expressions = {i.expression: i.origin for i in self._network.inequalities}
+        edges = [edge(e, origin) for e, origin in expressions.items() if not is_over_parameters([e])]
+        cycle = suspicious_cycle(edges, ranges)
+        return None if cycle is None else facet_of(cycle)
+
     @cached_property
     def _edges(self) -> list[Edge]:
         """The network between free time points, without what the rest and the facts imply."""

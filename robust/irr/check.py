@@ -96,6 +96,7 @@ class Checker:
         self._answers: dict[str, Answer] = {}
         self._counterexamples: dict[str, Counterexample] = {}
         self._existence_known = False
+        self._broken: Facet | None = None
         self._reason: str | None = None
 
     def run(self) -> CheckResult:
@@ -137,9 +138,11 @@ class Checker:
             case None:
                 self._existence_known = True
             case Facet(obligation=None):
-                require_some_schedule(self._encoding, found, self._session(), self._deadline)
+                require_some_schedule(self._encoding, self._session(), self._deadline)
                 self._reason = no_schedule(found, worst_point(found, self._box))
                 return False
+            case Facet():
+                self._broken = found
             case Verdict():
                 return False
         return True
@@ -153,6 +156,11 @@ class Checker:
             self._answers[obligation.name] = answer
             if answer is Answer.REFUTED and not self._every:
                 return
+        if self._broken is not None and not self._counterexamples:
+            # It breaks for parameter values that leave no schedule to show it with.
+            require_some_schedule(self._encoding, self._session(), self._deadline)
+            values = worst_point(self._broken, self._box)
+            self._reason = f"no schedule keeps {self._broken.obligation!r} with {_listed(values)}"
 
     def _decide(self, obligation: Obligation) -> Answer:
         if obligation.violation is self._encoding.terms.false:
@@ -169,10 +177,6 @@ class Checker:
         verdict = full.check(f"{obligation.name}: counterexample", self._deadline)
         if verdict is Verdict.SATISFIABLE:
             self._counterexamples[obligation.name] = self._counterexample(obligation, full)
-        elif verdict is Verdict.UNSATISFIABLE and not self._existence_known and not self._every:
-            # The obligation breaks for parameter values of the box, but these leave no schedule to show it with.
-            self._reason = f"no schedule with the parameter values that break {obligation.name!r}"
-            return Answer.REFUTED
         return _ANSWERS[verdict]
 
     def _counterexample(self, obligation: Obligation, session: Session) -> Counterexample:
@@ -198,3 +202,7 @@ _ANSWERS = {
     Verdict.UNSATISFIABLE: Answer.PROVED,
     Verdict.UNKNOWN: Answer.UNKNOWN,
 }
+
+
+def _listed(values: Mapping[str, Fraction]) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in values.items())

@@ -167,23 +167,24 @@ def _contradiction(facet: Facet) -> str:
     return f"{'; '.join(facet.origins)} {'contradict each other' if len(facet.origins) > 1 else 'cannot hold'}"
 
 
-def require_some_schedule(encoding: RelationalEncoding, facet: Facet, session: Session, deadline: Deadline) -> None:
+def require_some_schedule(encoding: RelationalEncoding, session: Session, deadline: Deadline) -> None:
     """Tell a plan that can never be executed from parameter values that leave no schedule.
 
     Args:
         encoding: the plan's formulas.
-        facet: what some parameter values break.
         session: a new session over the encoding's terms.
         deadline: when to give up, as if there were a schedule.
 
     Raises:
-        InputError: if no parameter values leave a schedule.
+        InputError: if no parameter values leave a schedule; the message names statements that contradict each other.
     """
     session.add(*encoding.network_formulas())
     if session.check("enc_tn", deadline) is Verdict.UNSATISFIABLE:
+        facet = encoding.validity.contradiction(encoding.plan.nominal)
         place = next((item.location for item in encoding.plan.constraints if item.location), None)
+        why = _contradiction(facet) if facet is not None else "its constraints contradict each other"
         raise InputError(
-            f"the plan's network has no schedule: {_contradiction(facet)}; expected constraints that can hold together",
+            f"the plan's network has no schedule: {why}; expected constraints that can hold together",
             Location(place.file) if place else None,
         )
 

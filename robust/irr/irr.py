@@ -92,7 +92,9 @@ class IncrementalRobustification:
         try:
             refutation = self._containment.refute(self._box, self._deadline)
             if refutation is not None:
-                self._require_some_schedule(refutation)
+                if refutation.facet is not None:
+                    session = self._containment.open_session()
+                    require_some_schedule(self._containment.encoding, session, self._deadline)
                 return self._result(Status.INVALID, refutation)
             self._verified = True
             self._search()
@@ -101,12 +103,6 @@ class IncrementalRobustification:
         except KeyboardInterrupt:
             return self._result(Status.INTERRUPTED)
         return self._result(Status.COMPLETE)
-
-    def _require_some_schedule(self, refutation: Refutation) -> None:
-        if refutation.facet is not None and refutation.facet.obligation is None:
-            containment = self._containment
-            session = containment.open_session()
-            require_some_schedule(containment.encoding, refutation.facet, session, self._deadline)
 
     # -- Algorithm 1 ---------------------------------------------------------------------------------------------
 
