@@ -6,17 +6,29 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
+from robust.errors import InputError
 from robust.plan.model import Parameter
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """The values from `lower` to `upper`; None is an infinite end, which is always open."""
+    """The values from `lower` to `upper`; None is an infinite end, which is always open.
+
+    Raises:
+        InputError: if there are no such values.
+    """
 
     lower: Fraction | None
     upper: Fraction | None
     lower_closed: bool = True
     upper_closed: bool = True
+
+    def __post_init__(self) -> None:
+        if self.lower is None or self.upper is None:
+            return
+        both = self.lower_closed and self.upper_closed
+        if self.lower > self.upper or (self.lower == self.upper and not both):
+            raise InputError(f"the interval {self} is empty; expected a lower end below the upper one")
 
     def __contains__(self, value: Fraction) -> bool:
         above = self.lower is None or self.lower < value or (self.lower_closed and self.lower == value)

@@ -190,11 +190,13 @@ def require_some_schedule(encoding: RelationalEncoding, session: Session, deadli
 
 
 def worst_point(facet: Facet, box: Box) -> dict[str, Fraction]:
-    """A point of the box at which the facet breaks: the worst end in each parameter that matters.
+    """A point of the box at which the facet breaks, as far out as the box allows.
 
-    An infinite end is replaced by a value far enough to break the facet whatever the other parameters are.
+    An infinite end is replaced by a value far enough to break the facet whatever the other parameters are, and a point
+    on an open end by one inside that still breaks it.
     """
-    values = {name: interval.some_value() for name, interval in box.intervals.items()}
+    inside = {name: interval.some_value() for name, interval in box.intervals.items()}
+    values = dict(inside)
     infinite: list[tuple[str, Fraction]] = []
     for unknown, factor in facet.expression.coefficients():
         name = str(unknown)
@@ -204,6 +206,13 @@ def worst_point(facet: Facet, box: Box) -> dict[str, Fraction]:
         else:
             values[name] = end
     for name, factor in infinite[:1]:
-        excess = facet.expression.evaluate({unknown: values[str(unknown)] for unknown in facet.expression.variables})
-        values[name] -= (max(excess, Fraction(0)) + 1) / factor
+        values[name] -= (max(_value(facet, values), Fraction(0)) + 1) / factor
+    if values not in box:
+        outer, inner = _value(facet, values), _value(facet, inside)
+        share = Fraction(1, 2) if inner < 0 else outer / (outer - inner) / 2
+        values = {name: value + (inside[name] - value) * share for name, value in values.items()}
     return values
+
+
+def _value(facet: Facet, values: Mapping[str, Fraction]) -> Fraction:
+    return facet.expression.evaluate({unknown: values[str(unknown)] for unknown in facet.expression.variables})

@@ -13,7 +13,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import cycle
 
@@ -26,6 +26,8 @@ from robust.smt.limits import Deadline
 
 log = logging.getLogger(__name__)
 
+_SIDES = (Side.UPPER, Side.LOWER)
+
 STREAK = 8
 """After so many successes in a row in one direction, ask whether it is bounded at all."""
 
@@ -36,8 +38,8 @@ class _Turn:
 
     parameter: Parameter
     delta: Fraction
-    available: list[Side] = field(default_factory=lambda: [Side.UPPER, Side.LOWER])
-    untried: list[Side] = field(default_factory=lambda: [Side.UPPER, Side.LOWER])
+    available: list[Side]
+    untried: list[Side]
     halved: bool = False
     streak: int = 0
     """Successes in a row in the direction tried last."""
@@ -107,7 +109,7 @@ class IncrementalRobustification:
     # -- Algorithm 1 ---------------------------------------------------------------------------------------------
 
     def _search(self) -> None:
-        turns = [_Turn(parameter, self._first_delta(parameter)) for parameter in self._parameters]
+        turns = [self._first_turn(parameter) for parameter in self._parameters]
         least = self._beta / 2
         # The recorded runs try parameters down to β/2 as well, but end as soon as every Δ is below β.
         enough = self._beta if self._doubling else least
@@ -116,6 +118,11 @@ class IncrementalRobustification:
                 return
             if turn.available and turn.delta >= least:
                 self._attempt(turn)
+
+    def _first_turn(self, parameter: Parameter) -> _Turn:
+        """Lines 4 and 5; the default schedule has nothing to try where the nominal value is at a declared bound."""
+        sides = [side for side in _SIDES if self._doubling or _declared(parameter, side) != parameter.nominal]
+        return _Turn(parameter, self._first_delta(parameter), sides, list(sides))
 
     def _first_delta(self, parameter: Parameter) -> Fraction:
         """Line 4."""
