@@ -72,9 +72,12 @@ def _outcomes(
     from joblib import Parallel, delayed  # noqa: PLC0415 - not needed for one job
 
     pool = Parallel(n_jobs=jobs, backend="threading", return_as="generator_unordered", batch_size=1)
+    outcomes = pool(delayed(one)(index) for index in range(total))
     try:
-        for outcome in pool(delayed(one)(index) for index in range(total)):
+        for outcome in outcomes:
             if outcome is not None:
                 yield outcome
     finally:
-        processes.stop()  # the threads end with what they wait for
+        processes.stop()
+        for _ in outcomes:  # nothing starts any more, and joblib warns about results that nobody takes
+            pass

@@ -1,4 +1,4 @@
-"""Runs one command and reports its exit code, wall time and peak memory; started by :mod:`robust.bench.process`.
+"""Runs one command and reports its exit code, time and peak memory; started by :mod:`robust.bench.process`.
 
 `launch.py REPORT LIFELINE LIMIT COMMAND...`: REPORT and LIFELINE are file descriptors, LIMIT is in seconds (0: none).
 The command is killed at the limit. When LIFELINE reaches its end, because the parent closed it or died, everything
@@ -42,6 +42,7 @@ def main() -> None:
         "exit_code": os.waitstatus_to_exitcode(status),
         "timed_out": timed_out,
         "seconds": seconds,
+        "cpu_s": usage.ru_utime + usage.ru_stime,
         "memory_bytes": usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024),
     }
     os.write(report, json.dumps(result).encode())

@@ -63,7 +63,8 @@ def plot_recorded(report: RecordedReport, path: Path) -> None:
         "Instances solved within a time limit (ours and recorded: different machines)", fontsize=10, loc="left"
     )
     axes.grid(which="major", color="0.92")
-    axes.legend(loc="lower right", fontsize=8, framealpha=1)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower right", fontsize=8, framealpha=1)
     _save(figure, path)
 
 

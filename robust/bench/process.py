@@ -22,11 +22,14 @@ _LAUNCHER = Path(__file__).with_name("launch.py")
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One process: what it printed, and what it cost. `exit_code` is negative where a signal ended it."""
+    """One process: what it printed, and what it cost.
+
+    `seconds` is wall time, `cpu_s` what all its threads computed; `exit_code` is negative where a signal ended it."""
 
     exit_code: int
     timed_out: bool
     seconds: float
+    cpu_s: float
     memory_mb: float
     stdout: str
     stderr: str
@@ -114,6 +117,7 @@ class Processes:
             exit_code=facts["exit_code"],
             timed_out=facts["timed_out"],
             seconds=facts["seconds"],
+            cpu_s=facts["cpu_s"],
             memory_mb=facts["memory_bytes"] / 2**20,
             stdout=output.decode("utf-8", "replace"),
             stderr=errors.decode("utf-8", "replace"),

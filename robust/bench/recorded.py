@@ -162,6 +162,7 @@ class RecordedReport:
             "seconds": {
                 "instances": len(both),
                 "ours": round(sum(row.ours.seconds for row in both), 2),
+                "ours_cpu": round(sum(row.ours.cpu_s for row in both), 2),
                 "irr": round(sum(_recorded_seconds(row) or 0.0 for row in both), 2),
             },
             "memory_mb": {"ours": round(max((row.ours.memory_mb for row in rows), default=0.0), 1)},

@@ -34,12 +34,13 @@ class Outcome(Enum):
 class EnvelopeRun:
     """One process: its cost, and its answer where there is one.
 
-    `seconds` is the whole process; `search_s` and `first_widening_s` count from the start of the search, as the process
-    itself reported them. `message` explains ERROR and INVALID.
+    `seconds` is the wall time of the whole process, `cpu_s` its processor time; `search_s` and `first_widening_s` count
+    from the start of the search, as the process itself reported them. `message` explains ERROR and INVALID.
     """
 
     outcome: Outcome
     seconds: float
+    cpu_s: float
     memory_mb: float
     checks: int | None = None
     queries: int | None = None
@@ -64,6 +65,7 @@ class EnvelopeRun:
         return {
             "status": self.outcome.value,
             "seconds": round(self.seconds, 4),
+            "cpu_s": round(self.cpu_s, 4),
             "memory_mb": round(self.memory_mb, 1),
             "checks": self.checks,
             "queries": self.queries,
@@ -89,17 +91,18 @@ def run_envelope(
 
 def read_run(measured: Measured) -> EnvelopeRun:
     """The answer of a process that has ended; anything but an answer becomes ERROR with the reason."""
-    seconds, memory = measured.seconds, measured.memory_mb
+    cost = (measured.seconds, measured.cpu_s, measured.memory_mb)
     if measured.timed_out:
-        return EnvelopeRun(Outcome.TIMEOUT, seconds, memory)
+        return EnvelopeRun(Outcome.TIMEOUT, *cost)
     if not measured.stdout.strip():
-        return EnvelopeRun(Outcome.ERROR, seconds, memory, message=measured.last_error)
+        return EnvelopeRun(Outcome.ERROR, *cost, message=measured.last_error)
     try:
         answer = json.loads(measured.stdout)
+        if "error" in answer:
+            return EnvelopeRun(Outcome.ERROR, *cost, message=answer["error"]["message"])
         return EnvelopeRun(
             Outcome(answer["status"]),
-            seconds,
-            memory,
+            *cost,
             checks=answer["checks"],
             queries=_queries(answer),
             search_s=answer["seconds"],
@@ -109,7 +112,7 @@ def read_run(measured: Measured) -> EnvelopeRun:
         )
     except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
         message = f"the answer is not that of `robust envelope --json` ({type(error).__name__}: {error})"
-        return EnvelopeRun(Outcome.ERROR, seconds, memory, message=message)
+        return EnvelopeRun(Outcome.ERROR, *cost, message=message)
 
 
 def _queries(answer: Mapping[str, Any]) -> int | None:

@@ -28,7 +28,7 @@ def count(value: int | None) -> str:
 def recorded_tables(report: RecordedReport) -> list[Table]:
     """Ours beside the recorded runs, and totals."""
     table = Table(title="Ours / recorded IRR / recorded CCMMZ", title_justify="left", caption_justify="left")
-    table.caption = "; ".join(report.notes)
+    table.caption = "\n".join(report.notes)
     table.add_column("instance", no_wrap=True)
     table.add_column("seconds", justify="right")
     table.add_column("first widening", justify="right")
@@ -68,7 +68,8 @@ def _totals(report: RecordedReport) -> Table:
     table.add_row("out of time, errors", f"{totals['timeouts']}, {totals['errors']}")
     table.add_row(
         f"seconds for {totals['seconds']['instances']} solved by both",
-        f"ours {figure(totals['seconds']['ours'])}, recorded IRR {figure(totals['seconds']['irr'])}",
+        f"ours {figure(totals['seconds']['ours'])} (processor {figure(totals['seconds']['ours_cpu'])}), "
+        f"recorded IRR {figure(totals['seconds']['irr'])}",
     )
     table.add_row("greatest memory", f"ours {figure(totals['memory_mb']['ours'], 0)} MiB")
     return table
@@ -95,5 +96,5 @@ def scaling_tables(report: ScalingReport) -> list[Table]:
                 escape(run.text),
             )
         tables.append(table)
-    tables[-1].caption = "; ".join(report.notes)
+    tables[-1].caption = "\n".join(report.notes)
     return tables
