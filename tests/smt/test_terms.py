@@ -1,0 +1,119 @@
+"""Formulas: constants are folded, what is built means what it says."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robust.encode.variables import Auxiliary, constant, variable
+from robust.errors import UnsupportedError
+from robust.plan.model import Relation
+from robust.smt.session import Session, Verdict
+from robust.smt.terms import Terms, holds
+
+X, Y = Auxiliary("x", 1), Auxiliary("y", 2)
+RELATIONS = list(Relation)
+SMALL = st.fractions(-3, 3, max_denominator=3)
+
+
+@pytest.fixture
+def terms() -> Terms:
+    return Terms()
+
+
+@pytest.mark.parametrize("relation", RELATIONS)
+@pytest.mark.parametrize("value", [Fraction(-1, 7), Fraction(0), Fraction(2)])
+def test_comparisons_of_constants_are_decided(terms, relation, value) -> None:
+    expected = {
+        Relation.AT_LEAST: value >= 0,
+        Relation.GREATER: value > 0,
+        Relation.EQUAL: value == 0,
+        Relation.DIFFERENT: value != 0,
+    }[relation]
+    assert holds(value, relation) is expected
+    assert terms.compare(constant(value), relation) is terms.truth(expected)
+
+
+def test_differences_that_cancel_are_decided(terms) -> None:
+    assert terms.at_least(variable(X) - variable(X)) is terms.true
+    assert terms.greater(variable(X) - variable(X)) is terms.false
+
+
+def test_the_same_comparison_is_the_same_formula(terms) -> None:
+    one = terms.greater(variable(X) - variable(Y) + 1)
+    assert terms.greater(constant(1) - variable(Y) + variable(X)) is one
+    assert terms.at_least(variable(X) - variable(Y) + 1) is not one
+
+
+def test_junctions_fold_constants_and_repetitions(terms) -> None:
+    a, b = terms.fresh_boolean("a"), terms.fresh_boolean("b")
+    true, false = terms.true, terms.false
+    assert terms.conjunction([]) is true
+    assert terms.disjunction([]) is false
+    assert terms.conjunction([true, a, true, a]) is a
+    assert terms.disjunction([a, false, a]) is a
+    assert terms.conjunction(iter([a, false, b])) is false
+    assert terms.disjunction([a, true, b]) is true
+    assert set(terms.conjunction([a, b, a]).args()) == {a, b}
+
+
+def test_negation_and_implication_fold(terms) -> None:
+    a, b = terms.fresh_boolean("a"), terms.fresh_boolean("b")
+    assert terms.negation(terms.negation(a)) is a
+    assert terms.negation(terms.true) is terms.false
+    assert terms.negation(terms.false) is terms.true
+    assert terms.implication(terms.true, b) is b
+    assert terms.implication(terms.false, b) is terms.true
+    assert terms.implication(a, terms.true) is terms.true
+    assert terms.implication(a, terms.false) is terms.negation(a)
+
+
+def test_fresh_truths_are_distinct_and_symbols_are_not(terms) -> None:
+    assert terms.fresh_boolean("a") is not terms.fresh_boolean("a")
+    assert terms.real(X) is terms.real(Auxiliary("x", 1))
+    assert terms.real(X) is not terms.real(Auxiliary("x", 2))
+
+
+def test_products_of_unknowns_are_refused_by_name(terms) -> None:
+    with pytest.raises(UnsupportedError, match="non-linear"):
+        terms.at_least(variable(X) * variable(Y))
+    assert terms.at_least(constant(2) * variable(X)) is terms.at_least(variable(X).scaled(2))
+
+
+def test_variables_and_size(terms) -> None:
+    x, y = terms.real(X), terms.real(Y)
+    formula = terms.conjunction([terms.greater(variable(X)), terms.greater(variable(X) - variable(Y))])
+    assert terms.variables(formula) == {x, y}
+    assert terms.variables(terms.true) == frozenset()
+    assert terms.size(terms.true) == 1
+    assert terms.size(terms.greater(variable(X))) == 3
+    assert terms.size(formula) > terms.size(formula.arg(1))
+
+
+def test_deep_formulas_do_not_hit_the_recursion_limit(terms) -> None:
+    formula = terms.at_least(variable(X))
+    for index in range(5000):
+        other = terms.fresh_boolean("d")
+        formula = terms.conjunction([formula, other]) if index % 2 else terms.disjunction([formula, other])
+    assert terms.size(formula) > 10_000
+    session = Session(terms)
+    session.add(formula)
+    assert session.check("deep") is Verdict.SATISFIABLE
+
+
+@given(
+    st.lists(SMALL, min_size=3, max_size=3), st.sampled_from(RELATIONS), SMALL, SMALL, st.sampled_from(["z3", "cvc5"])
+)
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_a_comparison_means_what_it_says(factors, relation, x, y, solver) -> None:
+    a, b, c = factors
+    expression = variable(X).scaled(a) + variable(Y).scaled(b) + c
+    terms = Terms()
+    session = Session(terms, solver=solver)
+    session.add(terms.equal(variable(X) - x), terms.equal(variable(Y) - y))
+    session.add(terms.compare(expression, relation))
+    expected = Verdict.SATISFIABLE if holds(a * x + b * y + c, relation) else Verdict.UNSATISFIABLE
+    assert session.check("comparison") is expected
