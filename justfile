@@ -1,0 +1,46 @@
+# The commands of this project, for people and for CI; CONTRIBUTING.md gives them without `just`.
+
+python := env_var_or_default("PYTHON", ".venv/bin/python")
+
+# list the commands
+default:
+    @just --list
+
+# make .venv with the locked versions of everything
+install:
+    python3 -m venv .venv
+    {{python}} -m pip install -c constraints.txt -e '.[dev,docs]'
+
+# format the code
+format:
+    {{python}} -m ruff format .
+    {{python}} -m ruff check --fix .
+
+# lint, and check the format
+lint:
+    {{python}} -m ruff check .
+    {{python}} -m ruff format --check .
+
+# type-check
+types:
+    {{python}} -m mypy
+
+# the quick tests
+test *arguments:
+    {{python}} -m pytest -n auto {{arguments}}
+
+# all tests, the exhaustive ones too
+test-all *arguments:
+    {{python}} -m pytest -n auto -m 'slow or not slow' {{arguments}}
+
+# the scaling study
+bench:
+    {{python}} -m robust bench scaling
+
+# the documentation as HTML in build/docs
+docs:
+    {{python}} -m sphinx -W -b html docs build/docs
+
+# what CI runs, in an environment of its own
+ci:
+    .ci/run

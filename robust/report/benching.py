@@ -1,0 +1,81 @@
+"""`robust bench`: runs benchmarks and prints their reports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from robust.report import options
+from robust.report.guard import UNDECIDED, Guard
+from robust.report.output import answering, print_json
+from robust.report.progress import Display
+from robust.report.terminal import console
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+class Report(Protocol):
+    """What every benchmark returns."""
+
+    @property
+    def agrees(self) -> bool: ...
+    @property
+    def complete(self) -> bool: ...
+    def as_dict(self) -> dict[str, Any]: ...
+    def tables(self) -> Sequence[Table]: ...
+
+
+@dataclass(frozen=True)
+class BenchRequest:
+    """The options as they were typed."""
+
+    jobs: int = 1
+    limit: str | None = None
+    plot: Path | None = None
+    json: bool = False
+    progress: bool = False
+
+
+def bench_recorded(suite: Path, request: BenchRequest, guard: Guard) -> int:
+    """Run a data set beside its recorded runs."""
+    from robust.bench.recorded import run_recorded  # noqa: PLC0415 - only what is asked for
+
+    limit = options.seconds(request.limit, "--limit")
+    plot = options.plot_file(request.plot)
+    return _run(
+        request,
+        guard,
+        lambda display: run_recorded(suite, jobs=request.jobs, limit=limit, plot=plot, on_result=display.batch),
+    )
+
+
+def bench_scaling(request: BenchRequest, guard: Guard) -> int:
+    """Run generated instances of growing size."""
+    from robust.bench.scaling import run_scaling  # noqa: PLC0415 - only what is asked for
+
+    limit = options.seconds(request.limit, "--limit")
+    plot = options.plot_file(request.plot)
+    return _run(
+        request,
+        guard,
+        lambda display: run_scaling(jobs=request.jobs, limit=limit, plot=plot, on_result=display.batch),
+    )
+
+
+def _run(request: BenchRequest, guard: Guard, work: Callable[[Display], Report]) -> int:
+    guard.hand_over()
+    with Display(shown=request.progress, what="running") as display:
+        report = work(display)
+    if request.json:
+        print_json(report.as_dict())
+    else:
+        with answering():
+            out = console()
+            for table in report.tables():
+                out.print(table, markup=True)
+    if not report.complete:
+        return UNDECIDED
+    return 0 if report.agrees else 1

@@ -1,0 +1,52 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from robust.plan.numerals import format_number
+
+_LONGEST = 9
+_DIGITS = 6
+
+
+def readable(value: Fraction) -> str:
+    """The exact decimal or fraction where that is short, otherwise an approximation marked by `≈`."""
+    exact = format_number(value)
+    if len(exact) <= _LONGEST:
+        return exact.replace("-", "−")
+    return "≈" + f"{approximate(value):.{_DIGITS}g}".replace("-", "−")
+
+
+def end(value: Fraction | None, *, upper: bool, closed: bool = True) -> str:
+    """An end of an interval; infinite ends are ±∞, open finite ends are marked."""
+    if value is None:
+        return "∞" if upper else "−∞"
+    return readable(value) if closed else f"{readable(value)} (open)"
+
+
+def exact_end(value: Fraction | None, *, upper: bool) -> str:
+    """An end of an interval in JSON: a rational, `inf` or `-inf`."""
+    if value is None:
+        return "inf" if upper else "-inf"
+    return str(value)
+
+
+def approximate(value: Fraction) -> float:
+    """The nearest float; numbers beyond floats become infinite."""
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else float("-inf")
+
+
+def duration(seconds: float) -> str:
+    """Seconds of computing time."""
+    if seconds < 60:
+        return f"{seconds:.2f} s"
+    minutes, rest = divmod(int(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def plural(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

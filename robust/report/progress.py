@@ -1,0 +1,96 @@
+"""Progress on stderr, for people who watch: nothing where stderr is no terminal."""
+
+from __future__ import annotations
+
+import sys
+import time
+from fractions import Fraction
+from types import TracebackType
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from robust.irr.result import Side, Step
+from robust.report.numbers import duration, end, plural, readable
+
+_ROWS = 12
+"""Parameters shown at most: the display must fit on a screen."""
+
+
+class Display:
+    """A few lines that follow the work and disappear at its end."""
+
+    def __init__(self, *, shown: bool, what: str) -> None:
+        self._console = Console(file=sys.stderr, markup=False, highlight=False, emoji=False)
+        self._started = time.monotonic()
+        self._what = what
+        self._step: Step | None = None
+        enabled = shown and self._console.is_terminal
+        self._live = (
+            Live(get_renderable=self._render, console=self._console, transient=True, refresh_per_second=8)
+            if enabled
+            else None
+        )
+
+    def __enter__(self) -> Display:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Leave the terminal as it was."""
+        live, self._live = self._live, None
+        if live is not None:
+            live.stop()
+
+    def say(self, what: str) -> None:
+        self._what = what
+
+    def obligation(self, done: int, total: int, name: str) -> None:
+        """For `robust.check`."""
+        self._what = f"obligation {done + 1} of {total}: {name}"
+
+    def batch(self, done: int, total: int, line: str) -> None:
+        """For benchmarks: one line for each run stays, the display shows how many there were."""
+        self._what = f"{done} of {total} done"
+        if self._live is not None:
+            self._console.print(Text(line))
+
+    def step(self, step: Step) -> None:
+        """For `robust.envelope`."""
+        self._step = step
+
+    def _render(self) -> RenderableType:
+        elapsed = duration(time.monotonic() - self._started)
+        if self._step is None:
+            return Text(f"{self._what} ... {elapsed}", style="dim", no_wrap=True, overflow="ellipsis")
+        step = self._step
+        outcome = "grown" if step.accepted else "blocked"
+        line = f"{plural(step.check, 'check')}, {elapsed}; last: {step.parameter} {step.side.value} {outcome}"
+        return Group(_box(step), Text(f"{line}; Ctrl-C keeps this box", style="dim", no_wrap=True, overflow="ellipsis"))
+
+
+def _box(step: Step) -> Table:
+    """The best box so far; the parameter tried last, with its Δ, is marked."""
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for name, interval in list(step.box.intervals.items())[:_ROWS]:
+        tried = name == step.parameter
+        table.add_row(
+            Text(name, style="bold" if tried else ""),
+            Text(f"[{end(interval.lower, upper=False)}, {end(interval.upper, upper=True)}]"),
+            Text(_delta(step.delta, step.side) if tried else "", style="dim"),
+        )
+    if len(step.box.intervals) > _ROWS:
+        table.add_row(Text(f"and {len(step.box.intervals) - _ROWS} more", style="dim"))
+    return table
+
+
+def _delta(delta: Fraction, side: Side) -> str:
+    return f"Δ = {readable(delta)} {'↑' if side is Side.UPPER else '↓'}"

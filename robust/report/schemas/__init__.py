@@ -1,0 +1,20 @@
+"""JSON Schemas (draft 2020-12) of what `--json` prints, by the value of `schema` in the output."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from typing import Any
+
+FILES = {
+    "robust/check/1": "check.schema.json",
+    "robust/envelope/1": "envelope.schema.json",
+    "robust/error/1": "error.schema.json",
+}
+
+
+def schema(name: str) -> dict[str, Any]:
+    """The schema of that name, such as `robust/envelope/1`; KeyError for others."""
+    text = resources.files(__name__).joinpath(FILES[name]).read_text(encoding="utf-8")
+    loaded: dict[str, Any] = json.loads(text)
+    return loaded

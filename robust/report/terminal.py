@@ -1,0 +1,258 @@
+"""Answers for people: verdicts, boxes and counterexamples as text and tables."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+from typing import TextIO
+
+from rich import box as borders
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from robust.irr.box import Interval
+from robust.irr.check import Answer, CheckResult, Counterexample
+from robust.irr.result import EnvelopeResult, Status
+from robust.plan.model import Parameter
+from robust.plan.simulate import TraceStep, Violation
+from robust.report.numbers import duration, end, plural, readable
+
+_WIDE = 160
+"""Columns where the output is no terminal: nothing is to be cut, and lines are to stay readable."""
+_COLOURS = {Answer.PROVED: "green", Answer.REFUTED: "bold red", Answer.UNKNOWN: "yellow"}
+
+
+def console(stream: TextIO | None = None) -> Console:
+    """Where answers are printed: texts of users are never taken for markup."""
+    stream = stream or sys.stdout
+    width = None if stream.isatty() or os.environ.get("COLUMNS", "").isdigit() else _WIDE
+    return _Console(file=stream, width=width, markup=False, highlight=False, emoji=False)
+
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave it to the caller, who knows the exit code; rich would end the process with its own."""
+        raise BrokenPipeError
+
+
+# -- check -----------------------------------------------------------------------------------------------------------
+
+
+def print_check(out: Console, result: CheckResult, *, every: bool, quiet: bool, timed_out: bool) -> None:
+    """The verdict; unless `quiet` also what breaks and how, and with `every` the verdict of each obligation."""
+    out.print(_verdict(result, timed_out), soft_wrap=True)
+    if quiet:
+        return
+    out.print(_summary(result), soft_wrap=True)
+    if every:
+        _print_broken(out, result)
+    for found in list(result.counterexamples.values())[:1]:
+        out.print()
+        print_counterexample(out, found)
+
+
+def _verdict(result: CheckResult, timed_out: bool) -> Text:
+    text = Text(result.answer.value, style=_COLOURS[result.answer])
+    broken = [name for name, answer in result.obligations.items() if answer is Answer.REFUTED]
+    match result.answer:
+        case Answer.PROVED:
+            text.append(": the plan is valid for every schedule that its network allows", style="default")
+        case Answer.UNKNOWN:
+            reason = ": out of time" if timed_out else ": interrupted" if result.interrupted else ""
+            text.append(reason, style="default")
+        case Answer.REFUTED if result.reason is not None:
+            text.append(f": {result.reason}", style="default")
+        case Answer.REFUTED:
+            text.append(f": an allowed schedule breaks {'; '.join(broken)}", style="default")
+    return text
+
+
+def _summary(result: CheckResult) -> Text:
+    answers = list(result.obligations.values())
+    parts = [f"{answers.count(Answer.PROVED)} of {plural(len(answers), 'obligation')} proved", duration(result.seconds)]
+    if result.counterexamples and Answer.UNKNOWN in answers:
+        parts[0] += ", the others not examined"
+    values = [f"{name} {_values(interval)}" for name, interval in result.box.intervals.items()]
+    if values:
+        parts.append(f"with {', '.join(values)}")
+    return Text(f"{'; '.join(parts)}.", style="dim")
+
+
+def _values(interval: Interval) -> str:
+    if interval.lower is not None and interval.lower == interval.upper:
+        return f"= {readable(interval.lower)}"
+    return f"in [{end(interval.lower, upper=False)}, {end(interval.upper, upper=True)}]"
+
+
+def _print_broken(out: Console, result: CheckResult) -> None:
+    """Every obligation that is not proved, with a time and a reason where it breaks."""
+    table = _table("verdict", "obligation", "time", "why", right=("time",))
+    for name, answer in result.obligations.items():
+        if answer is not Answer.PROVED:
+            found = result.counterexamples.get(name)
+            when, why = ("", "") if found is None else _when_and_why(found)
+            table.add_row(Text(answer.value, style=_COLOURS[answer]), Text(name), Text(when), Text(why))
+    if table.row_count:
+        out.print()
+        _show(out, table)
+
+
+def _when_and_why(found: Counterexample) -> tuple[str, str]:
+    one = next(one for one in found.simulation.violations if one.obligation == found.obligation)
+    return readable(one.time), _with_readable_numbers(one.detail)
+
+
+# -- counterexamples -------------------------------------------------------------------------------------------------
+
+
+def print_counterexample(out: Console, found: Counterexample) -> None:
+    """What breaks, when and why, and the schedule in which it does, state by state."""
+    when, why = _when_and_why(found)
+    out.print(Text.assemble(("broken: ", "bold red"), found.obligation), soft_wrap=True)
+    out.print(Text(f"  at time {when}: {why}"), soft_wrap=True)
+    if found.parameters:
+        values = ", ".join(f"{name} = {readable(value)}" for name, value in found.parameters.items())
+        out.print(Text(f"  parameters: {values}"), soft_wrap=True)
+    table = _table("time", "happens", "changes", "fluents", right=("time",))
+    for step in _with_violations(found):
+        if isinstance(step, Violation):
+            table.add_row(
+                Text(readable(step.time), style="red"), Text("✗ violated", style="bold red"), *_violation_cells(step)
+            )
+        else:
+            table.add_row(*_step_cells(step))
+    _show(out, table)
+
+
+def _with_violations(found: Counterexample) -> Iterator[TraceStep | Violation]:
+    """Steps in order of time, each violation before what happens later."""
+    pending = sorted(found.simulation.violations, key=lambda one: one.time)
+    for step in found.simulation.trace:
+        while pending and pending[0].time < step.time:
+            yield pending.pop(0)
+        yield step
+    yield from pending
+
+
+def _step_cells(step: TraceStep) -> tuple[Text, Text, Text, Text]:
+    changes = [f"{'+' if value else '−'} {atom}" for atom, value in step.atoms_changed]
+    fluents = [f"{fluent} = {readable(value)}" for fluent, value in step.fluents.items()]
+    return Text(readable(step.time)), _lines(map(str, step.points)), _lines(changes), _lines(fluents)
+
+
+def _violation_cells(violation: Violation) -> tuple[Text, Text]:
+    style = "red"
+    return Text(violation.obligation, style=style), Text(_with_readable_numbers(violation.detail), style=style)
+
+
+def _with_readable_numbers(detail: str) -> str:
+    """Values in a violation's detail are exact fractions; those after `=` are shown like all other numbers."""
+    words = detail.split(" ")
+    for index, word in enumerate(words):
+        if index and words[index - 1] == "=" and _is_fraction(word):
+            words[index] = readable(Fraction(word))
+    return " ".join(words)
+
+
+def _is_fraction(word: str) -> bool:
+    numerator, slash, denominator = word.removeprefix("-").partition("/")
+    return bool(slash) and numerator.isdecimal() and denominator.isdecimal() and int(denominator) > 0
+
+
+# -- envelopes -------------------------------------------------------------------------------------------------------
+
+
+def print_envelope(
+    out: Console, result: EnvelopeResult, *, gap: Fraction, quiet: bool, counterexample: Counterexample | None = None
+) -> None:
+    """The box, or why there is none; unless `quiet` also how it was found. `gap` is what complete faces can miss."""
+    if result.status is Status.INVALID:
+        _print_invalid(out, result, quiet, counterexample)
+        return
+    if not result.verified:
+        word = _STOPPED[result.status]
+        out.print(Text(f"{word} before the nominal values were decided: no box is known", style="yellow"))
+        return
+    if result.parameters:
+        _show(out, envelope_table(result))
+    else:
+        out.print(Text("The plan is valid, and has no parameters that could vary; --parameter declares some."))
+    if result.parameters and not quiet:
+        out.print()
+    if result.status is not Status.COMPLETE:
+        word = _STOPPED[result.status]
+        out.print(Text(f"{word}: the best box so far; sound, but may not be maximal", style="yellow"), soft_wrap=True)
+    if not quiet:
+        out.print(_envelope_summary(result, gap), soft_wrap=True)
+
+
+_STOPPED = {Status.TIMEOUT: "out of time", Status.INTERRUPTED: "interrupted"}
+
+
+def envelope_table(result: EnvelopeResult) -> Table:
+    """One row for each parameter: nominal value, interval, and how far it may deviate to either side."""
+    columns = ("parameter", "nominal", "lower", "upper", "may fall by", "may rise by")
+    table = _table(*columns, right=columns[1:])
+    for parameter in result.parameters:
+        table.add_row(*map(Text, _envelope_cells(parameter, result.box[parameter.name])))
+    return table
+
+
+def _envelope_cells(parameter: Parameter, interval: Interval) -> Sequence[str]:
+    nominal = parameter.nominal
+    fall = None if interval.lower is None else nominal - interval.lower
+    rise = None if interval.upper is None else interval.upper - nominal
+    return (
+        parameter.name,
+        readable(nominal),
+        end(interval.lower, upper=False, closed=interval.lower_closed),
+        end(interval.upper, upper=True, closed=interval.upper_closed),
+        end(fall, upper=True),
+        end(rise, upper=True),
+    )
+
+
+def _envelope_summary(result: EnvelopeResult, gap: Fraction) -> Text:
+    parts = [plural(result.checks, "check"), duration(result.seconds)]
+    if result.first_widening_seconds is not None:
+        parts.append(f"first widening after {duration(result.first_widening_seconds)}")
+    text = Text()
+    if result.status is Status.COMPLETE and result.parameters:
+        text.append("complete", style="green")
+        text.append(f": no end can move outwards by {readable(gap)} or more; ")
+    text.append(f"{', '.join(parts)}.")
+    return text
+
+
+def _print_invalid(out: Console, result: EnvelopeResult, quiet: bool, counterexample: Counterexample | None) -> None:
+    text = Text.assemble(("invalid", "bold red"), f": the plan can fail at the nominal values: {result.reason}")
+    out.print(text, soft_wrap=True)
+    if counterexample is not None and not quiet:
+        print_counterexample(out, counterexample)
+
+
+# -- shared ----------------------------------------------------------------------------------------------------------
+
+
+def _table(*columns: str, right: Iterable[str] = ()) -> Table:
+    aligned = set(right)
+    table = Table(box=borders.SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="bold")
+    for column in columns:
+        table.add_column(column, justify="right" if column in aligned else "left", overflow="fold")
+    return table
+
+
+def _show(out: Console, table: Table) -> None:
+    with out.capture() as capture:
+        out.print(Padding(table, (0, 0, 0, 2), expand=False))
+    for line in capture.get().splitlines():
+        out.file.write(f"{line.rstrip()}\n")
+    out.file.flush()
+
+
+def _lines(items: Iterable[str]) -> Text:
+    return Text("\n".join(items))

@@ -1,0 +1,70 @@
+"""Running the command line: in this process, or as a process of its own."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+
+from robust.cli import run
+
+REPOSITORY = Path(__file__).parents[2]
+EXAMPLES = REPOSITORY / "robust" / "examples"
+NAVIGATION = EXAMPLES / "two_sample_navigation"
+COMMAND = (sys.executable, "-m", "robust")
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What a command line came to."""
+
+    code: int
+    out: str
+    err: str
+    seconds: float = 0.0
+    """For a process that was sent a signal: from then to its end."""
+
+
+def example(plan: str = "plan.stn", directory: Path = NAVIGATION) -> list[str]:
+    return [str(directory / "domain.pddl"), str(directory / "problem.pddl"), str(directory / plan)]
+
+
+def command(*arguments: object) -> Ended:
+    """In this process; what only a process shows (signals, streams, imports) is tested with :func:`process`."""
+    out, err = StringIO(), StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        code = run([str(argument) for argument in arguments])
+    return Ended(code, out.getvalue(), err.getvalue())
+
+
+def environment(**more: str) -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "80", **more}
+
+
+def process(*arguments: object, **more: str) -> Ended:
+    words = [str(argument) for argument in arguments]
+    done = subprocess.run(
+        [*COMMAND, *words], check=False, capture_output=True, text=True, env=environment(**more), timeout=60
+    )
+    return Ended(done.returncode, done.stdout, done.stderr)
+
+
+def stopped(*arguments: object, after: float | str, number: signal.Signals = signal.SIGINT) -> Ended:
+    """A process that gets a signal after some seconds, or when it has logged (`--verbose`) a text."""
+    words = [str(argument) for argument in arguments]
+    with subprocess.Popen(
+        [*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment()
+    ) as running:
+        if isinstance(after, str):
+            while after not in (line := running.stderr.readline()):
+                assert line, f"ended before it logged {after!r}"
+        else:
+            time.sleep(after)
+        sent = time.perf_counter()
+        running.send_signal(number)
+        out, err = running.communicate(timeout=30)
+        return Ended(running.returncode, out, err, time.perf_counter() - sent)

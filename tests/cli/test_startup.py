@@ -1,0 +1,100 @@
+"""What is there before anything is computed: help, version, speed."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+import robust
+from tests.cli.running import COMMAND, command, environment, process
+
+HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "lark", "joblib", "rich")
+
+HELP = """\
+Usage: robust [OPTIONS] COMMAND [ARGS]...
+
+  Verify temporal plans: are they valid for every schedule, and how far may
+  reality deviate?
+
+Options:
+  --version             Show the version and exit.
+  --install-completion  Install completion for the current shell.
+  --show-completion     Show completion for the current shell, to copy it or
+                        customize the installation.
+  -h, --help            Show this message and exit.
+
+Commands:
+  check     Is a plan valid for every schedule it allows?
+  envelope  How far may parameters deviate?
+  demo      Take a tour on shipped examples.
+  bench     Measure: recorded data sets, scaling studies.
+
+  Exit codes: 0 proved or done, 1 refuted, 2 bad input, 3 unknown, out of time
+  or interrupted, 4 unsupported.
+"""
+
+OPTIONS = {
+    ("check",): "--at --all --parameter --parameters --epsilon --solver --timeout --smt2 --json --quiet --verbose",
+    (
+        "envelope",
+    ): "--method --beta --doubling --encoding --order --parameter --parameters --epsilon --solver --timeout "
+    "--plot --smt2 --json --quiet --verbose",
+    ("demo",): "",
+    ("bench", "recorded"): "--suite --jobs --limit --plot --json --quiet --verbose",
+    ("bench", "scaling"): "--jobs --limit --plot --json --quiet --verbose",
+}
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["check", "--help"], ["bench", "scaling", "--help"]])
+def test_nothing_heavy_is_imported(arguments):
+    script = (
+        "import sys; from robust.cli import run; "
+        f"code = run({arguments!r}); "
+        f"print([name for name in {HEAVY!r} if name in sys.modules], file=sys.stderr); sys.exit(code)"
+    )
+    words = [sys.executable, "-W", "error", "-c", script]
+    done = subprocess.run(words, check=False, capture_output=True, text=True, env=environment())
+    assert (done.returncode, done.stderr) == (0, "[]\n")
+
+
+def test_help_is_quick():
+    def seconds() -> float:
+        started = time.perf_counter()
+        subprocess.run([*COMMAND, "--help"], capture_output=True, check=True, env=environment())
+        return time.perf_counter() - started
+
+    def floor() -> float:
+        started = time.perf_counter()
+        subprocess.run([sys.executable, "-c", "pass"], capture_output=True, check=True, env=environment())
+        return time.perf_counter() - started
+
+    assert min(seconds() for _ in range(6)) < 0.3 * max(1.0, min(floor() for _ in range(4)) / 0.03)
+
+
+def test_help():
+    assert process("--help").out == HELP
+    assert process("-h").out == HELP
+
+
+def test_without_a_command():
+    ended = process()
+    assert (ended.code, ended.out, ended.err) == (2, "", HELP)
+    ended = command("bench")
+    assert ended.code == 2
+    assert ended.err.startswith("Usage: robust bench ")
+
+
+@pytest.mark.parametrize("words", OPTIONS, ids=" ".join)
+def test_options(words):
+    ended = process(*words, "--help")
+    assert (ended.code, ended.err) == (0, "")
+    listed = [word for line in ended.out.splitlines() for word in line.split() if line.startswith("  -")]
+    found = [word for word in dict.fromkeys(listed) if word.startswith("--") and word != "--help"]
+    assert found == OPTIONS[words].split()
+    assert all(len(line) <= 80 for line in ended.out.splitlines())
+
+
+def test_version():
+    ended = command("--version")
+    assert (ended.code, ended.out, ended.err) == (0, f"robust {robust.__version__}\n", "")

@@ -1,0 +1,198 @@
+"""Documentation is true: documented commands print what is shown, links resolve, the architecture page is complete.
+
+A `console` block is a session: lines that begin with `$ ` are commands (continued after a backslash), the others are
+what they print on standard output. A line `...` stands for any lines. Times are not compared.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+MARK = "=== next command ==="
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "benchmarks").rglob("*.md")])
+IDS = [str(page.relative_to(ROOT)) for page in PAGES]
+
+
+def read(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+# -- documented commands ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Session:
+    """A `console` block: commands with the lines that they are said to print."""
+
+    page: Path
+    line: int
+    steps: tuple[tuple[str, tuple[str, ...]], ...]
+
+    def __str__(self) -> str:
+        return f"{self.page.relative_to(ROOT)}:{self.line}"
+
+
+def sessions() -> list[Session]:
+    return [session for page in PAGES for session in sessions_of(page)]
+
+
+def sessions_of(page: Path) -> list[Session]:
+    text = page.read_text(encoding="utf-8")
+    blocks = re.finditer(r"^```console\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    return [Session(page, text.count("\n", 0, block.start()) + 1, steps_of(block[1])) for block in blocks]
+
+
+def steps_of(block: str) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    steps: list[tuple[str, list[str]]] = []
+    for line in block.replace("\\\n", " ").splitlines():
+        if line.startswith("$ "):
+            steps.append((line[2:], []))
+        else:
+            steps[-1][1].append(line)
+    return tuple((command, tuple(lines)) for command, lines in steps)
+
+
+def run(session: Session, directory: Path) -> list[str]:
+    """What each command of the session prints, run in a directory that looks like the checkout."""
+    for name in ("robust", "benchmarks"):
+        (directory / name).symlink_to(ROOT / name)
+    script = [f'robust() {{ "{sys.executable}" -m robust "$@"; }}', "shown=0"]
+    for command, _ in session.steps:
+        # `$?` is that of the command before, as in a terminal.
+        script += [f"echo '{MARK}'", "(exit $shown)", command, "shown=$?"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"}
+    environment.pop("FORCE_COLOR", None)
+    result = subprocess.run(
+        ["bash", "-c", "\n".join(script)],
+        capture_output=True,
+        text=True,
+        cwd=directory,
+        env=environment,
+        timeout=300,
+        check=False,
+    )
+    assert "Traceback" not in result.stderr, result.stderr
+    assert "No such" not in result.stderr, result.stderr
+    return result.stdout.split(f"{MARK}\n")[1:]
+
+
+def normalised(line: str) -> str:
+    """Without what differs from run to run and from terminal to terminal: times, frames, spaces."""
+    line = re.sub(r"[─│╭╮╰╯┃━┏┓┡┩┗┛┳╇┴┬┼├┤]", " ", line)
+    line = re.sub(r'("(?:[a-z_]*seconds|[a-z_]*_s)"): [0-9.e+-]+', r"\1: TIME", line)
+    line = re.sub(r"\b[0-9]+(?:\.[0-9]+)? ?(?:s|ms|seconds)\b", "TIME", line)
+    return " ".join(line.split())
+
+
+def pattern(lines: tuple[str, ...]) -> str:
+    parts = [".*" if line.strip() == "..." else re.escape(normalised(line)) + "\n" for line in lines if line.strip()]
+    return "".join(parts)
+
+
+@pytest.mark.parametrize("session", sessions(), ids=str)
+def test_documented_commands_print_what_is_shown(session, tmp_path):
+    for (command, expected), printed in zip(session.steps, run(session, tmp_path), strict=True):
+        found = "".join(f"{normalised(line)}\n" for line in printed.splitlines() if normalised(line))
+        wanted = pattern(tuple(line for line in expected if normalised(line)))
+        assert re.fullmatch(wanted, found, re.DOTALL), f"{session}: {command}\nprints\n{printed}"
+
+
+def test_the_readme_shows_commands_with_their_output():
+    shown = [command for session in sessions_of(ROOT / "README.md") for command, _ in session.steps]
+    assert [command for command in shown if command.startswith("robust check ")]
+    assert [command for command in shown if command.startswith("robust envelope ")]
+
+
+def test_ci_runs_the_test_command_of_the_readme():
+    commands = re.findall(r"\.venv/bin/(python -m pytest[^`\n]*)", read("README.md"))
+    assert commands
+    assert {command.strip() for command in commands} <= {line.strip() for line in read(".ci/run").splitlines()}
+
+
+def test_contributing_and_justfile_have_the_same_commands():
+    recipes = set(re.findall(r"^    \{\{python\}\} (-m .*?)(?: \{\{arguments\}\})?$", read("justfile"), re.MULTILINE))
+    table = read("CONTRIBUTING.md").split("## Commands")[1].split("\n## ")[0]
+    documented = set(re.findall(r"`python (-m [^`]*)`", table))
+    installation = {recipe for recipe in recipes if recipe.startswith("-m pip")}
+    assert recipes - installation == documented
+
+
+@pytest.mark.parametrize("name", re.findall(r"^\[parameters.*?(?=^```)", read("docs/formats.md"), re.M | re.S)[:1])
+def test_documented_parameter_file_is_read(name, tmp_path):
+    from robust.plan import load_plan  # noqa: PLC0415 - needed here only
+
+    path = tmp_path / "parameters.toml"
+    path.write_text(name, encoding="utf-8")
+    files = [
+        ROOT / "robust/examples/two_sample_navigation" / name for name in ("domain.pddl", "problem.pddl", "plan.stn")
+    ]
+    plan = load_plan(*files, parameter_file=path)
+    assert [parameter.name for parameter in plan.parameters] == ["to_ridge", "to_crater", "endurance"]
+
+
+def test_python_in_the_readme_says_what_is_so(monkeypatch):
+    """Each line `expression  # Value` evaluates to something that is written like that value."""
+    monkeypatch.chdir(ROOT)
+    blocks = re.findall(r"^```python\n(.*?)^```$", read("README.md"), re.MULTILINE | re.DOTALL)
+    assert blocks
+    for block in blocks:
+        names: dict[str, object] = {}
+        for line in block.splitlines():
+            code, _, comment = line.partition("  # ")
+            if not comment:
+                exec(code, names)  # noqa: S102 - our own documentation
+                continue
+            claimed = comment.split(":")[0].split(",")[0].strip()
+            assert str(eval(code, names)) == claimed, line  # noqa: S307 - our own documentation
+
+
+# -- links -----------------------------------------------------------------------------------------------------------
+
+
+def anchors(page: Path) -> set[str]:
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=IDS)
+def test_internal_links_resolve(page):
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    text = re.sub(r"`[^`\n]*`", "", text)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        assert file.exists(), f"{page.name} links to {target}"
+        if anchor and file.suffix == ".md":
+            assert anchor in anchors(file), f"{page.name} links to {target}"
+
+
+# -- the architecture page -------------------------------------------------------------------------------------------
+
+
+def named_modules(folder: str) -> set[str]:
+    return set(re.findall(rf"`({folder}/[a-z0-9_/]+\.(?:py|lark))`", read("ARCHITECTURE.md")))
+
+
+@pytest.mark.parametrize("folder", ["robust", "benchmarks"])
+def test_architecture_names_every_module_and_none_that_does_not_exist(folder):
+    existing = {
+        str(path.relative_to(ROOT))
+        for suffix in ("py", "lark")
+        for path in (ROOT / folder).rglob(f"*.{suffix}")
+        if path.name != "__init__.py"
+    }
+    assert named_modules(folder) - {f"{folder}/__init__.py"} == existing
+
+
+def test_architecture_names_test_modules_that_exist():
+    for name in named_modules("tests"):
+        assert (ROOT / name).is_file(), name
