@@ -22,7 +22,8 @@ from robust.encode.slices import Slices
 from robust.encode.state import States
 from robust.encode.validity import Validity
 from robust.encode.variables import Linear, TimeVariable, constant
-from robust.plan.model import ZERO, ParameterReference, ParametrizedPlan, TimePoint, Timing
+from robust.errors import UnsupportedError
+from robust.plan.model import ZERO, ActionInstance, ParameterReference, ParametrizedPlan, TimePoint, Timing
 from robust.smt.terms import Formula, Terms
 
 EPSILON = Fraction(1, 1000)
@@ -66,6 +67,7 @@ class RelationalEncoding:
         self._mutex = mutex_pairs(plan)
         self._orders = self._known_orders()
         self._states = States(plan, Clock(self.network, self._orders, self.terms))
+        self._overall = OverAll(plan, self._states)
         self._assumed: dict[Stage, list[Linear]] = {Stage.DURATION: []}
         # Each stage's obligations are built before the orders learn them, and after they learnt the earlier stages'.
         durations = list(self._duration_obligations())
@@ -136,24 +138,31 @@ class RelationalEncoding:
             yield Obligation(pair.label, Stage.SEPARATION, violation)
 
     def _condition_obligations(self) -> Iterator[Obligation]:
-        overall = OverAll(self.plan, self._states)
-        unconditional = {(rule.instance.identifier, rule.condition) for rule in self._rules}
         for instance in self.plan.instances:
-            for duration in instance.durations:
-                if (instance.identifier, duration.condition) not in unconditional:
-                    moment = before(instance.at(duration.timing))
-                    holds = self._states.condition(duration.condition, moment, instance)
-                    yield Obligation(instance.label(duration), Stage.CONDITION, self.terms.negation(holds))
-            for timed in instance.conditions:
-                if timed.timing is Timing.OVER_ALL:
-                    violation = overall.violation(instance, timed.condition)
-                else:
-                    moment = before(instance.at(timed.timing))
-                    violation = self.terms.negation(self._states.condition(timed.condition, moment, instance))
-                yield Obligation(instance.label(timed), Stage.CONDITION, violation)
+            try:
+                yield from self._obligations_of(instance)
+            except UnsupportedError as error:
+                if error.location is not None:
+                    raise
+                what = f"{instance.identifier} {instance.action}: {error.message}"
+                raise UnsupportedError(what, instance.location) from error
         for goal in self.plan.goal:
             violation = self.terms.negation(self._states.condition(goal.condition, FINALLY))
             yield Obligation(goal.label, Stage.CONDITION, violation)
+
+    def _obligations_of(self, instance: ActionInstance) -> Iterator[Obligation]:
+        unconditional = [rule.condition for rule in self._rules if rule.instance is instance]
+        for duration in instance.durations:
+            if duration.condition not in unconditional:
+                holds = self._states.condition(duration.condition, before(instance.at(duration.timing)), instance)
+                yield Obligation(instance.label(duration), Stage.CONDITION, self.terms.negation(holds))
+        for timed in instance.conditions:
+            if timed.timing is Timing.OVER_ALL:
+                violation = self._overall.violation(instance, timed.condition)
+            else:
+                moment = before(instance.at(timed.timing))
+                violation = self.terms.negation(self._states.condition(timed.condition, moment, instance))
+            yield Obligation(instance.label(timed), Stage.CONDITION, violation)
 
     # -- what is known of the order, and what a stage assumes -----------------------------------------------------
 

@@ -247,7 +247,8 @@ class States:
                 raise UnsupportedError(
                     f"{instance.identifier} {instance.action}: non-linear continuous effect on {flow.effect.fluent}: "
                     f"rate {flow.effect.rate} times an elapsed time that is not constant; "
-                    "expected a constant rate, or a fixed schedule"
+                    "expected a constant rate, or a fixed schedule",
+                    instance.location,
                 )
         return self._choose(f"{instance.identifier} {flow.effect.fluent} {moment}", cases, otherwise=constant(0))
 
@@ -256,7 +257,8 @@ class States:
         if changing:
             raise UnsupportedError(
                 f"{flow.instance.identifier} {flow.instance.action}: non-linear continuous effect on "
-                f"{flow.effect.fluent}: its rate reads {changing[0]}, which the plan changes; expected a constant rate"
+                f"{flow.effect.fluent}: its rate reads {changing[0]}, which the plan changes; expected a constant rate",
+                flow.instance.location,
             )
         return self.expression(flow.effect.rate, before(flow.instance.start), None)
 
