@@ -14,8 +14,8 @@ from functools import cached_property
 from robust.encode.cycles import Edge, Facet, Node, edge, facet_of, simple_cycles, suspicious_cycle, without_implied
 from robust.encode.durations import DurationRule
 from robust.encode.network import Difference, TemporalNetwork
-from robust.encode.variables import Auxiliary, Linear, Range, constant, is_over_parameters, variable
-from robust.plan.model import ParameterReference
+from robust.encode.variables import Auxiliary, Linear, Range, TimeVariable, constant, is_over_parameters, variable
+from robust.plan.model import ZERO, ParameterReference, TimePoint
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
@@ -67,11 +67,12 @@ class Validity:
     def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
         ranges: dict[str, Range] = {name: (value, value) for name, value in values.items()}
-        for facet in self.facets:
-            if facet.obligation is None and facet.breaks_in(ranges):
+        for bound in self._network.bounds_of_parameters():
+            facet = Facet(bound.expression, (bound.origin,))
+            if facet.breaks_in(ranges):
                 return facet
-        expressions = {i.expression: i.origin for i in self._network.inequalities}
-        edges = [edge(e, origin) for e, origin in expressions.items() if not is_over_parameters([e])]
+        # All time points, also those that equalities tie together: the equalities may be what contradicts.
+        edges = [Edge(_node(d.source), _node(d.target), d.weight, d.origin) for d in self._network.differences]
         cycle = suspicious_cycle(edges, ranges)
         return None if cycle is None else facet_of(cycle)
 
@@ -130,3 +131,7 @@ class Validity:
                 share = worst if extreme is None else worst - slope.scaled(extreme)
                 conditions.append(terms.implication(terms.at_least(side), terms.at_least(share)))
         return terms.conjunction((*conditions, terms.disjunction((*escapes, terms.greater(-slack)))))
+
+
+def _node(point: TimePoint) -> Node:
+    return None if point == ZERO else TimeVariable(point)
