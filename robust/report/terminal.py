@@ -17,7 +17,7 @@ from rich.text import Text
 from robust.irr.box import Interval
 from robust.irr.check import Answer, CheckResult, Counterexample
 from robust.irr.result import EnvelopeResult, Status
-from robust.plan.model import Parameter
+from robust.plan.model import Fluent, Parameter
 from robust.plan.simulate import TraceStep, Violation
 from robust.report.numbers import duration, end, plural, readable
 
@@ -118,13 +118,14 @@ def print_counterexample(out: Console, found: Counterexample) -> None:
         values = ", ".join(f"{name} = {readable(value)}" for name, value in found.parameters.items())
         out.print(Text(f"  parameters: {values}"), soft_wrap=True)
     table = _table("time", "happens", "changes", "fluents", right=("time",))
+    constant = _constant_fluents(found)
     for step in _with_violations(found):
         if isinstance(step, Violation):
             table.add_row(
                 Text(readable(step.time), style="red"), Text("✗ violated", style="bold red"), *_violation_cells(step)
             )
         else:
-            table.add_row(*_step_cells(step))
+            table.add_row(*_step_cells(step, constant))
     _show(out, table)
 
 
@@ -138,9 +139,17 @@ def _with_violations(found: Counterexample) -> Iterator[TraceStep | Violation]:
     yield from pending
 
 
-def _step_cells(step: TraceStep) -> tuple[Text, Text, Text, Text]:
+def _constant_fluents(found: Counterexample) -> set[Fluent]:
+    """Fluents that never change and that no violation is about: distances and the like, which would hide the rest."""
+    first, *later = found.simulation.trace
+    details = " ".join(violation.detail for violation in found.simulation.violations)
+    changing = {fluent for step in later for fluent in step.fluents}
+    return {fluent for fluent in first.fluents if fluent not in changing and str(fluent) not in details}
+
+
+def _step_cells(step: TraceStep, left_out: set[Fluent]) -> tuple[Text, Text, Text, Text]:
     changes = [f"{'+' if value else '−'} {atom}" for atom, value in step.atoms_changed]
-    fluents = [f"{fluent} = {readable(value)}" for fluent, value in step.fluents.items()]
+    fluents = [f"{fluent} = {readable(value)}" for fluent, value in step.fluents.items() if fluent not in left_out]
     return Text(readable(step.time)), _lines(map(str, step.points)), _lines(changes), _lines(fluents)
 
 
