@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from robust.encode.interface import Facet
 from robust.encode.network import Difference
 from robust.encode.variables import Auxiliary, Linear, Range, TimeVariable, constant, least, variable
 from robust.plan.model import ParameterReference, TimePoint
@@ -23,24 +24,6 @@ class Edge:
     target: Node
     weight: Linear
     origin: str
-
-
-@dataclass(frozen=True, slots=True)
-class Facet:
-    """`expression ≥ 0` over parameters, necessary for membership in the envelope.
-
-    `origins` are the statements that it is the sum of; `obligation` is set if it is not about existence of a schedule
-    but is that obligation itself.
-    """
-
-    expression: Linear
-    origins: tuple[str, ...]
-    obligation: str | None = None
-
-    def breaks_in(self, ranges: Mapping[str, Range]) -> bool:
-        """Whether some point of a box lies outside the facet."""
-        floor = least(self.expression, ranges)
-        return floor is None or floor < 0
 
 
 def edge(expression: Linear, origin: str) -> Edge:

@@ -7,13 +7,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from enum import Enum
 from fractions import Fraction
 from functools import cache
 
 from robust.encode.clock import FINALLY, Clock, before
 from robust.encode.durations import duration_rules
+from robust.encode.interface import EPSILON, Obligation, Stage
 from robust.encode.mutex import MutexPair, mutex_pairs
 from robust.encode.network import Difference, TemporalNetwork
 from robust.encode.orders import Orders, common_scale
@@ -26,25 +25,6 @@ from robust.errors import UnsupportedError
 from robust.plan.model import ZERO, ActionInstance, ParameterReference, ParametrizedPlan, TimePoint, Timing
 from robust.smt.terms import Formula, Terms
 
-EPSILON = Fraction(1, 1000)
-
-
-class Stage(Enum):
-    """The order in which obligations are examined; a stage assumes the earlier ones."""
-
-    DURATION = 0
-    SEPARATION = 1
-    CONDITION = 2
-
-
-@dataclass(frozen=True)
-class Obligation:
-    """One conjunct of enc_proofs, named after its source; `violation` is its negation over the encoding's unknowns."""
-
-    name: str
-    stage: Stage
-    violation: Formula
-
 
 class RelationalEncoding:
     """enc_tn, enc_eff and enc_proofs of a plan without positions.
@@ -56,6 +36,8 @@ class RelationalEncoding:
     Raises:
         UnsupportedError: if an expression is not linear after folding constants.
     """
+
+    name = "relational"
 
     def __init__(self, plan: ParametrizedPlan, epsilon: Fraction = EPSILON) -> None:
         self.plan = plan

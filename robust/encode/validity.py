@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from functools import cached_property
 
-from robust.encode.cycles import Edge, Facet, Node, edge, facet_of, simple_cycles, suspicious_cycle, without_implied
+from robust.encode.cycles import Edge, Node, edge, facet_of, simple_cycles, suspicious_cycle, without_implied
 from robust.encode.durations import DurationRule
+from robust.encode.interface import Facet
 from robust.encode.network import Difference, TemporalNetwork
 from robust.encode.variables import Auxiliary, Linear, Range, TimeVariable, constant, is_over_parameters, variable
 from robust.plan.model import ZERO, ParameterReference, TimePoint

@@ -8,15 +8,14 @@ from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 
-from robust.encode.cycles import Facet
-from robust.encode.encoding import Obligation, RelationalEncoding
+from robust.encode.interface import Encoding, Facet, Obligation
 from robust.errors import SolverError
 from robust.irr.box import Box
 from robust.irr.containment import no_schedule, require_some_schedule, within, worst_point
 from robust.plan.model import TimePoint
 from robust.plan.simulate import Simulation, simulate
 from robust.smt.export import Exporter
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 from robust.smt.statistics import Statistics
 
@@ -76,7 +75,7 @@ class Checker:
 
     def __init__(
         self,
-        encoding: RelationalEncoding,
+        encoding: Encoding,
         box: Box,
         *,
         solver: str = "z3",
@@ -152,7 +151,11 @@ class Checker:
         for index, obligation in enumerate(obligations):
             if self._on_obligation is not None:
                 self._on_obligation(index, len(obligations), obligation.name)
-            answer = self._decide(obligation)
+            try:
+                answer = self._decide(obligation)
+            except OutOfTimeError:
+                # Formulas can take longer to build than the time that is left.
+                answer = Answer.UNKNOWN
             self._answers[obligation.name] = answer
             if answer is Answer.REFUTED and not self._every:
                 return
@@ -168,12 +171,14 @@ class Checker:
         if not self._counterexamples:
             # Earlier stages hold throughout the box, so the part of the network that matters is enough for a proof.
             quick = self._session()
-            quick.add(*self._encoding.query(obligation), *within(self._encoding, self._box.intervals))
+            quick.add_all(self._encoding.query(obligation), self._deadline)
+            quick.add(*within(self._encoding, self._box.intervals))
             verdict = quick.check(obligation.name, self._deadline)
             if verdict is not Verdict.SATISFIABLE:
                 return _ANSWERS[verdict]
         full = self._session()
-        full.add(*self._encoding.full_query(obligation), *within(self._encoding, self._box.intervals))
+        full.add_all(self._encoding.full_query(obligation), self._deadline)
+        full.add(*within(self._encoding, self._box.intervals))
         verdict = full.check(f"{obligation.name}: counterexample", self._deadline)
         if verdict is Verdict.SATISFIABLE:
             self._counterexamples[obligation.name] = self._counterexample(obligation, full)

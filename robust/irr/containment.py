@@ -6,21 +6,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.encode.cycles import Facet
-from robust.encode.encoding import Obligation, RelationalEncoding
+from robust.encode.interface import Encoding, Facet, Obligation
 from robust.encode.variables import variable
 from robust.errors import InputError, Location
 from robust.irr.box import Box, Interval
 from robust.plan.model import ParameterReference
 from robust.smt.export import Exporter
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 from robust.smt.statistics import Statistics
 from robust.smt.terms import Formula
-
-
-class OutOfTimeError(Exception):
-    """The deadline passed before the question was decided; internal to the searches, which return what they have."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +33,11 @@ class Refutation:
 
 @dataclass
 class _Question:
-    """One obligation with its own solver session, opened when first asked."""
+    """One obligation with its own solver session, opened when first asked, and the parameters that matter to it."""
 
     obligation: Obligation
-    formulas: list[Formula]
-    parameters: frozenset[str]
     session: Session | None = None
+    parameters: frozenset[str] = frozenset()
     proved_for: dict[str, Interval] | None = None
 
 
@@ -62,7 +56,7 @@ class Containment:
 
     def __init__(
         self,
-        encoding: RelationalEncoding,
+        encoding: Encoding,
         *,
         solver: str = "z3",
         statistics: Statistics | None = None,
@@ -110,28 +104,33 @@ class Containment:
 
     def _ask(self, question: _Question, box: Box, deadline: Deadline) -> dict[str, Fraction] | None:
         """Parameter values in the box with which the obligation breaks; None if there are none."""
+        session = question.session or self._open(question, deadline)
         relevant = {name: box[name] for name in question.parameters}
         if question.proved_for is not None and all(
             interval.is_within(question.proved_for[name]) for name, interval in relevant.items()
         ):
             return None
-        if question.session is None:
-            question.session = self.open_session()
-            question.session.add(*question.formulas)
-        with question.session.frame(*within(self.encoding, relevant)):
-            verdict = question.session.check(question.obligation.name, deadline)
+        with session.frame(*within(self.encoding, relevant)):
+            verdict = session.check(question.obligation.name, deadline)
             if verdict is Verdict.UNKNOWN:
                 raise OutOfTimeError
             if verdict is Verdict.SATISFIABLE:
-                return self._point_in(box, question.session)
+                return self._point_in(box, session)
         question.proved_for = relevant
         return None
 
     def _open_questions(self) -> Iterator[_Question]:
         for obligation in self.encoding.obligations:
             if obligation.violation is not self.encoding.terms.false:
-                formulas = self.encoding.query(obligation)
-                yield _Question(obligation, formulas, self.encoding.parameters_in(formulas))
+                yield _Question(obligation)
+
+    def _open(self, question: _Question, deadline: Deadline) -> Session:
+        formulas = self.encoding.query(question.obligation)
+        question.parameters = self.encoding.parameters_in(formulas)
+        session = self.open_session()
+        session.add_all(formulas, deadline)
+        question.session = session
+        return session
 
     def open_session(self) -> Session:
         """A new session over the encoding's terms that counts and exports like the others."""
@@ -143,7 +142,7 @@ class Containment:
         return {name: Fraction(values.get(name, box[name].some_value())) for name in box.intervals}
 
 
-def within(encoding: RelationalEncoding, intervals: Mapping[str, Interval]) -> Iterator[Formula]:
+def within(encoding: Encoding, intervals: Mapping[str, Interval]) -> Iterator[Formula]:
     """enc_R: the parameters are within their intervals."""
     terms = encoding.terms
     for name, interval in intervals.items():
@@ -167,7 +166,7 @@ def _contradiction(facet: Facet) -> str:
     return f"{'; '.join(facet.origins)} {'contradict each other' if len(facet.origins) > 1 else 'cannot hold'}"
 
 
-def require_some_schedule(encoding: RelationalEncoding, session: Session, deadline: Deadline) -> None:
+def require_some_schedule(encoding: Encoding, session: Session, deadline: Deadline) -> None:
     """Tell a plan that can never be executed from parameter values that leave no schedule.
 
     Args:

@@ -19,10 +19,10 @@ from itertools import cycle
 
 from robust.errors import InputError, did_you_mean
 from robust.irr.box import Box, Interval
-from robust.irr.containment import Containment, OutOfTimeError, Refutation, require_some_schedule
+from robust.irr.containment import Containment, Refutation, require_some_schedule
 from robust.irr.result import EnvelopeResult, Side, Status, Step
 from robust.plan.model import Parameter
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, OutOfTimeError
 
 log = logging.getLogger(__name__)
 
@@ -73,7 +73,7 @@ class IncrementalRobustification:
         if beta <= 0:
             raise InputError(f"beta is {beta}; expected a positive number")
         self._containment = containment
-        self._parameters = _ordered(containment.encoding.plan.parameters, order)
+        self._parameters = ordered(containment.encoding.plan.parameters, order)
         self._beta = beta
         self._doubling = doubling
         self._deadline = deadline
@@ -217,7 +217,7 @@ class IncrementalRobustification:
         return EnvelopeResult(
             status=status,
             method="irr",
-            encoding="relational",
+            encoding=self._containment.encoding.name,
             solver=self._containment.solver,
             beta=self._beta,
             parameters=self._containment.encoding.plan.parameters,
@@ -234,7 +234,12 @@ class IncrementalRobustification:
         )
 
 
-def _ordered(parameters: Sequence[Parameter], order: Sequence[str]) -> list[Parameter]:
+def ordered(parameters: Sequence[Parameter], order: Sequence[str]) -> list[Parameter]:
+    """The parameters in an order; names left out follow in the plan's order.
+
+    Raises:
+        InputError: if the order names unknown or repeated parameters.
+    """
     known = {parameter.name: parameter for parameter in parameters}
     for name in order:
         if name not in known:

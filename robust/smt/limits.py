@@ -6,9 +6,14 @@ import time
 from dataclasses import dataclass
 
 from robust.errors import InputError
+from robust.smt.interrupts import raise_if_interrupted
 
 LONGEST = 4_000_000
 """Seconds; z3 counts milliseconds in 32 bits."""
+
+
+class OutOfTimeError(Exception):
+    """The deadline passed before the question was decided; internal to the searches, which return what they have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,3 +43,14 @@ class Deadline:
     @property
     def passed(self) -> bool:
         return self.moment is not None and time.monotonic() >= self.moment
+
+    def enforce(self) -> None:
+        """For long computations outside of solvers, to be called now and then.
+
+        Raises:
+            OutOfTimeError: if the moment has passed.
+            KeyboardInterrupt: if Ctrl-C was pressed and got lost.
+        """
+        raise_if_interrupted()
+        if self.passed:
+            raise OutOfTimeError

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 from robust.smt.backends import Value, Verdict, create_backend
 from robust.smt.export import Exporter
+from robust.smt.interrupts import raise_if_interrupted
 from robust.smt.limits import Deadline
 from robust.smt.statistics import Statistics
 from robust.smt.terms import Formula, Terms
@@ -53,6 +54,16 @@ class Session:
                 self._backend.add(formula)
                 self.statistics.nodes += self.terms.size(formula)
 
+    def add_all(self, formulas: Iterable[Formula], deadline: Deadline) -> None:
+        """As :meth:`add` for many formulas, whose translation may take long.
+
+        Raises:
+            OutOfTimeError: if the deadline passes; the session is not to be used after that.
+        """
+        for formula in formulas:
+            deadline.enforce()
+            self.add(formula)
+
     @contextmanager
     def frame(self, *formulas: Formula) -> Iterator[None]:
         """Assert formulas for the duration of the block."""
@@ -73,6 +84,7 @@ class Session:
 
     def check(self, question: str, deadline: Deadline = Deadline()) -> Verdict:  # noqa: B008 - immutable
         """Whether the assertions have a model; `question` names the query in logs and exported files."""
+        raise_if_interrupted()
         if deadline.passed:
             return Verdict.UNKNOWN
         started = time.perf_counter()

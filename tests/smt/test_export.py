@@ -62,7 +62,7 @@ def parametric_plan(name: str = "k"):
 def test_every_exported_query_is_read_and_answered_alike(tmp_path, solver) -> None:
     plan = parametric_plan()
     check(plan, every=True, solver=solver, smt2=tmp_path / "check")
-    envelope(plan, beta=Fraction(1, 2), solver=solver, smt2=tmp_path / "envelope")
+    envelope(plan, method="irr", beta=Fraction(1, 2), solver=solver, smt2=tmp_path / "envelope")
     files = sorted(tmp_path.rglob("*.smt2"))
     verdicts = {agree(path.read_text(encoding="utf-8")) for path in files}
     assert verdicts == {"sat", "unsat"}

@@ -1,0 +1,228 @@
+"""enc_tn of the positions encoding: where time points are, and what is known of their order beforehand [IRR §2].
+
+Time points that equalities tie together form a rigid component: each is a fixed distance, over parameters, after the
+component's first point, whose time is the only variable [Dechter, Meiri and Pearl 1991, STN].
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from math import lcm
+
+from robust.encode.variables import Linear, Range, TimeVariable, constant, least, variable
+from robust.plan.model import (
+    ZERO,
+    Bound,
+    Duration,
+    Fluent,
+    NumericVariable,
+    ParameterReference,
+    ParametrizedPlan,
+    TemporalConstraint,
+    TimePoint,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """`expression ≥ 0`, and where that is said."""
+
+    expression: Linear
+    origin: str
+
+
+class Network:
+    """The times of a plan's time points and all that the plan demands of them.
+
+    `place` is each time point's time; `statements` are the inequalities that remain, constant true ones left out.
+    """
+
+    def __init__(self, plan: ParametrizedPlan) -> None:
+        self.plan = plan
+        self.ranges: Mapping[str, Range] = {p.name: (p.lower, p.upper) for p in plan.parameters}
+        self.place = _places(plan)
+        candidates = {statement.expression: statement for statement in reversed([*self._demands()])}
+        self.statements = tuple(
+            statement
+            for expression, statement in reversed(candidates.items())
+            if not (expression.is_constant and expression.constant_term >= 0)
+        )
+
+    def distance(self, source: TimePoint, target: TimePoint) -> Linear:
+        """t_target − t_source."""
+        return self.place[target] - self.place[source]
+
+    @property
+    def variables(self) -> tuple[TimeVariable, ...]:
+        """The times of the components' first points."""
+        found = (unknown for place in self.place.values() for unknown in place.variables)
+        return tuple(dict.fromkeys(unknown for unknown in found if isinstance(unknown, TimeVariable)))
+
+    def _demands(self) -> Iterator[Statement]:
+        for point in self.plan.time_points:
+            yield Statement(self.place[point], f"{point} ≥ 0")
+            if point.time is not None:
+                late = self.place[point] - point.time
+                yield Statement(late, f"timed initial literal {point}")
+                yield Statement(-late, f"timed initial literal {point}")
+        for item in self.plan.constraints:
+            origin, distance = _text(item), self.distance(item.source, item.target)
+            if item.lower is not None:
+                yield Statement(distance - _over_parameters(item.lower), origin)
+            if item.upper is not None:
+                yield Statement(_over_parameters(item.upper) - distance, origin)
+        for parameter in self.plan.parameters:
+            value = variable(ParameterReference(parameter.name))
+            if parameter.lower is not None:
+                yield Statement(value - parameter.lower, f"parameter {parameter.name} lb {parameter.lower}")
+            if parameter.upper is not None:
+                yield Statement(-value + parameter.upper, f"parameter {parameter.name} ub {parameter.upper}")
+
+
+def _places(plan: ParametrizedPlan) -> dict[TimePoint, Linear]:
+    ties: dict[TimePoint, list[tuple[TimePoint, Linear]]] = defaultdict(list)
+    for point in plan.time_points:
+        if point.time is not None:
+            ties[ZERO].append((point, constant(point.time)))
+    for item in plan.constraints:
+        if item.lower is not None and item.lower == item.upper:
+            length = _over_parameters(item.lower)
+            ties[item.source].append((item.target, length))
+            ties[item.target].append((item.source, -length))
+    places: dict[TimePoint, Linear] = {}
+    for first in plan.time_points:
+        if first not in places:
+            places[first] = constant(0) if first == ZERO else variable(TimeVariable(first))
+            component = [first]
+            for point in component:
+                for neighbour, length in ties[point]:
+                    if neighbour not in places:
+                        places[neighbour] = places[point] + length
+                        component.append(neighbour)
+    return places
+
+
+def _over_parameters(bound: Bound) -> Linear:
+    def value(name: NumericVariable) -> Linear:
+        match name:
+            case ParameterReference():
+                return variable(name)
+            case Fluent() | Duration():
+                raise TypeError(f"a temporal constraint can only mention parameters, not {name}")
+
+    return bound.substitute(value)
+
+
+def _text(item: TemporalConstraint) -> str:
+    """The constraint as plan files write it."""
+    lower = "-inf" if item.lower is None else str(item.lower)
+    upper = "inf" if item.upper is None else str(item.upper)
+    line = f" (line {item.location.line})" if item.location and item.location.line else ""
+    return f"c: {item.target} - {item.source} in [{lower}, {upper}]{line}"
+
+
+class KnownOrder:
+    """Lower bounds of distances between time points that hold whatever the parameters are.
+
+    Args:
+        network: the network; bounds that depend on parameters count with their least declared value.
+        more: further `t_target − t_source ≥ weight` to take as given.
+        apart: pairs that are to be `epsilon` apart, in one order or the other; used where the order is known.
+        epsilon: the separation.
+
+    Where what is taken as given contradicts itself nothing is claimed: formulas built with it are correct all the same.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        more: Iterable[tuple[TimePoint, TimePoint, Linear]] = (),
+        apart: Iterable[tuple[TimePoint, TimePoint]] = (),
+        epsilon: Fraction = Fraction(0),
+    ) -> None:
+        points = network.plan.time_points
+        self._index = {point: index for index, point in enumerate(points)}
+        bounds = [*_rigid_bounds(network), *_stated_bounds(network, more)]
+        self._scale = lcm(epsilon.denominator, *(weight.denominator for _, _, weight in bounds))
+        self._rows: list[list[int | None]] = [[None] * len(points) for _ in points]
+        for index, row in enumerate(self._rows):
+            row[index] = 0
+        for source, target, weight in bounds:
+            self._raise(self._index[source], self._index[target], int(weight * self._scale))
+        self._close()
+        self._separate(list(apart), int(epsilon * self._scale))
+        if any(row[index] != 0 for index, row in enumerate(self._rows)):
+            self._rows = [[0 if a == b else None for b in range(len(points))] for a in range(len(points))]
+
+    def least(self, source: TimePoint, target: TimePoint) -> Fraction | None:
+        """The greatest known lower bound of t_target − t_source."""
+        value = self._rows[self._index[source]][self._index[target]]
+        return None if value is None else Fraction(value, self._scale)
+
+    def is_before(self, first: TimePoint, second: TimePoint) -> bool:
+        """Whether t_first < t_second is known."""
+        value = self._rows[self._index[first]][self._index[second]]
+        return value is not None and value > 0
+
+    def is_not_after(self, first: TimePoint, second: TimePoint) -> bool:
+        """Whether t_first ≤ t_second is known."""
+        value = self._rows[self._index[first]][self._index[second]]
+        return value is not None and value >= 0
+
+    def _raise(self, source: int, target: int, weight: int) -> None:
+        known = self._rows[source][target]
+        if known is None or known < weight:
+            self._rows[source][target] = weight
+
+    def _close(self) -> None:
+        for middle in range(len(self._rows)):
+            self._pass_through(middle, middle, 0)
+
+    def _pass_through(self, source: int, target: int, weight: int) -> None:
+        """Extend every path that ends in `source` by an edge of `weight` and a path that begins in `target`."""
+        tail = list(self._rows[target])
+        for start, row in enumerate(self._rows):
+            head = row[source]
+            if head is not None:
+                for goal, rest in enumerate(tail):
+                    if rest is not None:
+                        self._raise(start, goal, head + weight + rest)
+
+    def _separate(self, apart: list[tuple[TimePoint, TimePoint]], epsilon: int) -> None:
+        """Two points at least ε apart whose order is known up to less than ε are ε apart in that order."""
+        pairs = [(self._index[first], self._index[second]) for first, second in apart]
+        ordered = [*pairs, *((second, first) for first, second in pairs)]
+        learning = True
+        while learning:
+            learning = False
+            for first, second in ordered:
+                known, back = self._rows[first][second], self._rows[second][first]
+                if known is not None and -epsilon < known < epsilon and (back is None or back <= -epsilon):
+                    self._pass_through(first, second, epsilon)
+                    learning = True
+
+
+def _rigid_bounds(network: Network) -> Iterator[tuple[TimePoint, TimePoint, Fraction]]:
+    for source, start in network.place.items():
+        for target, end in network.place.items():
+            bound = least(end - start, network.ranges)
+            if bound is not None:
+                yield source, target, bound
+
+
+def _stated_bounds(
+    network: Network, more: Iterable[tuple[TimePoint, TimePoint, Linear]]
+) -> Iterator[tuple[TimePoint, TimePoint, Fraction]]:
+    stated = [(ZERO, point, constant(0)) for point in network.plan.time_points]
+    for item in network.plan.constraints:
+        if item.lower is not None:
+            stated.append((item.source, item.target, _over_parameters(item.lower)))
+        if item.upper is not None:
+            stated.append((item.target, item.source, -_over_parameters(item.upper)))
+    for source, target, weight in (*stated, *more):
+        bound = least(weight, network.ranges)
+        if bound is not None:
+            yield source, target, bound

@@ -1,0 +1,187 @@
+"""enc_valid of the positions encoding: ∃t. enc_tn by elimination of the times, one after the other [IRR §4, line 1].
+
+Fourier–Motzkin elimination of a variable of a difference network joins every lower bound with every upper bound, which
+are edges of a graph: `t_target − t_source ≥ weight`, weight over parameters. Between two nodes there may be many
+weights; those that never matter within the box in question are redundant. What remains on loops are the facets.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from robust.encode.interface import Facet
+from robust.encode.positions.network import Network, Statement
+from robust.encode.variables import Linear, Range, TimeVariable, constant, is_over_parameters, least, variable
+from robust.plan.model import ParameterReference
+from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Session, Verdict
+from robust.smt.terms import Terms
+
+Node = TimeVariable | None
+"""A time variable; None is time zero."""
+
+CROWDED = 6
+"""With more weights than this between two nodes a solver is asked which of them are redundant."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Weight:
+    """A lower bound, and the statements that it is the sum of."""
+
+    value: Linear
+    origins: tuple[str, ...]
+
+
+class Projection:
+    """Decides boxes against enc_valid by elimination within the box; facets found are kept and tried first."""
+
+    def __init__(self, network: Network, terms: Terms) -> None:
+        self._terms = terms
+        self._edges: list[tuple[Node, Node, _Weight]] = []
+        self.facets: list[Facet] = []
+        for statement in network.statements:
+            if is_over_parameters([statement.expression]):
+                self.facets.append(Facet(statement.expression, (statement.origin,)))
+            else:
+                self._edges.append(_edge(statement))
+
+    def broken_facet(
+        self, ranges: Mapping[str, Range], make_session: Callable[[], Session], deadline: Deadline
+    ) -> Facet | Verdict | None:
+        """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time.
+
+        `ranges` is the box; `make_session` opens a solver session over the same terms, only if it comes to that.
+        """
+        for facet in self.facets:
+            if facet.breaks_in(ranges):
+                return facet
+        try:
+            broken = _Elimination(self._edges, ranges, self._terms, make_session, deadline).broken_loop()
+        except OutOfTimeError:
+            return Verdict.UNKNOWN
+        if broken is not None:
+            self.facets.append(broken)
+        return broken
+
+    def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
+        """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
+        ranges = {name: (value, value) for name, value in values.items()}
+        found = self.broken_facet(ranges, lambda: Session(self._terms), Deadline())
+        return found if isinstance(found, Facet) else None
+
+
+def _edge(statement: Statement) -> tuple[Node, Node, _Weight]:
+    """A statement about the difference of two time variables, or about one, as an edge."""
+    source: Node = None
+    target: Node = None
+    weight = constant(-statement.expression.constant_term)
+    for unknown, factor in statement.expression.coefficients():
+        if isinstance(unknown, TimeVariable):
+            source, target = (source, unknown) if factor > 0 else (unknown, target)
+        else:
+            weight -= variable(unknown).scaled(factor)
+    return source, target, _Weight(weight, (statement.origin,))
+
+
+class _Elimination:
+    """One elimination of all time variables; redundancy is judged within the box only."""
+
+    def __init__(
+        self,
+        edges: list[tuple[Node, Node, _Weight]],
+        ranges: Mapping[str, Range],
+        terms: Terms,
+        make_session: Callable[[], Session],
+        deadline: Deadline,
+    ) -> None:
+        self._ranges = ranges
+        self._terms = terms
+        self._make_session = make_session
+        self._deadline = deadline
+        self._session: Session | None = None
+        self._outgoing: dict[Node, dict[Node, list[_Weight]]] = defaultdict(dict)
+        self._incoming: dict[Node, set[Node]] = defaultdict(set)
+        self._broken: Facet | None = None
+        for source, target, weight in edges:
+            self._join(source, target, [weight])
+
+    def broken_loop(self) -> Facet | None:
+        """The first facet that breaks in the box.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        waiting = {node for node in (*self._outgoing, *self._incoming) if node is not None}
+        while waiting and self._broken is None:
+            # The variable with the fewest joins; by name among equals, so that runs repeat.
+            node = min(waiting, key=lambda n: (len(self._outgoing[n]) * len(self._incoming[n]), str(n)))
+            waiting.remove(node)
+            self._eliminate(node)
+        return self._broken
+
+    def _eliminate(self, node: TimeVariable) -> None:
+        after = self._outgoing.pop(node)
+        before = {source: self._outgoing[source].pop(node) for source in self._incoming.pop(node)}
+        for target in after:
+            self._incoming[target].discard(node)
+        for source, firsts in before.items():
+            for target, seconds in after.items():
+                self._join(source, target, list(self._sums(firsts, seconds)))
+                if self._broken is not None:
+                    return
+
+    def _sums(self, firsts: list[_Weight], seconds: list[_Weight]) -> Iterator[_Weight]:
+        for first in firsts:
+            self._deadline.enforce()
+            for second in seconds:
+                origins = tuple(dict.fromkeys((*first.origins, *second.origins)))
+                yield _Weight(first.value + second.value, origins)
+
+    def _join(self, source: Node, target: Node, weights: list[_Weight]) -> None:
+        if source == target:
+            for weight in weights:
+                facet = Facet(-weight.value, weight.origins)
+                if self._broken is None and facet.breaks_in(self._ranges):
+                    self._broken = facet
+            return
+        known = self._outgoing[source].setdefault(target, [])
+        self._incoming[target].add(source)
+        for weight in weights:
+            self._deadline.enforce()
+            if not any(self._is_covered(weight, by) for by in known):
+                known[:] = [*(other for other in known if not self._is_covered(other, weight)), weight]
+        if len(known) > CROWDED:
+            self._outgoing[source][target] = list(self._without_redundant(known))
+
+    def _is_covered(self, weight: _Weight, by: _Weight) -> bool:
+        """Whether `by` is at least as great all over the box."""
+        margin = least(by.value - weight.value, self._ranges)
+        return margin is not None and margin >= 0
+
+    def _without_redundant(self, weights: list[_Weight]) -> Iterator[_Weight]:
+        """Leave out every weight that nowhere in the box exceeds all the others that are left."""
+        session = self._session = self._session or self._open_session()
+        left = list(weights)
+        for weight in weights:
+            others = [other for other in left if other is not weight]
+            with session.frame(*(self._terms.greater(weight.value - other.value) for other in others)):
+                verdict = session.check("enc_valid: a redundant bound", self._deadline)
+            if verdict is Verdict.UNKNOWN:
+                raise OutOfTimeError
+            if verdict is Verdict.UNSATISFIABLE:
+                left = others
+            else:
+                yield weight
+
+    def _open_session(self) -> Session:
+        session = self._make_session()
+        for name, (low, high) in self._ranges.items():
+            value = variable(ParameterReference(name))
+            if low is not None:
+                session.add(self._terms.at_least(value - low))
+            if high is not None:
+                session.add(self._terms.at_least(-value + high))
+        return session
