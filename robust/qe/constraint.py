@@ -1,0 +1,267 @@
+"""Linear constraints over named parameters, in a normal form that makes equal half-spaces equal objects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+from itertools import pairwise
+from math import gcd, lcm
+from typing import Any
+
+from robust.errors import InputError, UnsupportedError
+from robust.plan.model import ParameterReference, Relation
+from robust.plan.polynomial import Polynomial
+from robust.smt.terms import Formula, Terms
+
+Coefficients = tuple[tuple[str, Fraction], ...]
+"""Non-zero coefficients by parameter, in the order of the names."""
+
+ZERO, ONE = Fraction(0), Fraction(1)
+
+
+class Sense(Enum):
+    """How the linear form of a constraint relates to its constant."""
+
+    AT_MOST = "<="
+    LESS = "<"
+    EQUAL = "="
+
+    def holds(self, left: Fraction, right: Fraction) -> bool:
+        """Whether `left sense right`."""
+        match self:
+            case Sense.AT_MOST:
+                return left <= right
+            case Sense.LESS:
+                return left < right
+            case Sense.EQUAL:
+                return left == right
+
+
+@dataclass(frozen=True, slots=True)
+class LinearConstraint:
+    """`Σ coefficient · parameter  relation  constant`.
+
+    Coefficients are coprime integers (as fractions) in the order of the parameters' names, and the first one of an
+    equality is positive; so constraints of one half-space or hyperplane are equal and hash alike. A constraint without
+    parameters is `0 <= 0` if it holds and `0 <= -1` if it does not.
+
+    Raises:
+        InputError: if a parameter is named twice.
+    """
+
+    coefficients: Coefficients
+    relation: Sense
+    constant: Fraction
+
+    def __post_init__(self) -> None:
+        items = self.coefficients.items() if isinstance(self.coefficients, Mapping) else self.coefficients
+        pairs = sorted((name, _fraction(factor)) for name, factor in items if factor)
+        if any(left[0] == right[0] for left, right in pairwise(pairs)):
+            names = ", ".join(name for name, _ in pairs)
+            raise InputError(f"a constraint names a parameter twice: {names}; expected one coefficient for each")
+        relation, constant = Sense(self.relation), _fraction(self.constant)
+        if not pairs:
+            constant = ZERO if relation.holds(ZERO, constant) else -ONE
+            relation = Sense.AT_MOST
+        else:
+            scale = Fraction(lcm(*(c.denominator for _, c in pairs)), gcd(*(c.numerator for _, c in pairs)))
+            if relation is Sense.EQUAL and pairs[0][1] < 0:
+                scale = -scale
+            if scale != 1:
+                pairs = [(name, factor * scale) for name, factor in pairs]
+                constant *= scale
+        object.__setattr__(self, "coefficients", tuple(pairs))
+        object.__setattr__(self, "relation", relation)
+        object.__setattr__(self, "constant", constant)
+
+    @staticmethod
+    def of(
+        coefficients: Mapping[str, Fraction | int], relation: Sense | str, constant: Fraction | int
+    ) -> LinearConstraint:
+        """A constraint from a mapping; `relation` may be given by its sign, `<=`, `<`, `=`, `>=` or `>`."""
+        if relation in (">=", ">"):
+            negated = {name: -factor for name, factor in coefficients.items()}
+            return LinearConstraint.of(negated, "<=" if relation == ">=" else "<", -constant)
+        pairs = tuple((name, Fraction(factor)) for name, factor in coefficients.items())
+        return LinearConstraint(pairs, Sense(relation), Fraction(constant))
+
+    @staticmethod
+    def from_polynomial(expression: Polynomial[Any], relation: Relation) -> LinearConstraint:
+        """`expression relation 0` over parameter references.
+
+        Raises:
+            UnsupportedError: if the expression is not linear, mentions something other than parameters, or the
+                relation is a disequality (not one constraint, but the union of two).
+        """
+        strange = [unknown for unknown in expression.variables if not isinstance(unknown, ParameterReference)]
+        if strange or not expression.is_linear or relation is Relation.DIFFERENT:
+            raise UnsupportedError(
+                f"{expression} {relation.value} 0 is not a constraint of a polyhedron; expected a linear expression "
+                "over parameters, and >=, > or ="
+            )
+        sense = {Relation.AT_LEAST: Sense.AT_MOST, Relation.GREATER: Sense.LESS, Relation.EQUAL: Sense.EQUAL}[relation]
+        pairs = tuple((unknown.name, -factor) for unknown, factor in expression.coefficients())
+        return LinearConstraint(pairs, sense, expression.constant_term)
+
+    @staticmethod
+    def false() -> LinearConstraint:
+        """The constraint that nothing satisfies."""
+        return LinearConstraint((), Sense.AT_MOST, -ONE)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return tuple(name for name, _ in self.coefficients)
+
+    @property
+    def is_true(self) -> bool:
+        """Whether it holds everywhere."""
+        return not self.coefficients and self.constant >= 0
+
+    @property
+    def is_false(self) -> bool:
+        """Whether it holds nowhere."""
+        return not self.coefficients and self.constant < 0
+
+    @property
+    def is_strict(self) -> bool:
+        return self.relation is Sense.LESS
+
+    @property
+    def is_equality(self) -> bool:
+        return self.relation is Sense.EQUAL
+
+    def value(self, point: Mapping[str, Fraction]) -> Fraction:
+        """The linear form at a point; KeyError if the point lacks a parameter."""
+        return sum((factor * point[name] for name, factor in self.coefficients), ZERO)
+
+    def evaluate(self, point: Mapping[str, Fraction]) -> bool:
+        """Whether the point satisfies the constraint."""
+        return self.relation.holds(self.value(point), self.constant)
+
+    def negation(self) -> list[LinearConstraint]:
+        """Constraints whose union is the complement: one half-space, or two disjoint ones for an equality."""
+        below = tuple((name, factor) for name, factor in self.coefficients)
+        above = tuple((name, -factor) for name, factor in self.coefficients)
+        match self.relation:
+            case Sense.AT_MOST:
+                return [LinearConstraint(above, Sense.LESS, -self.constant)]
+            case Sense.LESS:
+                return [LinearConstraint(above, Sense.AT_MOST, -self.constant)]
+            case Sense.EQUAL:
+                return [
+                    LinearConstraint(below, Sense.LESS, self.constant),
+                    LinearConstraint(above, Sense.LESS, -self.constant),
+                ]
+
+    def halves(self) -> list[LinearConstraint]:
+        """An equality as two inequalities; an inequality as it is."""
+        if not self.is_equality:
+            return [self]
+        return [self.with_relation(Sense.AT_MOST), self.opposite(Sense.AT_MOST)]
+
+    def with_relation(self, relation: Sense) -> LinearConstraint:
+        """The same linear form and constant under another relation."""
+        return LinearConstraint(self.coefficients, relation, self.constant)
+
+    def opposite(self, relation: Sense) -> LinearConstraint:
+        """`−form relation −constant`: the other side of the same hyperplane."""
+        return LinearConstraint(tuple((n, -c) for n, c in self.coefficients), relation, -self.constant)
+
+    def closed(self) -> LinearConstraint:
+        """The constraint with its boundary."""
+        return self.with_relation(Sense.AT_MOST) if self.is_strict else self
+
+    def substitute(self, values: Mapping[str, Fraction]) -> LinearConstraint:
+        """The constraint on the remaining parameters once some are fixed."""
+        rest = tuple((name, factor) for name, factor in self.coefficients if name not in values)
+        fixed = sum((factor * values[name] for name, factor in self.coefficients if name in values), ZERO)
+        return LinearConstraint(rest, self.relation, self.constant - fixed)
+
+    def rename(self, names: Mapping[str, str]) -> LinearConstraint:
+        """The constraint with parameters renamed; names that are not in the mapping stay."""
+        pairs = tuple((names.get(name, name), factor) for name, factor in self.coefficients)
+        return LinearConstraint(pairs, self.relation, self.constant)
+
+    def as_polynomial(self) -> Polynomial[ParameterReference]:
+        """`constant − form`: the constraint says that it is ≥ 0, > 0 or = 0."""
+        terms: dict[tuple[ParameterReference, ...], Fraction] = {(): self.constant}
+        terms.update({(ParameterReference(name),): -factor for name, factor in self.coefficients})
+        return Polynomial(terms)
+
+    def to_formula(self, terms: Terms) -> Formula:
+        """The constraint over the symbols of parameter references."""
+        relation = {
+            Sense.AT_MOST: Relation.AT_LEAST,
+            Sense.LESS: Relation.GREATER,
+            Sense.EQUAL: Relation.EQUAL,
+        }[self.relation]
+        return terms.compare(self.as_polynomial(), relation)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The constraint of a `robust/region/1` document; rationals are strings."""
+        return {
+            "coefficients": {name: str(factor) for name, factor in self.coefficients},
+            "relation": self.relation.value,
+            "constant": str(self.constant),
+        }
+
+    @staticmethod
+    def from_dict(document: Mapping[str, Any]) -> LinearConstraint:
+        """Read what `as_dict` writes.
+
+        Raises:
+            InputError: if a key is missing, or a relation or number cannot be read.
+        """
+        try:
+            coefficients = {str(name): _exact(factor) for name, factor in document["coefficients"].items()}
+            return LinearConstraint.of(coefficients, Sense(document["relation"]), _exact(document["constant"]))
+        except (KeyError, ValueError, TypeError, AttributeError, ZeroDivisionError) as error:
+            raise InputError(
+                f"cannot read the constraint {document!r}: expected "
+                '{"coefficients": {"name": "1/2"}, "relation": "<=", "<" or "=", "constant": "3"}'
+            ) from error
+
+    def __str__(self) -> str:
+        """`2·x − y ≤ 7/4`; with a positive first coefficient, so possibly turned round."""
+        if not self.coefficients:
+            return "true" if self.is_true else "false"
+        sign = {Sense.AT_MOST: ("≤", "≥"), Sense.LESS: ("<", ">"), Sense.EQUAL: ("=", "=")}[self.relation]
+        flip = self.coefficients[0][1] < 0
+        form = Polynomial({(name,): -factor if flip else factor for name, factor in self.coefficients})
+        return f"{form} {sign[flip]} {-self.constant if flip else self.constant}"
+
+
+def _fraction(value: Fraction | int) -> Fraction:
+    return value if type(value) is Fraction else Fraction(value)
+
+
+def _exact(value: Any) -> Fraction:
+    """A rational from a document; a JSON number with a fraction is already rounded, so it must be a string."""
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        raise TypeError(value)
+    return Fraction(value)
+
+
+def trim(constraints: Iterable[LinearConstraint]) -> tuple[LinearConstraint, ...]:
+    """Without duplicates and constraints that hold everywhere; of parallel inequalities only the tightest.
+
+    A constraint that holds nowhere makes it the only one.
+    """
+    tightest: dict[tuple[object, ...], LinearConstraint] = {}
+    for constraint in constraints:
+        if constraint.is_false:
+            return (constraint,)
+        if constraint.is_true:
+            continue
+        # Coefficients are integers, and those are hashed and compared much faster than fractions.
+        key = (constraint.is_equality, *((name, factor.numerator) for name, factor in constraint.coefficients))
+        known = tightest.get(key)
+        if known is None or (constraint.constant, not constraint.is_strict) < (known.constant, not known.is_strict):
+            if known is not None and constraint.is_equality:
+                return (LinearConstraint.false(),)
+            tightest[key] = constraint
+        elif constraint.is_equality and constraint.constant != known.constant:
+            return (LinearConstraint.false(),)
+    return tuple(tightest.values())

@@ -1,0 +1,145 @@
+"""What an elimination back end is: ∃x. φ over linear real arithmetic in, polyhedra over the other variables out."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from importlib import import_module
+
+from robust.errors import InputError, UnsupportedError, did_you_mean
+from robust.qe.constraint import LinearConstraint
+from robust.qe.eliminate.conjunctions import Conjunction
+from robust.qe.nnf import TRUE, Nnf, Reader, booleans_in, conjunction, disjunction, names_in
+from robust.smt.limits import Deadline
+from robust.smt.session import Session
+from robust.smt.statistics import Statistics
+from robust.smt.terms import Terms
+
+
+@dataclass(frozen=True, eq=False)
+class Definition:
+    """A formula that for all values of the other symbols has a value of `symbol` that satisfies it."""
+
+    symbol: str
+    formula: Nnf
+
+
+@dataclass(frozen=True, eq=False)
+class Query:
+    """`∃ eliminated. network ∧ violation ∧ remainder ∧ definitions`, over the kept symbols.
+
+    The conjunction can be handed over as a whole. Its parts serve those who enumerate it: `network` is a conjunction of
+    inequalities without defined symbols; `definitions` are acyclic, so what mentions none of their symbols does not
+    depend on them; `remainder` is all else.
+    """
+
+    name: str
+    kept: tuple[str, ...]
+    network: Conjunction
+    violation: Nnf
+    definitions: tuple[Definition, ...] = ()
+    remainder: Nnf = TRUE
+
+    @property
+    def formula(self) -> Nnf:
+        """All of it as one formula."""
+        definitions = (definition.formula for definition in self.definitions)
+        return conjunction((*self.network, self.violation, self.remainder, *definitions))
+
+    @property
+    def eliminated(self) -> frozenset[str]:
+        return names_in(self.formula) - frozenset(self.kept)
+
+
+@dataclass
+class Context:
+    """What back ends may use: the door to the solvers, and where to count."""
+
+    terms: Terms
+    reader: Reader
+    solver: str = "z3"
+    statistics: Statistics = field(default_factory=Statistics)
+
+    def session(self) -> Session:
+        return Session(self.terms, solver=self.solver, statistics=self.statistics)
+
+
+class Eliminator(ABC):
+    """One way of eliminating quantifiers."""
+
+    name: str
+    alternation = False
+    """Whether it takes formulas with both quantifiers."""
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+
+    @abstractmethod
+    def eliminate(self, query: Query, known: Iterable[Conjunction], deadline: Deadline) -> Iterator[Conjunction]:
+        """Conjunctions over the kept symbols, as they are found; their union is what the query says.
+
+        Nothing has to be said, but may be, about points of the `known` conjunctions, which are all in the union that
+        the caller is after; results may overlap. KeyboardInterrupt ends the iteration at once.
+
+        Raises:
+            OutOfTimeError: if the deadline passes; what has been yielded is part of the union.
+            UnsupportedError: if the back end cannot handle the formula; the message says which one could.
+        """
+
+    def eliminate_nested(self, query: Query, exists: Query, deadline: Deadline) -> Iterator[Conjunction]:
+        """As `eliminate`, for `query ∨ ¬exists` as one formula with both quantifiers; only with `alternation`."""
+        raise UnsupportedError(f"back end {self.name!r} does not take both quantifiers at once; back end 'z3' does")
+
+
+def without(formula: Nnf, known: Iterable[Conjunction]) -> Nnf:
+    """The formula outside of what is known already."""
+    return conjunction((formula, *(outside(piece) for piece in known)))
+
+
+def outside(piece: Iterable[LinearConstraint]) -> Nnf:
+    """The complement of a conjunction of constraints."""
+    return disjunction(half for constraint in piece for half in constraint.negation())
+
+
+def require_reals(formula: Nnf, name: str) -> None:
+    """UnsupportedError if Boolean symbols occur, for back ends of pure arithmetic."""
+    booleans = booleans_in(formula)
+    if booleans:
+        raise UnsupportedError(
+            f"back end {name!r} found the Boolean symbol {min(booleans)!r}, expected real symbols only; "
+            "back ends 'project', 'fourier-motzkin', 'loos-weispfenning' and 'z3' take both"
+        )
+
+
+ELIMINATORS = {
+    "project": ("robust.qe.eliminate.lazy", "Project"),
+    "fourier-motzkin": ("robust.qe.eliminate.fourier_motzkin", "FourierMotzkin"),
+    "loos-weispfenning": ("robust.qe.eliminate.loos_weispfenning", "LoosWeispfenning"),
+    "z3": ("robust.qe.eliminate.z3_tactics", "Z3Tactic"),
+    "z3-qe": ("robust.qe.eliminate.z3_tactics", "Z3OldTactic"),
+    "cvc5": ("robust.qe.eliminate.cvc5_native", "Cvc5Disjuncts"),
+    "cvc5-whole": ("robust.qe.eliminate.cvc5_native", "Cvc5Whole"),
+}
+"""Where each back end lives; imported only when chosen."""
+
+
+def require_eliminator(name: str) -> None:
+    """InputError if there is no such back end."""
+    if name not in ELIMINATORS:
+        raise InputError(f"unknown back end {name!r}{did_you_mean(name, ELIMINATORS)}")
+
+
+def create_eliminator(name: str, context: Context) -> Eliminator:
+    """The back end of that name.
+
+    Raises:
+        InputError: if there is no such back end.
+        SolverError: if what it needs is not installed.
+    """
+    require_eliminator(name)
+    module, attribute = ELIMINATORS[name]
+    made = getattr(import_module(module), attribute)(context)
+    if not isinstance(made, Eliminator):
+        raise TypeError(f"{attribute} is not an elimination back end")
+    return made

@@ -1,0 +1,134 @@
+"""Regions as text, LaTeX, SMT-LIB and sympy expressions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from robust.qe.bounds import Part
+from robust.qe.constraint import LinearConstraint, Sense
+from robust.qe.polyhedron import Polyhedron
+
+if TYPE_CHECKING:
+    import sympy
+
+LATEX = {"≤": r"\le", "≥": r"\ge", "<": "<", ">": ">", "=": "="}
+SIMPLE_SYMBOL = r"[A-Za-z~!@$%^&*_+=<>.?/-][A-Za-z0-9~!@$%^&*_+=<>.?/-]*"
+
+
+def to_text(parts: Sequence[Part]) -> str:
+    """One line for each polyhedron."""
+    lines: list[str] = []
+    for base, removed in parts:
+        lines.append(f"{'∪ ' if lines else ''}{{ {base} }}")
+        lines += [f"∖ {{ {piece} }}" for piece in removed]
+    return "\n".join(lines) or "∅"
+
+
+def to_latex(parts: Sequence[Part]) -> str:
+    """A formula in mathematical mode; `\\bot` and `\\top` for nothing and everything."""
+    texts = []
+    for base, removed in parts:
+        outside = [rf"\neg \left({_latex_conjunction(piece)}\right)" for piece in removed]
+        shown = [] if removed and not base.constraints else [_latex_conjunction(base)]
+        texts.append(r" \land ".join([*shown, *outside]))
+    if len(texts) > 1:
+        texts = [rf"\left({text}\right)" for text in texts]
+    return r" \lor ".join(texts) or r"\bot"
+
+
+def _latex_conjunction(piece: Polyhedron) -> str:
+    return r" \land ".join(_latex(constraint) for constraint in piece.constraints) or r"\top"
+
+
+def _latex(constraint: LinearConstraint) -> str:
+    if not constraint.coefficients:
+        return r"\top" if constraint.is_true else r"\bot"
+    left, relation, right = oriented(constraint)
+    text = ""
+    for name, factor in left:
+        sign = ("-" if factor < 0 else "") if not text else (" - " if factor < 0 else " + ")
+        text += sign + ("" if abs(factor) == 1 else f"{abs(factor)} ") + _latex_name(name)
+    number = (
+        str(right)
+        if right.denominator == 1
+        else rf"{'-' if right < 0 else ''}\frac{{{abs(right.numerator)}}}"
+        rf"{{{right.denominator}}}"
+    )
+    return f"{text} {LATEX[relation]} {number}"
+
+
+def _latex_name(name: str) -> str:
+    if len(name) == 1 and name.isalpha():
+        return name
+    escaped = re.sub(r"([#$%&_{}])", r"\\\1", name.replace("\\", r"\backslash "))
+    return rf"\mathit{{{escaped}}}"
+
+
+def oriented(constraint: LinearConstraint) -> tuple[list[tuple[str, Fraction]], str, Fraction]:
+    """Form, sign (≤, ≥, <, > or =) and constant, turned round so that the first coefficient is positive."""
+    signs = {Sense.AT_MOST: "≤≥", Sense.LESS: "<>", Sense.EQUAL: "=="}[constraint.relation]
+    flip = constraint.coefficients[0][1] < 0
+    factor = -1 if flip else 1
+    return [(name, factor * c) for name, c in constraint.coefficients], signs[flip], factor * constraint.constant
+
+
+def to_smtlib(parameters: Sequence[str], parts: Sequence[Part], name: str) -> str:
+    """`(define-fun name ((x Real) …) Bool …)`."""
+    arguments = " ".join(f"({_symbol(parameter)} Real)" for parameter in parameters)
+    texts = []
+    for base, removed in parts:
+        literals = [_smt(constraint) for constraint in base.constraints]
+        literals += [f"(not {_junction('and', [_smt(c) for c in piece.constraints], 'true')})" for piece in removed]
+        texts.append(_junction("and", literals, "true"))
+    return f"(define-fun {_symbol(name)} ({arguments}) Bool\n  {_junction('or', texts, 'false')})\n"
+
+
+def _junction(operator: str, operands: list[str], neutral: str) -> str:
+    if len(operands) < 2:
+        return operands[0] if operands else neutral
+    return f"({operator} {' '.join(operands)})"
+
+
+def _smt(constraint: LinearConstraint) -> str:
+    if not constraint.coefficients:
+        return "true" if constraint.is_true else "false"
+    terms = [
+        _symbol(name) if factor == 1 else f"(* {_number(factor)} {_symbol(name)})"
+        for name, factor in constraint.coefficients
+    ]
+    return f"({constraint.relation.value} {_junction('+', terms, '0.0')} {_number(constraint.constant)})"
+
+
+def _number(value: Fraction) -> str:
+    size = f"{abs(value.numerator)}.0" if value.denominator == 1 else f"(/ {abs(value.numerator)} {value.denominator})"
+    return f"(- {size})" if value < 0 else size
+
+
+def _symbol(name: str) -> str:
+    return name if re.fullmatch(SIMPLE_SYMBOL, name) else f"|{name}|"
+
+
+def to_sympy(parts: Sequence[Part]) -> sympy.Basic:
+    """A Boolean expression over real symbols."""
+    import sympy  # noqa: PLC0415 - takes half a second to import
+
+    def junction(piece: Polyhedron) -> sympy.Basic:
+        return sympy.And(*(relational(constraint) for constraint in piece.constraints))
+
+    def relational(constraint: LinearConstraint) -> sympy.Basic:
+        form = sum(
+            (_rational(factor) * sympy.Symbol(name, real=True) for name, factor in constraint.coefficients),
+            sympy.Integer(0),
+        )
+        relation = {Sense.AT_MOST: sympy.Le, Sense.LESS: sympy.Lt, Sense.EQUAL: sympy.Eq}[constraint.relation]
+        return relation(form, _rational(constraint.constant))
+
+    def _rational(value: Fraction) -> sympy.Basic:
+        return sympy.Rational(value.numerator, value.denominator)
+
+    return sympy.Or(
+        *(sympy.And(junction(base), *(sympy.Not(junction(piece)) for piece in removed)) for base, removed in parts)
+    )

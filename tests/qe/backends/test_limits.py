@@ -1,0 +1,122 @@
+"""Time limits and interruption: what is returned is an outer bound, and nothing is left running."""
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import robust.examples
+from robust.errors import SolverError
+from robust.plan.load import load_plan
+from robust.plan.model import ParametrizedPlan
+from robust.qe.compute import RegionStatus, region
+from robust.qe.eliminate.forked import stream_from_copy
+from robust.qe.polyhedron import Polyhedron
+from robust.smt.limits import Deadline, OutOfTimeError
+
+BACKENDS = ("project", "fourier-motzkin", "loos-weispfenning", "z3", "z3-qe", "cvc5", "cvc5-whole")
+
+
+@pytest.fixture(scope="module")
+def navigation() -> ParametrizedPlan:
+    folder = Path(robust.examples.__file__).parent / "two_sample_navigation"
+    return load_plan(folder / "domain.pddl", folder / "problem.pddl", folder / "plan.stn")
+
+
+@contextmanager
+def interrupted_after(seconds: float) -> Iterator[None]:
+    """Ctrl-C, once, from outside of whatever the main thread is doing."""
+    main = threading.main_thread().ident
+    assert main is not None
+    timer = threading.Timer(seconds, signal.pthread_kill, (main, signal.SIGINT))
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_no_time_at_all(navigation: ParametrizedPlan, backend: str) -> None:
+    result = region(navigation, backend=backend, timeout=0)
+    assert result.status is RegionStatus.TIMEOUT
+    assert not result.is_exact
+    assert "outer bound" in result.meaning
+    assert result.pieces == 0
+    assert navigation.nominal in result.region
+
+
+def test_interruption_between_pieces_keeps_what_was_found(navigation: ParametrizedPlan) -> None:
+    """Each piece takes something away; the region of an interrupted run contains the envelope."""
+    pieces: list[Polyhedron] = []
+
+    def stop(piece: Polyhedron) -> None:
+        pieces.append(piece)
+        if len(pieces) == 2:
+            raise KeyboardInterrupt
+
+    result = region(navigation, on_piece=stop)
+    envelope = region(navigation)
+    assert result.status is RegionStatus.INTERRUPTED
+    assert result.pieces == len(pieces) == 2
+    assert envelope.status is RegionStatus.COMPLETE
+    assert envelope.meaning == "the robustness envelope"
+    assert envelope.region.is_subset_of(result.region)
+    assert not result.region.is_subset_of(envelope.region)
+    assert all(piece.some_point() not in result.region for piece in pieces)
+
+
+def test_the_copy_is_ended_by_the_deadline_and_by_interruption() -> None:
+    def endless() -> Iterator[int]:
+        yield 1
+        while True:
+            pass
+
+    started = time.monotonic()
+    items = stream_from_copy(endless, Deadline.after(0.3))
+    assert next(items) == 1
+    with pytest.raises(OutOfTimeError):
+        next(items)
+    items = stream_from_copy(endless, Deadline())
+    assert next(items) == 1
+    with pytest.raises(KeyboardInterrupt), interrupted_after(0.3):
+        next(items)
+    assert time.monotonic() - started < 20
+
+
+def test_failures_in_the_copy_are_told() -> None:
+    def failing() -> Iterator[int]:
+        yield 1
+        raise ValueError("not this one")
+
+    items = stream_from_copy(failing, Deadline())
+    assert next(items) == 1
+    with pytest.raises(SolverError, match="ValueError: not this one"):
+        next(items)
+    assert list(stream_from_copy(lambda: [1, "two"], Deadline())) == [1, "two"]
+
+
+@pytest.mark.parametrize("backend", ["project", "z3-qe", "cvc5-whole", "loos-weispfenning"])
+def test_time_limits_are_kept(dataset: Path, backend: str) -> None:
+    folder = dataset / "generator-linear"
+    plan = load_plan(folder / "domain.pddl", folder / "problem_07.pddl", folder / "plan_07_4.stn")
+    started = time.monotonic()
+    result = region(plan, backend=backend, splitting="partial", timeout=0.4)
+    assert result.status is RegionStatus.TIMEOUT
+    assert time.monotonic() - started < 10
+
+
+@pytest.mark.parametrize("backend", ["project", "cvc5-whole"])
+def test_ctrl_c(dataset: Path, backend: str) -> None:
+    folder = dataset / "generator-linear"
+    plan = load_plan(folder / "domain.pddl", folder / "problem_07.pddl", folder / "plan_07_4.stn")
+    started = time.monotonic()
+    with interrupted_after(0.4):
+        result = region(plan, backend=backend, splitting="partial")
+    assert result.status is RegionStatus.INTERRUPTED
+    assert time.monotonic() - started < 10

@@ -1,0 +1,122 @@
+"""Negation normal forms: reading, writing, negation, implicants, projections of conjunctions."""
+
+from fractions import Fraction
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robust.errors import UnsupportedError
+from robust.qe.constraint import LinearConstraint
+from robust.qe.eliminate.conjunctions import project, project_at, variables_of
+from robust.qe.eliminate.simplify import simplified
+from robust.qe.lp import feasible_point
+from robust.qe.nnf import (
+    FALSE,
+    TRUE,
+    Literal,
+    Nnf,
+    Reader,
+    conjunction,
+    disjunction,
+    implicant,
+    layout,
+    names_in,
+    negation,
+)
+from robust.smt.limits import Deadline
+from robust.smt.session import Session, Verdict
+from robust.smt.terms import Formula, Terms
+from tests.qe.backends.formulas import KEPT, REALS, constraints, context, formulas
+
+SYMBOLS = (*KEPT, *REALS)
+NUMBERS = st.sampled_from([Fraction(n, 2) for n in range(-6, 12)])
+MODELS = st.fixed_dictionaries({**dict.fromkeys(SYMBOLS, NUMBERS), "p": st.booleans(), "q": st.booleans()})
+
+
+def is_valid(terms: Terms, formula: Formula) -> bool:
+    session = Session(terms)
+    session.add(terms.negation(formula))
+    return session.check("validity") is Verdict.UNSATISFIABLE
+
+
+def holds(formula: Nnf, model: dict[str, Fraction | bool]) -> bool:
+    return layout(formula).truths(model)[-1]
+
+
+@given(formulas(booleans=True))
+@settings(max_examples=80, deadline=None)
+def test_reading_what_was_written_is_equivalent(formula: Nnf) -> None:
+    terms = Terms()
+    written = Reader(terms).write(formula)
+    again = Reader(terms)
+    assert is_valid(terms, terms.equivalence(written, again.write(again.read(written))))
+    assert is_valid(terms, terms.equivalence(terms.negation(written), again.write(again.read(terms.negation(written)))))
+
+
+@given(formulas(booleans=True), MODELS)
+@settings(deadline=None)
+def test_negation_and_simplification(formula: Nnf, model: dict[str, Fraction | bool]) -> None:
+    assert holds(negation(formula), model) is not holds(formula, model)
+    assert holds(simplified(formula), model) is holds(formula, model)
+
+
+@given(formulas(booleans=True), MODELS)
+@settings(max_examples=60, deadline=None)
+def test_implicants_are_true_and_imply(formula: Nnf, model: dict[str, Fraction | bool]) -> None:
+    chosen: dict[LinearConstraint | Literal, None] = {}
+    assert implicant(formula, model, chosen) is holds(formula, model)
+    assert all(holds(leaf, model) for leaf in chosen)
+    if chosen:
+        made = context()
+        claim = disjunction((negation(conjunction(chosen)), formula))
+        assert is_valid(made.terms, made.reader.write(claim))
+
+
+@given(st.lists(constraints(), min_size=1, max_size=7).map(tuple))
+@settings(max_examples=150, deadline=None)
+def test_projection_at_a_point_is_inside_the_exact_one(conjuncts: tuple[LinearConstraint, ...]) -> None:
+    point = feasible_point(SYMBOLS, conjuncts)
+    exact = project(conjuncts, REALS, Deadline())
+    if point is None:
+        assert exact is None
+        return
+    assert exact is not None
+    near = project_at(conjuncts, REALS, point)
+    assert set(variables_of((*near, *exact))) <= set(KEPT)
+    assert all(constraint.evaluate(point) for constraint in (*near, *exact))
+    made = context()
+    claim = disjunction((negation(conjunction(near)), conjunction(exact)))
+    assert is_valid(made.terms, made.reader.write(claim))
+
+
+def test_constants_fold() -> None:
+    leaf = LinearConstraint.of({"a": 1}, "<=", 3)
+    assert conjunction(()) is TRUE
+    assert disjunction(()) is FALSE
+    assert conjunction((leaf, FALSE)) is FALSE
+    assert disjunction((leaf, TRUE)) is TRUE
+    assert conjunction((leaf, leaf)) is leaf or conjunction((leaf, leaf)) == leaf
+    assert disjunction((Literal("p", True), Literal("p", False))) is TRUE
+    assert conjunction((leaf, LinearConstraint.of({"a": 1}, "<=", 1))) == LinearConstraint.of({"a": 1}, "<=", 1)
+    assert disjunction((leaf, LinearConstraint.of({"a": 1}, "<=", 1))) == leaf
+
+
+def test_deep_formulas_are_read() -> None:
+    terms = Terms()
+    symbols = [terms.manager.Symbol(f"p{i}") for i in range(2)]
+    formula = symbols[0]
+    for index in range(3000):
+        formula = terms.manager.And(symbols[index % 2], terms.manager.Or(symbols[0], formula))
+    assert names_in(Reader(terms).read(formula)) == {"p0", "p1"}
+
+
+def test_other_formulas_are_rejected() -> None:
+    terms = Terms()
+    real = terms.real("x")
+    product = terms.manager.GE(terms.manager.Times(real, real), terms.number(Fraction(0)))
+    with pytest.raises(UnsupportedError, match="product"):
+        Reader(terms).read(product)
+    choice = terms.manager.Ite(terms.manager.Symbol("p"), real, terms.number(Fraction(1)))
+    with pytest.raises(UnsupportedError, match="linear real term"):
+        Reader(terms).read(terms.manager.GE(choice, real))

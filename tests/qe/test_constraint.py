@@ -1,0 +1,119 @@
+"""Linear constraints: normal form, negation, substitution and documents."""
+
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robust.errors import InputError, UnsupportedError
+from robust.plan.model import Duration, ParameterReference, Relation
+from robust.plan.polynomial import Polynomial
+from robust.qe.constraint import LinearConstraint, Sense, trim
+from robust.smt.terms import Terms
+from tests.qe.polyhedra import NAMES, constraints, eq, grid, le, lt
+
+GRID = grid(NAMES, reach=2)
+
+
+def test_equal_half_spaces_are_equal_objects():
+    assert le(3, x="2/3", y=-2) == le("9/2", y=-3, x=1)
+    assert hash(le(3, x=6)) == hash(le("1/2", x=1))
+    assert le(3, x=6) != lt(3, x=6)
+    assert eq(2, x=-1, y=3) == eq(-2, x=1, y=-3)
+    assert LinearConstraint.of({"x": 2}, ">=", 4) == le(-4, x=-2)
+    assert LinearConstraint.of({"x": 2}, ">", 4) == lt(-2, x=-1)
+
+
+def test_coefficients_are_coprime_integers():
+    constraint = le("1/2", x="4/3", y=2, z=0)
+    assert constraint.coefficients == (("x", Fraction(2)), ("y", Fraction(3)))
+    assert constraint.constant == Fraction(3, 4)
+
+
+@pytest.mark.parametrize(("constraint", "truth"), [(le(0), True), (lt(0), False), (le(-2), False), (eq(1), False)])
+def test_constants_are_decided(constraint, truth):
+    assert constraint.is_true is truth
+    assert constraint.is_false is not truth
+    assert constraint.evaluate({}) is truth
+
+
+def test_a_parameter_may_occur_once():
+    with pytest.raises(InputError, match="names a parameter twice: x, x"):
+        LinearConstraint((("x", Fraction(1)), ("x", Fraction(2))), Sense.LESS, Fraction(1))
+
+
+@given(constraints(NAMES))
+def test_negation_holds_exactly_elsewhere(constraint):
+    for point in GRID:
+        holding = [side.evaluate(point) for side in constraint.negation()]
+        assert sum(holding) == (0 if constraint.evaluate(point) else 1)
+
+
+@given(constraints(NAMES), st.fractions(-3, 3, max_denominator=4))
+def test_substitution_agrees_with_evaluation(constraint, value):
+    reduced = constraint.substitute({"y": value})
+    assert "y" not in reduced.parameters
+    for point in GRID:
+        assert reduced.evaluate(point) == constraint.evaluate({**point, "y": value})
+
+
+@given(constraints(NAMES))
+def test_documents_and_polynomials_come_back(constraint):
+    assert LinearConstraint.from_dict(constraint.as_dict()) == constraint
+    relations = {Sense.AT_MOST: Relation.AT_LEAST, Sense.LESS: Relation.GREATER, Sense.EQUAL: Relation.EQUAL}
+    assert LinearConstraint.from_polynomial(constraint.as_polynomial(), relations[constraint.relation]) == constraint
+    for half in constraint.halves() if constraint.coefficients else ():
+        assert half.opposite(half.relation).opposite(half.relation) == half
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {},
+        {"coefficients": {"x": "1"}, "relation": ">=", "constant": "1"},
+        {"coefficients": {"x": 0.1}, "relation": "<=", "constant": "1"},
+        {"coefficients": {"x": "1/0"}, "relation": "<=", "constant": "1"},
+        {"coefficients": ["x"], "relation": "<=", "constant": "1"},
+        {"coefficients": {"x": "1"}, "relation": "<=", "constant": True},
+    ],
+)
+def test_bad_documents_are_refused(document):
+    with pytest.raises(InputError, match="cannot read the constraint"):
+        LinearConstraint.from_dict(document)
+
+
+def test_only_linear_expressions_over_parameters():
+    x = Polynomial.variable(ParameterReference("x"))
+    for expression, relation in [
+        (x * x, Relation.AT_LEAST),
+        (x, Relation.DIFFERENT),
+        (Polynomial.variable(Duration()), Relation.EQUAL),
+    ]:
+        with pytest.raises(UnsupportedError, match="not a constraint of a polyhedron"):
+            LinearConstraint.from_polynomial(expression, relation)
+
+
+def test_text():
+    assert str(le("7/4", x=2, y=-1)) == "2·x - y ≤ 7/4"
+    assert str(lt(-3, x=-1)) == "x > 3"
+    assert str(eq(0, x=1, y=1)) == "x + y = 0"
+    assert str(le(1)) == "true"
+    assert str(LinearConstraint.false()) == "false"
+
+
+def test_formula():
+    terms = Terms()
+    assert str(le(4, x=-1).to_formula(terms)) == "(0.0 <= (x + 4.0))"
+    assert le(4).to_formula(terms) is terms.true
+
+
+def test_renaming():
+    assert le(4, x=-1, y=2).rename({"x": "a"}) == le(4, a=-1, y=2)
+
+
+def test_trim_keeps_the_tightest():
+    assert trim([le(3, x=1), lt(2, x=1), le(2, x=1), le(5), le(1, x=-1)]) == (lt(2, x=1), le(1, x=-1))
+    assert trim([eq(1, x=1), eq(2, x=1)]) == (LinearConstraint.false(),)
+    assert trim([eq(2, x=1), eq(1, x=1)]) == (LinearConstraint.false(),)
+    assert trim([eq(1, x=1), eq(2, x=2), lt(0)]) == (LinearConstraint.false(),)

@@ -1,0 +1,240 @@
+"""Polyhedra against z3, a grid of points, and shapes with known answers."""
+
+from fractions import Fraction
+from itertools import combinations, pairwise
+
+import pytest
+import z3
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robust.errors import InputError, UnsupportedError
+from robust.qe.polyhedron import Extent, Polyhedron
+from tests.qe.polyhedra import (
+    NAMES,
+    SYMBOLS,
+    as_z3,
+    cube,
+    eq,
+    grid,
+    is_valid,
+    le,
+    lt,
+    number,
+    polygon,
+    polyhedra,
+    rectangle,
+    same,
+    spaces,
+)
+
+QUICK = settings(deadline=None, max_examples=60)
+some = spaces.flatmap(polyhedra)
+pairs = spaces.flatmap(lambda names: st.tuples(polyhedra(names), polyhedra(names, 4)))
+
+
+@QUICK
+@given(some)
+def test_membership_points_and_emptiness(polyhedron):
+    inside = as_z3(polyhedron)
+    assert polyhedron.is_empty == is_valid(z3.Not(inside))
+    assert polyhedron.is_empty == (polyhedron.dimension == -1)
+    for point in grid(polyhedron.parameters, reach=2):
+        values = [(SYMBOLS[name], number(value)) for name, value in point.items()]
+        assert (point in polyhedron) == z3.is_true(z3.simplify(z3.substitute(inside, *values)))
+    if not polyhedron.is_empty:
+        assert polyhedron.some_point() in polyhedron
+        assert polyhedron.interior_point() in polyhedron
+
+
+@QUICK
+@given(some)
+def test_simplification_keeps_the_set_and_nothing_else(polyhedron):
+    simple = polyhedron.simplified()
+    assert same(as_z3(simple), as_z3(polyhedron))
+    for index in range(len(simple.constraints)):
+        fewer = Polyhedron(simple.parameters, simple.constraints[:index] + simple.constraints[index + 1 :])
+        assert not same(as_z3(fewer), as_z3(polyhedron))
+    interior = simple.interior_point()
+    assert all(c.is_equality or c.value(interior) < c.constant for c in simple.constraints if interior)
+
+
+@QUICK
+@given(pairs)
+def test_subsets_and_differences(pair):
+    left, right = pair
+    assert left.is_subset_of(right) == is_valid(z3.Implies(as_z3(left), as_z3(right)))
+    assert left.equals(right) == same(as_z3(left), as_z3(right))
+    assert same(as_z3(left.intersection(right)), z3.And(as_z3(left), as_z3(right)))
+    pieces = left.minus(right)
+    assert same(z3.Or([as_z3(piece) for piece in pieces]), z3.And(as_z3(left), z3.Not(as_z3(right))))
+    assert all(first.is_disjoint_from(second) for first, second in combinations(pieces, 2))
+    assert same(z3.Or([as_z3(piece) for piece in right.complement()]), z3.Not(as_z3(right)))
+
+
+@QUICK
+@given(polyhedra(NAMES), st.sets(st.sampled_from(NAMES), max_size=3))
+def test_projection_is_the_existential_quantifier(polyhedron, dropped):
+    kept = [name for name in NAMES if name not in dropped]
+    shadow = polyhedron.project(kept)
+    assert shadow.parameters == tuple(kept)
+    bound = [SYMBOLS[name] for name in sorted(dropped)]
+    assert same(as_z3(shadow), z3.Exists(bound, as_z3(polyhedron)) if bound else as_z3(polyhedron))
+
+
+@QUICK
+@given(some)
+def test_bounding_box(polyhedron):
+    box = polyhedron.bounding_box()
+    assert (box is None) == polyhedron.is_empty
+    for name, extent in (box or {}).items():
+        for sign, end, closed in ((1, extent.upper, extent.upper_closed), (-1, extent.lower, extent.lower_closed)):
+            if end is None:
+                assert not closed
+                assert not is_valid(z3.Implies(as_z3(polyhedron), sign * SYMBOLS[name] < 1000))
+            else:
+                beyond = z3.Implies(as_z3(polyhedron), sign * (SYMBOLS[name] - number(end)) < 0)
+                assert is_valid(z3.Implies(as_z3(polyhedron), sign * (SYMBOLS[name] - number(end)) <= 0))
+                assert is_valid(beyond) == (not closed)
+
+
+@QUICK
+@given(some, st.fractions(-2, 2, max_denominator=3))
+def test_slices(polyhedron, value):
+    name = polyhedron.parameters[-1]
+    cut = polyhedron.slice({name: value})
+    for point in grid(cut.parameters):
+        assert (point in cut) == ({**point, name: value} in polyhedron)
+
+
+@QUICK
+@given(some)
+def test_vertices_span_bounded_polyhedra(polyhedron):
+    vertices = polyhedron.vertices()
+    assert all(vertex in polyhedron.closure() for vertex in vertices)
+    if polyhedron.is_bounded and vertices:
+        for name, extent in polyhedron.bounding_box().items():
+            assert extent.lower == min(vertex[name] for vertex in vertices)
+            assert extent.upper == max(vertex[name] for vertex in vertices)
+
+
+def test_shapes():
+    assert len(cube(1).vertices()) == 8
+    assert cube(2).volume() == 8
+    assert cube(2).restricted([le(3, x=1, y=1, z=1)]).volume() == 4
+    simplex = Polyhedron(NAMES, (le(1, x=1, y=1, z=1), *(le(0, **{n: -1}) for n in NAMES)))
+    assert simplex.volume() == Fraction(1, 6)
+    octahedron = Polyhedron(NAMES, tuple(le(1, x=a, y=b, z=c) for a in (1, -1) for b in (1, -1) for c in (1, -1)))
+    assert octahedron.volume() == Fraction(4, 3)
+    assert len(octahedron.vertices()) == 6
+    pyramid = Polyhedron(NAMES, (*(le(0, z=1, **{n: s}) for n in "xy" for s in (1, -1)), le(2, z=-1)))
+    assert pyramid.volume() == Fraction(32, 3)
+    assert pyramid.restricted([lt(1, x=1), lt(0, z=1)]).volume() == pyramid.volume() - Fraction(5, 3)
+    assert cube(3, "abcd").volume() == 81
+
+
+@QUICK
+@given(spaces.flatmap(lambda names: st.tuples(polyhedra(names, 4), polyhedra(names, 2))))
+def test_volumes_add_up(pair):
+    whole = pair[0].restricted(cube(2, pair[0].parameters).constraints)
+    parts = [piece.volume() for piece in whole.minus(pair[1])]
+    assert sum(parts) + whole.intersection(pair[1]).volume() == whole.volume()
+
+
+def test_without_parameters():
+    everything, nothing = Polyhedron(()), Polyhedron.nothing(())
+    assert {} in everything
+    assert {} not in nothing
+    assert (everything.dimension, nothing.dimension) == (0, -1)
+    assert (everything.volume(), nothing.volume()) == (1, 0)
+    assert everything.is_universal
+    assert everything.vertices() == [{}]
+    assert nothing.is_subset_of(everything)
+    assert not everything.is_subset_of(nothing)
+    assert cube(1).project(()) == everything
+    assert Polyhedron.nothing(NAMES).project(()) == nothing
+    assert everything.minus(nothing) == [everything]
+    assert (str(everything), str(nothing)) == ("true", "false")
+
+
+def test_empty_by_strictness():
+    empty = polygon(le(1, x=1), lt(-1, x=-1))
+    assert empty.is_empty
+    assert empty.simplified() == Polyhedron.nothing(("x", "y"))
+    assert empty.closure().is_empty
+    assert empty.bounding_box() is None
+    assert empty.some_point() is None
+    assert empty.interior_point() is None
+    assert empty.maximize({"x": 1}) is None
+
+
+def test_single_point_hidden_in_inequalities():
+    point = polygon(le(2, x=1, y=1), le(-1, x=-1), le(-1, y=-1))
+    assert point.dimension == 0
+    assert point.simplified() == polygon(eq(1, x=1), eq(1, y=1))
+    assert point.vertices() == [{"x": 1, "y": 1}]
+    assert point.volume() == 0
+    assert point.bounding_box()["x"] == Extent(Fraction(1), Fraction(1), True, True)
+
+
+def test_segment_and_line():
+    line = polygon(eq(1, x=1, y=1))
+    assert line.dimension == 1
+    assert not line.is_bounded
+    assert (line.volume(), line.vertices()) == (0, [])
+    segment = line.restricted([le(0, x=-1), lt(0, y=-1)])
+    assert segment.vertices() == [{"x": 0, "y": 1}, {"x": 1, "y": 0}]
+    assert segment.extent("x") == Extent(Fraction(0), Fraction(1), True, False)
+    assert segment.project(["x"]).equals(Polyhedron(("x",), (lt(1, x=1), le(0, x=-1))))
+    assert segment.slice({"x": Fraction(1, 3)}).vertices() == [{"y": Fraction(2, 3)}]
+
+
+def test_unbounded_and_universal():
+    half = polygon(lt(0, x=1))
+    assert half.volume() is None
+    assert not half.is_bounded
+    assert half.extent("x") == Extent(None, Fraction(0), False, False)
+    assert half.project(["y"]).is_universal
+    assert Polyhedron.universe(NAMES).volume() is None
+    assert Polyhedron.universe(NAMES).complement() == []
+    assert [piece.is_universal for piece in Polyhedron.nothing(NAMES).complement()] == [True]
+
+
+def test_a_strict_side_that_only_excludes_a_corner_is_kept():
+    square = rectangle(0, 1, 0, 1)
+    without_corner = square.restricted([lt(2, x=1, y=1)])
+    assert len(without_corner.simplified().constraints) == 5
+    assert not square.is_subset_of(without_corner)
+    assert without_corner.restricted([lt(3, x=2, y=1)]).equals(square.restricted([lt(3, x=2, y=1), lt(2, x=1, y=1)]))
+    assert len(without_corner.restricted([lt(1, x=1)]).simplified().constraints) == 4
+
+
+def test_projection_along_coupled_equalities():
+    coupled = Polyhedron(NAMES, (eq(0, y=1, z=1), eq(0, x=1, z=1), lt(1, y=1)))
+    assert coupled.project(["x"]) == Polyhedron(("x",), (lt(1, x=1),))
+    assert coupled.project(["x", "z"]).equals(Polyhedron(("x", "z"), (eq(0, x=1, z=1), lt(1, x=1))))
+
+
+def test_errors():
+    with pytest.raises(InputError, match="'z', which is not a parameter"):
+        polygon(le(1, z=1))
+    with pytest.raises(InputError, match="a name occurs twice"):
+        Polyhedron(("x", "x"))
+    with pytest.raises(InputError, match="'a' is not a parameter"):
+        rectangle(0, 1, 0, 1).project(["a"])
+    with pytest.raises(InputError, match="'a' is not a parameter"):
+        rectangle(0, 1, 0, 1).slice({"a": Fraction(1)})
+    with pytest.raises(InputError, match="the same parameters"):
+        rectangle(0, 1, 0, 1).intersection(cube(1))
+    with pytest.raises(UnsupportedError, match="dimension 4"):
+        cube(1, "abcd").vertices()
+
+
+def test_projection_of_a_long_chain_stays_small():
+    names = tuple(f"t{i}" for i in range(12))
+    sides = [le(0, t0=-1), le(0, t0=1)]
+    for first, second in pairwise(names):
+        sides += [le(5, **{second: 1, first: -1}), lt(-2, **{second: -1, first: 1})]
+    shadow = Polyhedron(names, tuple(sides)).project(["t11"])
+    assert shadow.extent("t11") == Extent(Fraction(22), Fraction(55), False, True)
+    assert len(shadow.constraints) == 2
