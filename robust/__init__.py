@@ -4,7 +4,7 @@
 >>> plan = robust.load_plan("domain.pddl", "problem.pddl", "plan.stn")    # doctest: +SKIP
 >>> robust.check(plan).answer                                             # doctest: +SKIP
 <Answer.PROVED: 'proved'>
->>> robust.envelope(plan, beta=Fraction(1)).box                           # doctest: +SKIP
+>>> robust.envelope(plan).box                                             # doctest: +SKIP
 """
 
 from __future__ import annotations
@@ -13,13 +13,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robust.api import check, envelope
+    from robust.api import check, compare, envelope, region
     from robust.errors import InputError, RobustError, SolverError, UnsupportedError
     from robust.irr.box import Box, Interval
     from robust.irr.check import Answer, CheckResult, Counterexample
+    from robust.irr.compare import Comparison
     from robust.irr.result import EnvelopeResult, Status, Step
     from robust.plan.load import load_plan
     from robust.plan.model import ParametrizedPlan
+    from robust.qe.compute import RegionResult, RegionStatus
+    from robust.qe.region import Region
 
 __version__ = "0.1.0"
 
@@ -27,30 +30,40 @@ _HOME = {
     "Answer": "robust.irr.check",
     "Box": "robust.irr.box",
     "CheckResult": "robust.irr.check",
+    "Comparison": "robust.irr.compare",
     "Counterexample": "robust.irr.check",
     "EnvelopeResult": "robust.irr.result",
     "InputError": "robust.errors",
     "Interval": "robust.irr.box",
     "ParametrizedPlan": "robust.plan.model",
+    "Region": "robust.qe.region",
+    "RegionResult": "robust.qe.compute",
+    "RegionStatus": "robust.qe.compute",
     "RobustError": "robust.errors",
     "SolverError": "robust.errors",
     "Status": "robust.irr.result",
     "Step": "robust.irr.result",
     "UnsupportedError": "robust.errors",
     "check": "robust.api",
+    "compare": "robust.api",
     "envelope": "robust.api",
     "load_plan": "robust.plan.load",
+    "region": "robust.api",
 }
 
 __all__ = [
     "Answer",
     "Box",
     "CheckResult",
+    "Comparison",
     "Counterexample",
     "EnvelopeResult",
     "InputError",
     "Interval",
     "ParametrizedPlan",
+    "Region",
+    "RegionResult",
+    "RegionStatus",
     "RobustError",
     "SolverError",
     "Status",
@@ -58,8 +71,10 @@ __all__ = [
     "UnsupportedError",
     "__version__",
     "check",
+    "compare",
     "envelope",
     "load_plan",
+    "region",
 ]
 
 

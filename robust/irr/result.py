@@ -30,13 +30,16 @@ class Side(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One containment check of a search: its number, seconds since the start, what was tried and what came of it."""
+    """One containment check of a search: its number, seconds since the start, what was tried and what came of it.
+
+    Searches that move all faces at once have no single `parameter`, `side` and `delta`.
+    """
 
     check: int
     seconds: float
-    parameter: str
-    side: Side
-    delta: Fraction
+    parameter: str | None
+    side: Side | None
+    delta: Fraction | None
     accepted: bool
     box: Box
     """The best box after the step."""
@@ -55,7 +58,7 @@ class EnvelopeResult:
     method: str
     encoding: str
     solver: str
-    beta: Fraction
+    beta: Fraction | None
     parameters: tuple[Parameter, ...]
     box: Box
     checks: int
@@ -66,6 +69,7 @@ class EnvelopeResult:
     trace: tuple[Step, ...] = ()
     reason: str | None = None
     values: Mapping[str, Fraction] = field(default_factory=dict)
+    bound: Fraction | None = None
     statistics: Statistics = field(default_factory=Statistics)
 
     def convergence(self) -> tuple[tuple[int, Fraction], ...]:

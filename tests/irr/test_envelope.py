@@ -48,7 +48,7 @@ def parametric(**options) -> st.SearchStrategy[ParametrizedPlan]:
 def run_irr(plan: ParametrizedPlan, **options) -> EnvelopeResult | None:
     """The result; None if no parameter values leave a schedule."""
     try:
-        return envelope(plan, beta=BETA, **options)
+        return envelope(plan, method="irr", beta=BETA, **options)
     except InputError:
         assert not Network(plan, plan.nominal).consistent
         return None

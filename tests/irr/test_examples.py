@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import partial
 from itertools import product
 from pathlib import Path
 
 import pytest
 
-from robust.api import check, envelope
+from robust.api import check
+from robust.api import envelope as any_envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError, UnsupportedError
 from robust.irr.box import Box, Interval
@@ -44,6 +46,7 @@ from tests.plan.building import (
     value,
 )
 
+envelope = partial(any_envelope, method="irr")
 EXAMPLES = Path(__file__).parents[2] / "robust" / "examples" / "two_sample_navigation"
 both_solvers = pytest.mark.parametrize("solver", ["z3", "cvc5"])
 

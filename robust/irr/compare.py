@@ -1,0 +1,383 @@
+"""Every method on one plan: the exact envelope beside the boxes, how much of it they cover, and what stops them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from robust.encode.interface import EPSILON, Encoding, create_encoding
+from robust.irr.box import Box
+from robust.irr.check import Answer, Checker
+from robust.irr.containment import Containment
+from robust.irr.faces import Face, Limit, constraints_of, least_stretch
+from robust.irr.irr import IncrementalRobustification
+from robust.irr.methods import ExactSearch
+from robust.irr.result import EnvelopeResult, Side, Status
+from robust.irr.widen import faces_of
+from robust.plan.model import ParametrizedPlan
+from robust.qe.bounds import VolumeBounds
+from robust.qe.compute import RegionResult, RegionStatus
+from robust.qe.compute import region as compute_region
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region
+from robust.smt.limits import Deadline, OutOfTimeError
+
+METHODS = ("irr", "widen", "optimal", "optimal-nominal")
+"""The boxes of a comparison; the last is the optimal one around the nominal point."""
+EXACT_DIMENSION = 3
+"""Parameters up to which volumes are exact."""
+CELLS = 300
+"""Boxes from which volumes are bounded otherwise."""
+MANY = 60
+"""Polyhedra up to which a region is taken apart for its exact volume and bounding box."""
+JUST = Fraction(1, 1000)
+"""How far beyond a face a witness is looked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """A ratio that is at least `lower` and at most `upper` (None: no bound is known); exact if both are the same."""
+
+    lower: Fraction
+    upper: Fraction | None
+
+    @property
+    def is_exact(self) -> bool:
+        return self.lower == self.upper
+
+
+@dataclass(frozen=True, slots=True)
+class Witness:
+    """A point just outside a face at which the plan is refuted, and the obligation (or contradiction) that breaks."""
+
+    values: dict[str, Fraction]
+    obligation: str
+
+
+@dataclass(frozen=True, slots=True)
+class FaceGap:
+    """How far one finite face could move outwards alone; None without limit.
+
+    If the region is not complete the gap is an upper bound. Beyond `end` by the gap, `witness` breaks an obligation;
+    None where there is nothing that breaks, or no time was left to confirm it.
+    """
+
+    parameter: str
+    side: Side
+    end: Fraction
+    closed: bool
+    gap: Fraction | None
+    witness: Witness | None
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One box: volume as a share of the region's, total width as a share of that of the region's bounding box."""
+
+    method: str
+    result: EnvelopeResult
+    volume_share: Share | None
+    width_share: Share | None
+    faces: tuple[FaceGap, ...]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What was found; stages that time ran out for are missing or have a status of their own.
+
+    `volume` is the region's, with an upper bound None where it may be infinite.
+    """
+
+    plan: ParametrizedPlan
+    beta: Fraction
+    region: RegionResult | None
+    volume: VolumeBounds | None
+    entries: tuple[Entry, ...]
+    interrupted: bool
+    seconds: float
+
+    @property
+    def status(self) -> Status:
+        """COMPLETE if every stage is; else the worst of them."""
+        found = {entry.result.status for entry in self.entries}
+        if self.interrupted or Status.INTERRUPTED in found:
+            return Status.INTERRUPTED
+        complete = self.region is not None and self.region.is_exact and len(self.entries) == len(METHODS)
+        if not complete or Status.TIMEOUT in found:
+            return Status.TIMEOUT
+        return Status.INVALID if Status.INVALID in found else Status.COMPLETE
+
+
+class Comparing:
+    """One comparison; `so_far` is what it has found at any moment.
+
+    Args:
+        plan: the plan.
+        beta: the precision of IRR.
+        epsilon: the separation of mutex time points.
+        encoding: `relational` or `positions`.
+        solver: `z3` or `cvc5`.
+        timeout: seconds for all stages: each may use an equal part of what is left then.
+        on_stage: called with the name of each stage that begins.
+    """
+
+    def __init__(
+        self,
+        plan: ParametrizedPlan,
+        *,
+        beta: Fraction = Fraction(1),
+        epsilon: Fraction = EPSILON,
+        encoding: str = "relational",
+        solver: str = "z3",
+        timeout: float | None = None,
+        on_stage: Callable[[str], None] | None = None,
+    ) -> None:
+        self._plan = plan
+        self._beta = beta
+        self._epsilon = epsilon
+        self._encoding = encoding
+        self._solver = solver
+        self._timeout = timeout
+        self._on_stage = on_stage
+        self._started = time.perf_counter()
+        self._stages = len(METHODS) + 2
+        self._region: RegionResult | None = None
+        self._volume: VolumeBounds | None = None
+        self._entries: dict[str, Entry] = {}
+        self._interrupted = False
+
+    def run(self) -> Comparison:
+        """Compare; Ctrl-C ends it with what is known.
+
+        Raises:
+            InputError: wrong options, or a network without any schedule.
+            UnsupportedError: an expression that is not linear.
+        """
+        try:
+            self._run_stages()
+        except KeyboardInterrupt:
+            self._interrupted = True
+        except OutOfTimeError:
+            pass  # what is missing says so
+        return self.so_far()
+
+    def _run_stages(self) -> None:
+        for method in METHODS:
+            limit = self._begin(method)
+            try:
+                result = self._search(method, limit)
+            except OutOfTimeError:
+                continue  # not even encoded: there is no box
+            self._entries[method] = Entry(method, result, None, None, ())
+            if result.status is Status.INTERRUPTED:
+                self._interrupted = True
+                return
+        limit = self._begin("region")
+        self._region = compute_region(
+            self._plan, epsilon=self._epsilon, solver=self._solver, encoding=self._encoding, timeout=limit
+        )
+        if self._region.status is RegionStatus.INTERRUPTED:
+            self._interrupted = True
+            return
+        self._measure(self._region, Deadline.after(self._begin("faces and witnesses")))
+
+    def so_far(self) -> Comparison:
+        """What is known by now."""
+        return Comparison(
+            self._plan,
+            self._beta,
+            self._region,
+            self._volume,
+            tuple(self._entries.values()),
+            self._interrupted,
+            time.perf_counter() - self._started,
+        )
+
+    def _begin(self, stage: str) -> float | None:
+        """The seconds that the stage may take."""
+        if self._on_stage is not None:
+            self._on_stage(stage)
+        self._stages -= 1
+        if self._timeout is None:
+            return None
+        left = self._timeout - (time.perf_counter() - self._started)
+        return max(1e-3, left / (self._stages + 1))
+
+    def _search(self, method: str, limit: float | None) -> EnvelopeResult:
+        deadline = Deadline.after(limit)
+        encoding = create_encoding(self._encoding, self._plan, self._epsilon, deadline)
+        if method == "irr":
+            containment = Containment(encoding, solver=self._solver)
+            return IncrementalRobustification(containment, beta=self._beta, deadline=deadline).run()
+        search = ExactSearch(encoding, solver=self._solver, deadline=deadline)
+        return search.widen() if method == "widen" else search.optimal(contain_nominal=method != "optimal")
+
+    # -- measures ----------------------------------------------------------------------------------------------------
+
+    def _measure(self, found: RegionResult, deadline: Deadline) -> None:
+        region = found.region
+        short = taken_apart(region)
+        self._volume = volume_of(region, short)
+        width = bounding_width(short)
+        bad = beyond(region)
+        formulas = create_encoding(self._encoding, self._plan, self._epsilon, deadline)
+        for method, entry in self._entries.items():
+            if not entry.result.verified:
+                continue
+            box = entry.result.box
+            self._entries[method] = Entry(
+                method,
+                entry.result,
+                volume_share(box, self._volume, exact=found.is_exact),
+                width_share(box, width, exact=found.is_exact),
+                tuple(self._face(box, face, bad, formulas, deadline) for face in _finite_faces(self._plan, box)),
+            )
+
+    def _face(self, box: Box, face: Face, bad: Sequence[Polyhedron], encoding: Encoding, deadline: Deadline) -> FaceGap:
+        name, side = face
+        interval = box[name]
+        end = interval.upper if side is Side.UPPER else interval.lower
+        closed = interval.upper_closed if side is Side.UPPER else interval.lower_closed
+        if end is None:
+            raise ValueError("only finite faces have gaps")
+        gap, piece = gap_of(box, face, end, bad)
+        witness = None
+        if gap is not None and piece is not None:
+            witness = self._witness(_point_beyond(box, face, end, gap, piece), encoding, deadline)
+        return FaceGap(name, side, end, closed, gap, witness)
+
+    def _witness(self, values: dict[str, Fraction], encoding: Encoding, deadline: Deadline) -> Witness | None:
+        """The point with what breaks there; None if there is no time to confirm it."""
+        try:
+            result = Checker(encoding, Box.point(values), solver=self._solver, deadline=deadline).run()
+        except OutOfTimeError:
+            return None
+        match result.answer:
+            case Answer.REFUTED:
+                broken = [name for name, answer in result.obligations.items() if answer is Answer.REFUTED]
+                return Witness(values, broken[0] if broken else result.reason or "no schedule")
+            case Answer.UNKNOWN:
+                return None
+            case Answer.PROVED:
+                raise ValueError(f"the plan is valid at {values}, which the region excludes")
+
+
+def beyond(region: Region) -> list[Polyhedron]:
+    """Polyhedra whose union is everything outside the region."""
+    return list(region.complement().as_union().pieces)
+
+
+def gap_of(box: Box, face: Face, end: Fraction, bad: Sequence[Polyhedron]) -> tuple[Fraction | None, Polyhedron | None]:
+    """How far one face can move outwards before a bad polyhedron meets the box, and which one does."""
+    fixed: dict[Face, Limit] = {}
+    for name, interval in box.intervals.items():
+        fixed[name, Side.LOWER] = Limit(interval.lower, interval.lower_closed)
+        fixed[name, Side.UPPER] = Limit(interval.upper, interval.upper_closed)
+    fixed.pop(face)
+    best: Fraction | None = None
+    nearest: Polyhedron | None = None
+    for piece in bad:
+        least = least_stretch(piece, fixed, {face: (end, Fraction(1))})
+        if least is not None and (best is None or least.value < best):
+            best, nearest = least.value, piece
+    return best, nearest
+
+
+def _point_beyond(box: Box, face: Face, end: Fraction, gap: Fraction, piece: Polyhedron) -> dict[str, Fraction]:
+    """A bad point that the box would hold if the face were moved by a little more than the gap."""
+    name, side = face
+    sign = 1 if side is Side.UPPER else -1
+    interval = box[name]
+    lower = interval.lower if side is Side.UPPER else end - gap - JUST
+    upper = end + gap + JUST if sign > 0 else interval.upper
+    moved = type(interval)(
+        lower,
+        upper,
+        interval.lower_closed if sign > 0 else True,
+        True if sign > 0 else interval.upper_closed,
+    )
+    point = piece.restricted(constraints_of(box.replace(name, moved))).some_point()
+    if point is None:
+        raise ValueError("the piece is met within the gap")
+    return point
+
+
+def _finite_faces(plan: ParametrizedPlan, box: Box) -> list[Face]:
+    ends = {
+        (name, side): interval.upper if side is Side.UPPER else interval.lower
+        for name, interval in box.intervals.items()
+        for side in Side
+    }
+    return [face for face in faces_of(plan.parameters) if ends[face] is not None]
+
+
+def taken_apart(region: Region) -> Region | None:
+    """The region as a union; None if that would take too many polyhedra."""
+    if len(region.pieces) > MANY:
+        return None
+    current = list(region.pieces) if region.base is None else [region.base]
+    if region.base is not None:
+        for piece in region.pieces:
+            current = [part for old in current for part in Region.difference(old, (piece,)).as_union().pieces]
+            if len(current) > MANY:
+                return None
+    return Region.union_of(region.parameters, current).simplified()
+
+
+def volume_of(region: Region, short: Region | None) -> VolumeBounds:
+    """The volume of the region, exactly for few parameters and polyhedra."""
+    if short is not None and len(region.parameters) <= EXACT_DIMENSION:
+        volume = short.volume()
+        return VolumeBounds(Fraction(0) if volume is None else volume, volume)
+    return region.volume_bounds(boxes=CELLS)
+
+
+def bounding_width(short: Region | None) -> Fraction | None:
+    """The total width of the region's bounding box; None if not finite or not known."""
+    boxes = [box for piece in short.pieces if (box := piece.bounding_box()) is not None] if short is not None else []
+    if short is None or not boxes:
+        return None
+    total = Fraction(0)
+    for name in short.parameters:
+        lower, upper = [box[name].lower for box in boxes], [box[name].upper for box in boxes]
+        if None in lower or None in upper:
+            return None
+        total += max(u for u in upper if u is not None) - min(low for low in lower if low is not None)
+    return total
+
+
+def box_volume(box: Box) -> Fraction | None:
+    """The product of the widths; None if infinite."""
+    widths = [interval.width for interval in box.intervals.values()]
+    if 0 in widths:
+        return Fraction(0)
+    product = Fraction(1)
+    for width in widths:
+        if width is None:
+            return None
+        product *= width
+    return product
+
+
+def volume_share(box: Box, volume: VolumeBounds, *, exact: bool) -> Share | None:
+    """Volume of the box as a share of the region's; None where there is no finite one, or the region has no inside.
+
+    Of an outer bound only the lower end counts: the envelope may be smaller.
+    """
+    own = box_volume(box)
+    if own is None or not box.intervals or volume.upper is None or not volume.upper:
+        return None
+    # The box is inside, so that the region is at least as large.
+    least = max(volume.lower, own)
+    lower = own / volume.upper
+    return Share(lower, own / least if exact and least else None)
+
+
+def width_share(box: Box, width: Fraction | None, *, exact: bool) -> Share | None:
+    """Total width of the box as a share of that of the region's bounding box; None where there is no finite one."""
+    own = box.total_width
+    if own is None or not width:
+        return None
+    return Share(own / width, own / width if exact else None)
