@@ -1,8 +1,9 @@
 """Measure everything that `RESULTS.md` shows, and write it.
 
-`python -m benchmarks.results --suite DIRECTORY` runs, one process at a time, the recorded instances of a data set, the
-scaling study, the data set's robot-delivery plans if it has any, and the start of the command line. It takes a few
-minutes; an idle machine gives steadier figures.
+`python -m benchmarks.results --suite DIRECTORY` runs, one process at a time, the recorded instances of a data set by
+every method, the scaling studies, the data set's robot-delivery plans if it has any, and the start of the command line.
+It takes about a quarter of an hour on an idle machine, which also gives steadier figures. With `--plots DIRECTORY` it
+draws the figures, too.
 """
 
 from __future__ import annotations
@@ -18,17 +19,23 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from statistics import median
+from typing import Protocol
 
-from benchmarks.results_text import Delivery, Machine, Measurements, as_markdown
+from benchmarks.results_text import EXACT_METHODS, Delivery, Machine, Measurements, as_markdown
 from robust.bench import process
+from robust.bench.figure3 import run_figure3
+from robust.bench.figure5 import run_figure5
+from robust.bench.growth import run_backends, run_encodings
 from robust.bench.options import check_limit
 from robust.bench.process import Measured, Processes
-from robust.bench.recorded import RecordedReport, run_recorded
-from robust.bench.scaling import ScalingReport, run_scaling
+from robust.bench.recorded import run_recorded
+from robust.bench.scaling import run_scaling
 from robust.errors import InputError, RobustError
 
 OUTPUT = Path(__file__).with_name("RESULTS.md")
 STARTS = 11
+COMPARISON_LIMIT = 10.0
+EXACT_LIMIT = 60.0
 PACKAGES = ("z3-solver", "cvc5", "pysmt")
 
 
@@ -41,28 +48,68 @@ class _Plan:
     files: tuple[Path, Path, Path]
 
 
-def measure(suite: Path, limit: float | None) -> Measurements:
-    """Run everything.
+class _Report(Protocol):
+    @property
+    def complete(self) -> bool: ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """Seconds for a process: in general, in comparisons, and for the exact methods in these."""
+
+    general: float
+    comparison: float
+    exact: float
+
+
+def measure(suite: Path, limits: _Limits, plots: Path | None = None) -> Measurements:
+    """Run everything, and draw the figures into a directory if there is one.
 
     Raises:
         RobustError: if the data set is malformed, or the run was interrupted.
     """
     plans = tuple(_delivery_plans(suite))
+    limit, comparison = limits.general, limits.comparison
+    own_limits = dict.fromkeys(EXACT_METHODS, limits.exact)
     processes = Processes()
     machine = _machine()
     help_seconds = median(_start(processes) for _ in range(STARTS))
-    recorded = run_recorded(suite, limit=limit, on_result=_progress)
+    recorded = run_recorded(suite, limit=limit, plot=_plot(plots, "recorded"), on_result=_progress)
     _require_complete(recorded)
-    scaling = run_scaling(limit=limit, on_result=_progress)
+    plot = _plot(plots, "figure3")
+    figure3 = run_figure3(suite, limit=comparison, own_limits=own_limits, plot=plot, on_result=_progress)
+    _require_complete(figure3)
+    figure5 = run_figure5(suite, limit=limits.exact, plot=_plot(plots, "figure5"), on_result=_progress)
+    _require_complete(figure5)
+    scaling = run_scaling(limit=limit, plot=_plot(plots, "scaling"), on_result=_progress)
     _require_complete(scaling)
+    backends = run_backends(limit=comparison, plot=_plot(plots, "backends"), on_result=_progress)
+    _require_complete(backends)
+    encodings = run_encodings(limit=comparison, plot=_plot(plots, "encodings"), on_result=_progress)
+    _require_complete(encodings)
     deliveries = []
     for done, plan in enumerate(plans, 1):
         deliveries.append(_check(processes, plan, limit))
         _progress(done, len(plans), f"{plan.name}: {deliveries[-1].verdict}")
-    return Measurements(machine, limit, help_seconds, recorded, scaling, tuple(deliveries))
+    return Measurements(
+        machine=machine,
+        limit=limit,
+        help_seconds=help_seconds,
+        recorded=recorded,
+        figure3=figure3,
+        figure5=figure5,
+        scaling=scaling,
+        backends=backends,
+        encodings=encodings,
+        deliveries=tuple(deliveries),
+    )
 
 
-def _require_complete(report: RecordedReport | ScalingReport) -> None:
+def _plot(directory: Path | None, name: str) -> Path | None:
+    return None if directory is None else directory / f"{name}.svg"
+
+
+def _require_complete(report: _Report) -> None:
     if not report.complete:
         raise RobustError("interrupted; nothing is written")
 
@@ -137,11 +184,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.results", description=__doc__)
     parser.add_argument("--suite", type=Path, required=True, metavar="DIRECTORY", help="the data set of recorded runs")
     parser.add_argument("--limit", type=float, default=600.0, metavar="SECONDS", help="for each process; default: 600")
+    for name, seconds, what in (
+        ("--comparison-limit", COMPARISON_LIMIT, "for each process of the comparisons of back ends and encodings"),
+        ("--exact-limit", EXACT_LIMIT, "there for IRR, exact widening, the optimal box and the region by `project`"),
+    ):
+        parser.add_argument(name, type=float, default=seconds, metavar="SECONDS", help=f"{what}; default: {seconds:g}")
+    parser.add_argument("--plots", type=Path, metavar="DIRECTORY", help="draw the figures as well, as .svg")
     parser.add_argument("--output", type=Path, default=OUTPUT, metavar="FILE", help="default: %(default)s")
     options = parser.parse_args(arguments)
     try:
-        check_limit(options.limit)
-        text = as_markdown(measure(options.suite, options.limit))
+        limits = _Limits(options.limit, options.comparison_limit, options.exact_limit)
+        for limit in (limits.general, limits.comparison, limits.exact):
+            check_limit(limit)
+        text = as_markdown(measure(options.suite, limits, options.plots))
         options.output.write_text(text, encoding="utf-8")
     except (RobustError, OSError) as error:
         parser.error(str(error))

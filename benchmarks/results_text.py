@@ -6,11 +6,28 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import fill
 
+from robust.bench.contenders import IRR, OPTIMAL, WIDEN
+from robust.bench.figure3 import Figure3Report
+from robust.bench.figure5 import Figure5Report
+from robust.bench.figure_tables import (
+    CHECK_HEADINGS,
+    CURVE_HEADINGS,
+    STEP_HEADINGS,
+    check_row,
+    curve_rows,
+    growth_headings,
+    growth_rows,
+    step_rows,
+    totals_text,
+)
+from robust.bench.growth import GrowthReport
 from robust.bench.recorded import RecordedReport
 from robust.bench.scaling import ScalingReport
 from robust.bench.tables import count, figure, recorded_cells
 
 COMMAND = "python -m benchmarks.results --suite DIRECTORY"
+EXACT_METHODS = (IRR.name, WIDEN.name, OPTIMAL.name, "project")
+"""The methods that the page lists for each instance; they get more time than the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +63,26 @@ class Measurements:
     limit: float | None
     help_seconds: float
     recorded: RecordedReport
+    figure3: Figure3Report
+    figure5: Figure5Report
     scaling: ScalingReport
+    backends: GrowthReport
+    encodings: GrowthReport
     deliveries: tuple[Delivery, ...]
 
 
 def as_markdown(measured: Measurements) -> str:
     """The whole page."""
-    sections = [_head(measured), _recorded(measured.recorded), _scaling(measured.scaling)]
+    sections = [
+        _head(measured),
+        _recorded(measured.recorded),
+        _figure3(measured.figure3),
+        _exact(measured.figure3),
+        _figure5(measured.figure5),
+        _scaling(measured.scaling),
+        _growth(measured.backends, "Seconds of `robust region` with each back end (`robust bench backends`)."),
+        _growth(measured.encodings, "Seconds of `robust envelope --method irr` (`robust bench encodings`)."),
+    ]
     if measured.deliveries:
         sections.append(_deliveries(measured.deliveries))
     sections.append(_start(measured.help_seconds))
@@ -62,7 +92,7 @@ def as_markdown(measured: Measurements) -> str:
 def _head(measured: Measurements) -> str:
     machine = measured.machine
     packages = ", ".join(f"{name} {version}" for name, version in machine.packages.items())
-    limit = "no limit" if measured.limit is None else f"a limit of {measured.limit:g} s each"
+    limit = "no limit" if measured.limit is None else f"a limit of {measured.limit:g} s each unless another is named"
     facts = (
         f"Written by `{COMMAND}`; do not edit. Measured on {machine.date}: {machine.processor}, {machine.cores} cores, "
         f"{machine.system}, Python {machine.python}, {packages}; load before the start: {machine.load:.1f}."
@@ -98,6 +128,51 @@ def _recorded(report: RecordedReport) -> str:
         f"{figure(seconds['irr'])} s in total. Greatest memory of ours: {figure(totals['memory_mb']['ours'], 0)} MiB."
     )
     return _page("## Recorded instances", method, summary, table)
+
+
+def _figure3(report: Figure3Report) -> str:
+    own = ", ".join(f"{name} {seconds:g} s" for name, seconds in report.own_limits.items())
+    limit = "no limit" if report.limit is None else f"{report.limit:g} s"
+    method = (
+        "How many instances each method solves within which time [IRR Fig. 3] (`robust bench figure3`). Limits of "
+        f"ours: {limit}{f'; {own}' if own else ''}. The optimal box is what the recorded CCMMZ runs computed."
+    )
+    parts = [_page("## Instances solved over time", method)]
+    for domain in report.domains:
+        rows = curve_rows(report, domain)
+        parts.append(f"{domain}, {len(report.rows_of(domain))} instances:\n\n{_table(CURVE_HEADINGS, rows)}")
+    return "\n\n".join(parts)
+
+
+def _exact(report: Figure3Report) -> str:
+    method = (
+        "Exact widening, the exact region (`robust region --backend project`) and the optimal box (`robust envelope "
+        "--method optimal`), from the same runs. Each box, ours and the recorded one of IRR, is checked to be inside "
+        "the exact region where that was found in time; the recorded box is also proved inside without it. The "
+        "recorded optimiser was stopped after 30 improvements, so that its box can be smaller."
+    )
+    table = _table(CHECK_HEADINGS, [check_row(row) for row in report.rows])
+    return _page("## Exact methods", method, totals_text(report), table)
+
+
+def _figure5(report: Figure5Report) -> str:
+    method = (
+        "Total width of the box as a share of the final one, after some steps of IRR with β = 1 [IRR Fig. 5] (`robust "
+        "bench figure5`). A run that has ended counts as 100 %."
+    )
+    parts = [_page("## Convergence of IRR", method, *(f"{note[0].upper()}{note[1:]}." for note in report.notes))]
+    for schedule in report.schedules:
+        rows = step_rows(report, schedule)
+        parts.append(f"{schedule.label.capitalize()}:\n\n{_table(STEP_HEADINGS, rows)}")
+    return "\n\n".join(parts)
+
+
+def _growth(report: GrowthReport, intro: str) -> str:
+    parts = [_page(f"## {report.title}", intro, *(f"{note[0].upper()}{note[1:]}." for note in report.notes))]
+    for ladder in report.ladders:
+        table = _table(growth_headings(report, ladder), growth_rows(report, ladder))
+        parts.append(f"{ladder.title}:\n\n{table}")
+    return "\n\n".join(parts)
 
 
 def _scaling(report: ScalingReport) -> str:

@@ -19,8 +19,8 @@ def check_limit(limit: float | None) -> None:
         raise InputError(f"the limit is {limit}; expected a positive number of seconds")
 
 
-def plotting(plot: Path | None) -> ModuleType | None:
-    """:mod:`robust.bench.plots` if a plot is wanted; it imports matplotlib, which is slow.
+def plotting(plot: Path | None, module: str = "robust.bench.plots") -> ModuleType | None:
+    """The module that draws if a plot is wanted; it imports matplotlib, which is slow.
 
     Raises:
         InputError: if the plot cannot be written, or its suffix names no format.
@@ -34,4 +34,4 @@ def plotting(plot: Path | None) -> ModuleType | None:
         raise InputError(f"the plot is {str(plot)!r}, but there is no directory {str(directory)!r}; create it first")
     if not os.access(plot if plot.exists() else directory, os.W_OK) or plot.is_dir():
         raise InputError(f"the plot is {str(plot)!r}, which cannot be written; choose another place")
-    return import_module("robust.bench.plots")
+    return import_module(module)

@@ -52,7 +52,7 @@ def plot_recorded(report: RecordedReport, path: Path) -> None:
     for line in lines:
         _solved_over_time(axes, line, longest)
     axes.set_xscale("log")
-    axes.xaxis.set_major_formatter(FuncFormatter(_seconds))
+    axes.xaxis.set_major_formatter(FuncFormatter(seconds_tick))
     axes.set_xlim(right=longest)
     axes.set_ylim(0, report.instances * 1.04)
     axes.axhline(report.instances, color="0.75", linewidth=0.8, zorder=0)
@@ -65,7 +65,7 @@ def plot_recorded(report: RecordedReport, path: Path) -> None:
     axes.grid(which="major", color="0.92")
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="lower right", fontsize=8, framealpha=1)
-    _save(figure, path)
+    save(figure, path)
 
 
 def plot_scaling(report: ScalingReport, path: Path) -> None:
@@ -77,7 +77,7 @@ def plot_scaling(report: ScalingReport, path: Path) -> None:
     panels[0].set_ylim(0, 1.1 * max(row.ours.seconds for row in report.rows))
     panels[0].set_ylabel("seconds")
     panels[0].legend(loc="upper left", fontsize=8, framealpha=1)
-    _save(figure, path)
+    save(figure, path)
 
 
 def _plot_series(axes: Axes, report: ScalingReport, series: Series) -> None:
@@ -115,12 +115,13 @@ def _solved_over_time(axes: Axes, line: _Line, end: float) -> None:
     axes.step(times, counts, where="post", label=label, color=line.colour, linestyle=line.style, linewidth=1.6)
 
 
-def _seconds(value: float, _position: object = None) -> str:
+def seconds_tick(value: float, _position: object = None) -> str:
     """A tick of a logarithmic axis of seconds."""
     return f"{value:g} s"
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
+    """Write the figure in the format of the suffix."""
     try:
         figure.savefig(path, dpi=150)
     except OSError as error:

@@ -21,13 +21,14 @@ Intervals = Mapping[str, Interval]
 
 
 class Outcome(Enum):
-    """How a run ended; ERROR is any end without a readable answer."""
+    """How a run ended; ERROR is any end without a readable answer, UNSUPPORTED is for elimination back ends only."""
 
     COMPLETE = "complete"
     TIMEOUT = "timeout"
     INTERRUPTED = "interrupted"
     INVALID = "invalid"
     ERROR = "error"
+    UNSUPPORTED = "unsupported"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +49,8 @@ class EnvelopeRun:
     first_widening_s: float | None = None
     box: Intervals = field(default_factory=dict)
     message: str | None = None
+    convergence: tuple[tuple[int, float], ...] = ()
+    """After each check, the total width as a share of the final one; empty if that is zero or infinite."""
 
     @property
     def first_widening_wall_s(self) -> float | None:
@@ -109,6 +112,7 @@ def read_run(measured: Measured) -> EnvelopeRun:
             first_widening_s=answer["first_widening_s"],
             box={name: _interval(ends) for name, ends in answer["parameters"].items()},
             message=answer.get("reason"),
+            convergence=tuple((int(one["check"]), float(one["share"])) for one in answer.get("convergence") or ()),
         )
     except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
         message = f"the answer is not that of `robust envelope --json` ({type(error).__name__}: {error})"

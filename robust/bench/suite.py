@@ -2,7 +2,8 @@
 
 The file is a list of instances. Each has a name (`instance`) and the paths `domain`, `problem` and `plan`, relative to
 the directory. Optional: `irr` and `ccmmz`, the recorded runs (`status`, `wall_s`, `memory_mb`, `first_widening_s`,
-`checks`), `irr_box` (`{parameter: [lower, upper]}`, exact numbers as text) and `irr_order` (the order of turns).
+`checks`), `irr_box` and `ccmmz_box` (`{parameter: [lower, upper]}`, exact numbers as text) and `irr_order` (the order
+of turns).
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ class RecordedInstance:
     box: Intervals | None = None
     order: tuple[str, ...] = ()
     ccmmz: RecordedRun | None = None
+    ccmmz_box: Intervals | None = None
 
     @property
     def files(self) -> tuple[Path, Path, Path]:
@@ -153,6 +155,7 @@ def _instance(entry: _Entry, directory: Path) -> RecordedInstance:
         box=_box(entry.inner("irr_box")),
         order=_order(entry),
         ccmmz=_run(entry.inner("ccmmz")),
+        ccmmz_box=_box(entry.inner("ccmmz_box")),
     )
 
 

@@ -53,7 +53,7 @@ def test_small_instances_by_the_real_command(dataset: Path, make_suite: MakeSuit
 def test_all_instances_in_process(dataset: Path) -> None:
     for instance in read_suite(dataset):
         plan = load_plan(*instance.files)
-        assert_reproduced(instance, envelope(plan, beta=BETA, doubling=True, order=instance.order))
+        assert_reproduced(instance, envelope(plan, method="irr", beta=BETA, doubling=True, order=instance.order))
 
 
 @pytest.mark.slow
@@ -63,7 +63,7 @@ def test_all_instances_with_each_solver(dataset: Path, solver: str) -> None:
     other = {"z3": "cvc5", "cvc5": "z3"}[solver]
     for instance in read_suite(dataset):
         plan = load_plan(*instance.files)
-        result = envelope(plan, beta=BETA, doubling=True, order=instance.order, solver=solver)
+        result = envelope(plan, method="irr", beta=BETA, doubling=True, order=instance.order, solver=solver)
         assert_reproduced(instance, result)
         assert is_inside(plan, result.box, other), instance.name
 
@@ -73,7 +73,7 @@ def test_the_default_schedule_keeps_its_promise(dataset: Path) -> None:
     """No side can grow by β unless it is at a declared bound, by z3 and by cvc5."""
     for instance in read_suite(dataset):
         plan = load_plan(*instance.files)
-        result = envelope(plan, beta=BETA)
+        result = envelope(plan, method="irr", beta=BETA)
         assert result.status is Status.COMPLETE
         for solver in ("z3", "cvc5"):
             assert is_inside(plan, result.box, solver), (instance.name, solver)

@@ -15,7 +15,11 @@ ANSWERS = """
 if sys.argv[1] == "check":
     print(json.dumps({"schema": "robust/check/1", "verdict": "proved"}))
 elif sys.argv[1] == "envelope":
+    ANSWER["convergence"] = [{"check": 3, "share": 1.0}]
     print(json.dumps(ANSWER))
+elif sys.argv[1] == "region":
+    base = [{"coefficients": {"a": "-1"}, "relation": "<=", "constant": "0"}]
+    print(json.dumps({"status": "complete", "parameters": ["a"], "form": "difference", "base": base, "minus": []}))
 """
 
 
@@ -31,7 +35,10 @@ def test_the_page(make_suite: MakeSuite, stand: Stand, tmp_path: Path, capsys: p
     suite = make_suite(navigation("a|b", irr_box={"a": ["1/3", "inf"]}, irr={"status": "ok", "wall_s": 2, "checks": 3}))
     add_deliveries(suite)
     output = tmp_path / "RESULTS.md"
-    assert main(["--suite", str(suite), "--output", str(output), "--limit", "60"]) == 0
+    arguments = ["--suite", str(suite), "--output", str(output), "--limit", "60", "--plots", str(tmp_path)]
+    assert main(arguments) == 0
+    drawn = {path.stem for path in tmp_path.glob("*.svg")}
+    assert drawn == {"recorded", "figure3", "figure5", "scaling", "backends", "encodings"}
     assert capsys.readouterr().out == f"{output}\n"
     text = output.read_text(encoding="utf-8")
     assert re.search(r"^\| a\\\|b \| [0-9.]+ / 2\.00 / out of time \|.*\| 3 / 3 \|.*\| equal \|$", text, re.MULTILINE)
@@ -39,6 +46,9 @@ def test_the_page(make_suite: MakeSuite, stand: Stand, tmp_path: Path, capsys: p
     assert "1 of 1 instances agree" in text
     assert len(re.findall(r"^\| [0-9]+ \| [0-9]+ \| .*complete \|$", text, re.MULTILINE)) == 13
     assert "indicative only" in text
+    for heading in ("Instances solved over time", "Exact methods", "Convergence of IRR", "Elimination back ends"):
+        assert f"\n## {heading}\n" in text
+    assert "recorded IRR boxes inside the exact region: 1 of 1" in text.replace("\n", " ")
     for line in text.splitlines():
         assert line == line.rstrip()
         assert len(line) <= 120 or line.startswith("|"), line
