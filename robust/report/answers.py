@@ -21,12 +21,15 @@ CHECK = "robust/check/1"
 ERROR = "robust/error/1"
 
 
-def check_answer(result: CheckResult, *, solver: str, epsilon: Fraction, timed_out: bool) -> dict[str, Any]:
+def check_answer(
+    result: CheckResult, encoding: str = "relational", *, solver: str, epsilon: Fraction, timed_out: bool
+) -> dict[str, Any]:
     """`robust/check/1`; `counterexample` is the first, `counterexamples` are all that were found."""
     found = [counterexample_answer(one) for one in result.counterexamples.values()]
     return {
         "schema": CHECK,
         "verdict": result.answer.value,
+        "encoding": encoding,
         "solver": solver,
         "epsilon": str(epsilon),
         "parameters": {name: _interval(interval) for name, interval in result.box.intervals.items()},
@@ -51,7 +54,8 @@ def envelope_answer(result: EnvelopeResult, counterexample: Counterexample | Non
         "method": result.method,
         "encoding": result.encoding,
         "solver": result.solver,
-        "beta": str(result.beta),
+        "beta": None if result.beta is None else str(result.beta),
+        "bound": None if result.bound is None else str(result.bound),
         "parameters": {
             name: {"nominal": str(nominal[name]), **_interval(interval)}
             for name, interval in result.box.intervals.items()

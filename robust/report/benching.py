@@ -65,6 +65,58 @@ def bench_scaling(request: BenchRequest, guard: Guard) -> int:
     )
 
 
+def bench_figure3(suite: Path, request: BenchRequest, guard: Guard) -> int:
+    """Run every method on a data set, beside its recorded runs."""
+    from robust.bench.figure3 import run_figure3  # noqa: PLC0415 - only what is asked for
+
+    limit = options.seconds(request.limit, "--limit")
+    plot = options.plot_file(request.plot)
+    return _run(
+        request,
+        guard,
+        lambda display: run_figure3(suite, jobs=request.jobs, limit=limit, plot=plot, on_result=display.batch),
+    )
+
+
+def bench_figure5(suite: Path, request: BenchRequest, guard: Guard) -> int:
+    """Run IRR on a data set and follow its convergence."""
+    from robust.bench.figure5 import run_figure5  # noqa: PLC0415 - only what is asked for
+
+    limit = options.seconds(request.limit, "--limit")
+    plot = options.plot_file(request.plot)
+    return _run(
+        request,
+        guard,
+        lambda display: run_figure5(suite, jobs=request.jobs, limit=limit, plot=plot, on_result=display.batch),
+    )
+
+
+def bench_backends(request: BenchRequest, guard: Guard) -> int:
+    """Run every elimination back end on generated plans."""
+    from robust.bench.growth import run_backends  # noqa: PLC0415 - only what is asked for
+
+    limit = options.seconds(request.limit, "--limit")
+    plot = options.plot_file(request.plot)
+    return _run(
+        request,
+        guard,
+        lambda display: run_backends(jobs=request.jobs, limit=limit, plot=plot, on_result=display.batch),
+    )
+
+
+def bench_encodings(request: BenchRequest, guard: Guard) -> int:
+    """Run both encodings on generated plans."""
+    from robust.bench.growth import run_encodings  # noqa: PLC0415 - only what is asked for
+
+    limit = options.seconds(request.limit, "--limit")
+    plot = options.plot_file(request.plot)
+    return _run(
+        request,
+        guard,
+        lambda display: run_encodings(jobs=request.jobs, limit=limit, plot=plot, on_result=display.batch),
+    )
+
+
 def _run(request: BenchRequest, guard: Guard, work: Callable[[Display], Report]) -> int:
     guard.hand_over()
     with Display(shown=request.progress, what="running") as display:

@@ -29,6 +29,7 @@ class CheckRequest:
     specs: tuple[str, ...] = ()
     parameter_file: Path | None = None
     epsilon: str = "1/1000"
+    encoding: str = "relational"
     solver: str = "z3"
     timeout: str | None = None
     smt2: Path | None = None
@@ -62,6 +63,7 @@ class _Run:
             at=at,
             every=request.every,
             epsilon=self.epsilon,
+            encoding=request.encoding,
             solver=request.solver,
             timeout=self.guard.remaining(self.limit),
             smt2=request.smt2,
@@ -77,7 +79,9 @@ class _Run:
     def print(self, result: CheckResult) -> None:
         request, timed_out = self.request, _timed_out(result, self.guard, self.limit)
         if request.json:
-            print_json(check_answer(result, solver=request.solver, epsilon=self.epsilon, timed_out=timed_out))
+            print_json(
+                check_answer(result, request.encoding, solver=request.solver, epsilon=self.epsilon, timed_out=timed_out)
+            )
             return
         with answering():
             print_check(console(), result, every=request.every, quiet=request.quiet, timed_out=timed_out)

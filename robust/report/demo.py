@@ -44,7 +44,7 @@ class _Step:
         options = dict(self.options)
         if self.command == "check":
             return run_check(CheckRequest(self.files), guard)
-        return run_envelope(EnvelopeRequest(self.files, beta=options.get("--beta", "1")), guard)
+        return run_envelope(EnvelopeRequest(self.files, method=options.get("--method", "widen")), guard)
 
 
 _TOUR: tuple[tuple[str, str, tuple[_Step, ...]], ...] = (
@@ -67,7 +67,6 @@ _TOUR: tuple[tuple[str, str, tuple[_Step, ...]], ...] = (
                 "plan still valid?",
                 "envelope",
                 "plan.stn",
-                (("--beta", "1/10"),),
             ),
         ),
     ),
@@ -106,8 +105,10 @@ def _take_tour(out: Console, guard: Guard) -> int:
 
 _NEXT = (
     ("robust check --help", "values and ranges of parameters, all obligations, JSON, SMT-LIB"),
-    ("robust envelope --help", "precision, other quantities as parameters, plots, time limits"),
+    ("robust envelope --help", "methods, other quantities as parameters, plots, time limits"),
     ("robust envelope ... --plot box.svg", "draw the box and how the search came to it"),
+    ("robust region --help", "all valid parameter values, exactly"),
+    ("robust compare --help", "the exact region beside the boxes of all methods"),
 )
 
 

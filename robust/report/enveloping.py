@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 
+from robust.errors import InputError, Location
 from robust.irr.box import Box
 from robust.irr.check import Answer, Counterexample
 from robust.irr.result import EnvelopeResult, Status, Step
@@ -13,6 +14,7 @@ from robust.plan.model import ParametrizedPlan
 from robust.report import options
 from robust.report.answers import envelope_answer
 from robust.report.guard import Cause, GivenUpError, Guard
+from robust.report.numbers import readable
 from robust.report.output import answering, print_json
 from robust.report.progress import Display
 from robust.report.terminal import console, print_envelope
@@ -26,10 +28,11 @@ class EnvelopeRequest:
     """The options as they were typed."""
 
     files: tuple[Path, Path, Path]
-    method: str = "irr"
+    method: str = "widen"
     encoding: str = "relational"
-    beta: str = "1"
+    beta: str | None = None
     doubling: bool = False
+    contain_nominal: bool = False
     order: str | None = None
     specs: tuple[str, ...] = ()
     parameter_file: Path | None = None
@@ -42,6 +45,15 @@ class EnvelopeRequest:
     quiet: bool = False
     progress: bool = False
 
+    def promise(self, beta: Fraction | None) -> str:
+        """What a complete box of this method is, for people."""
+        if self.method == "irr" and beta is not None:
+            return f"no end can move outwards by {readable(beta * 2 if self.doubling else beta)} or more"
+        if self.method == "optimal":
+            where = "around the nominal values" if self.contain_nominal else "in the envelope"
+            return f"no box {where} is wider"
+        return "no valid box contains this one"
+
 
 @dataclass
 class _Search:
@@ -50,7 +62,7 @@ class _Search:
     request: EnvelopeRequest
     guard: Guard
     display: Display
-    beta: Fraction
+    beta: Fraction | None
     epsilon: Fraction
     limit: float | None
     order: tuple[str, ...]
@@ -67,9 +79,12 @@ class _Search:
         self.display.say("encoding, then checking the nominal values")
         return envelope(
             self.plan,
+            method=request.method,
             beta=self.beta,
             doubling=request.doubling,
             order=self.order,
+            contain_nominal=request.contain_nominal,
+            encoding=request.encoding,
             epsilon=self.epsilon,
             solver=request.solver,
             timeout=self.guard.remaining(self.limit),
@@ -114,6 +129,7 @@ class _Search:
                 checked = check(
                     self.plan,
                     epsilon=self.epsilon,
+                    encoding=self.request.encoding,
                     solver=self.request.solver,
                     timeout=self.guard.remaining(self.limit),
                 )
@@ -126,9 +142,9 @@ class _Search:
         if self.request.json:
             print_json(envelope_answer(result, counterexample))
             return
-        gap = self.beta * 2 if self.request.doubling else self.beta
         with answering():
-            print_envelope(console(), result, gap=gap, quiet=self.request.quiet, counterexample=counterexample)
+            promise = self.request.promise(self.beta)
+            print_envelope(console(), result, promise=promise, quiet=self.request.quiet, counterexample=counterexample)
 
 
 def run_envelope(request: EnvelopeRequest, guard: Guard) -> int:
@@ -143,7 +159,7 @@ def run_envelope(request: EnvelopeRequest, guard: Guard) -> int:
             request,
             guard,
             display,
-            beta=options.positive(request.beta, "--beta"),
+            beta=_precision(request),
             epsilon=options.not_negative(request.epsilon, "--epsilon"),
             limit=options.seconds(request.timeout, "--timeout"),
             order=options.names(request.order, "--order"),
@@ -158,6 +174,23 @@ def run_envelope(request: EnvelopeRequest, guard: Guard) -> int:
 
         plot_envelope(result, plot)
     return _CODES[result.status]
+
+
+def _precision(request: EnvelopeRequest) -> Fraction | None:
+    """InputError if options are given that do not belong to the method."""
+    strange = {
+        "--beta": request.beta is not None and request.method != "irr",
+        "--doubling": request.doubling and request.method != "irr",
+        "--contain-nominal": request.contain_nominal and request.method != "optimal",
+        "--order": request.order is not None and request.method == "optimal",
+    }
+    for option, is_strange in strange.items():
+        if is_strange:
+            owner = {"--contain-nominal": "optimal", "--order": "widen or irr"}.get(option, "irr")
+            raise InputError(
+                f"found it with --method {request.method}, expected --method {owner}, or no {option}", Location(option)
+            )
+    return options.positive(request.beta or "1", "--beta") if request.method == "irr" else None
 
 
 def _search(search: _Search) -> EnvelopeResult:

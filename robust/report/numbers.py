@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from robust.plan.numerals import format_number
+
+if TYPE_CHECKING:
+    from robust.irr.box import Interval
 
 _LONGEST = 9
 _DIGITS = 6
@@ -19,10 +23,17 @@ def readable(value: Fraction) -> str:
 
 
 def end(value: Fraction | None, *, upper: bool, closed: bool = True) -> str:
-    """An end of an interval; infinite ends are ±∞, open finite ends are marked."""
+    """An end of an interval; infinite ends are ±∞, open finite ends are marked by `<`: all values up to there."""
     if value is None:
         return "∞" if upper else "−∞"
-    return readable(value) if closed else f"{readable(value)} (open)"
+    return readable(value) if closed else f"{'<' if upper else '>'} {readable(value)}"
+
+
+def interval_text(interval: Interval) -> str:
+    """`[1, 2)`, `(−∞, 3]`."""
+    opening = "[" if interval.lower is not None and interval.lower_closed else "("
+    closing = "]" if interval.upper is not None and interval.upper_closed else ")"
+    return f"{opening}{end(interval.lower, upper=False)}, {end(interval.upper, upper=True)}{closing}"
 
 
 def exact_end(value: Fraction | None, *, upper: bool) -> str:

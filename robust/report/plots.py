@@ -86,7 +86,9 @@ def _title(result: EnvelopeResult) -> str:
         Status.INTERRUPTED: "interrupted: best box so far",
         Status.INVALID: "invalid",
     }
-    search = f"{result.method.upper()}, β = {readable(result.beta)}; {ends[result.status]}"
+    method = {"irr": "IRR", "widen": "exact widening", "optimal": "greatest total width"}[result.method]
+    precision = "" if result.beta is None else f", β = {readable(result.beta)}"
+    search = f"{method}{precision}; {ends[result.status]}"
     return f"The plan is valid for all values in this box ({search})"
 
 

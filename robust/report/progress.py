@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from robust.irr.result import Side, Step
-from robust.report.numbers import duration, end, plural, readable
+from robust.report.numbers import duration, interval_text, plural, readable
 
 _ROWS = 12
 """Parameters shown at most: the display must fit on a screen."""
@@ -72,8 +72,9 @@ class Display:
         if self._step is None:
             return Text(f"{self._what} ... {elapsed}", style="dim", no_wrap=True, overflow="ellipsis")
         step = self._step
-        outcome = "grown" if step.accepted else "blocked"
-        line = f"{plural(step.check, 'check')}, {elapsed}; last: {step.parameter} {step.side.value} {outcome}"
+        line = f"{plural(step.check, 'check')}, {elapsed}"
+        if step.parameter is not None and step.side is not None:
+            line += f"; last: {step.parameter} {step.side.value} {'grown' if step.accepted else 'blocked'}"
         return Group(_box(step), Text(f"{line}; Ctrl-C keeps this box", style="dim", no_wrap=True, overflow="ellipsis"))
 
 
@@ -84,7 +85,7 @@ def _box(step: Step) -> Table:
         tried = name == step.parameter
         table.add_row(
             Text(name, style="bold" if tried else ""),
-            Text(f"[{end(interval.lower, upper=False)}, {end(interval.upper, upper=True)}]"),
+            Text(interval_text(interval)),
             Text(_delta(step.delta, step.side) if tried else "", style="dim"),
         )
     if len(step.box.intervals) > _ROWS:
@@ -92,5 +93,7 @@ def _box(step: Step) -> Table:
     return table
 
 
-def _delta(delta: Fraction, side: Side) -> str:
+def _delta(delta: Fraction | None, side: Side | None) -> str:
+    if delta is None or side is None:
+        return ""
     return f"Δ = {readable(delta)} {'↑' if side is Side.UPPER else '↓'}"

@@ -176,9 +176,9 @@ def _is_fraction(word: str) -> bool:
 
 
 def print_envelope(
-    out: Console, result: EnvelopeResult, *, gap: Fraction, quiet: bool, counterexample: Counterexample | None = None
+    out: Console, result: EnvelopeResult, *, promise: str, quiet: bool, counterexample: Counterexample | None = None
 ) -> None:
-    """The box, or why there is none; unless `quiet` also how it was found. `gap` is what complete faces can miss."""
+    """The box, or why there is none; unless `quiet` also how it was found. `promise` is what a complete box is."""
     if result.status is Status.INVALID:
         _print_invalid(out, result, quiet, counterexample)
         return
@@ -194,9 +194,9 @@ def print_envelope(
         out.print()
     if result.status is not Status.COMPLETE:
         word = _STOPPED[result.status]
-        out.print(Text(f"{word}: the best box so far; sound, but may not be maximal", style="yellow"), soft_wrap=True)
+        out.print(Text(f"{word}: the best box so far; sound, not maximal", style="yellow"), soft_wrap=True)
     if not quiet:
-        out.print(_envelope_summary(result, gap), soft_wrap=True)
+        out.print(_envelope_summary(result, promise), soft_wrap=True)
 
 
 _STOPPED = {Status.TIMEOUT: "out of time", Status.INTERRUPTED: "interrupted"}
@@ -220,25 +220,34 @@ def _envelope_cells(parameter: Parameter, interval: Interval) -> Sequence[str]:
         readable(nominal),
         end(interval.lower, upper=False, closed=interval.lower_closed),
         end(interval.upper, upper=True, closed=interval.upper_closed),
-        end(fall, upper=True),
-        end(rise, upper=True),
+        end(fall, upper=True, closed=interval.lower_closed),
+        end(rise, upper=True, closed=interval.upper_closed),
     )
 
 
-def _envelope_summary(result: EnvelopeResult, gap: Fraction) -> Text:
+def _envelope_summary(result: EnvelopeResult, promise: str) -> Text:
     parts = [plural(result.checks, "check"), duration(result.seconds)]
     if result.first_widening_seconds is not None:
         parts.append(f"first widening after {duration(result.first_widening_seconds)}")
     text = Text()
     if result.status is Status.COMPLETE and result.parameters:
         text.append("complete", style="green")
-        text.append(f": no end can move outwards by {readable(gap)} or more; ")
+        text.append(f": {promise}{_total(result)}; ")
     text.append(f"{', '.join(parts)}.")
     return text
 
 
+def _total(result: EnvelopeResult) -> str:
+    """The total width of an optimal box, where there is one."""
+    if result.bound is None:
+        return ""
+    weighted = any(parameter.weight != 1 for parameter in result.parameters)
+    return f": total {'weighted ' if weighted else ''}width {readable(result.bound)}"
+
+
 def _print_invalid(out: Console, result: EnvelopeResult, quiet: bool, counterexample: Counterexample | None) -> None:
-    text = Text.assemble(("invalid", "bold red"), f": the plan can fail at the nominal values: {result.reason}")
+    where = "" if not result.values else "the plan can fail at the nominal values: "
+    text = Text.assemble(("invalid", "bold red"), f": {where}{result.reason}")
     out.print(text, soft_wrap=True)
     if counterexample is not None and not quiet:
         print_counterexample(out, counterexample)
@@ -253,6 +262,19 @@ def _table(*columns: str, right: Iterable[str] = ()) -> Table:
     for column in columns:
         table.add_column(column, justify="right" if column in aligned else "left", overflow="fold")
     return table
+
+
+def table_of(columns: Sequence[str], rows: Iterable[Sequence[str]], *, right: Iterable[str] = ()) -> Table:
+    """A table of plain texts."""
+    table = _table(*columns, right=right)
+    for row in rows:
+        table.add_row(*map(Text, row))
+    return table
+
+
+def show_table(out: Console, table: Table) -> None:
+    """Print a table without blanks at the ends of lines."""
+    _show(out, table)
 
 
 def _show(out: Console, table: Table) -> None:

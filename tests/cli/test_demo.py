@@ -18,7 +18,7 @@ def test_tour():
     verdicts = [line.split(":")[0] for line in ended.out.splitlines() if re.match(r"(proved|refuted|complete)", line)]
     assert verdicts == ["proved", "refuted", "complete", "complete"]
     assert "✗ violated" in ended.out
-    assert ended.out.splitlines()[-4] == "Where to go next"
+    assert ended.out.splitlines()[-6] == "Where to go next"
 
 
 def test_commands_work_as_shown(monkeypatch):

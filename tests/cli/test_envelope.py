@@ -22,7 +22,7 @@ def cells(text):
 
 
 def test_table():
-    ended = command("envelope", *example(), "--beta", "1/10")
+    ended = command("envelope", *example(), "--method", "irr", "--beta", "1/10")
     assert (ended.code, ended.err) == (0, "")
     head, rule, *rows, blank, status = cells(ended.out)
     assert head == ["parameter", "nominal", "lower", "upper", "may fall by", "may rise by"]
@@ -39,7 +39,7 @@ def test_quiet_is_the_table():
 
 
 def test_json_is_what_scripts_rely_on():
-    ended = command("envelope", *example(), "--json")
+    ended = command("envelope", *example(), "--method", "irr", "--json")
     assert (ended.code, ended.err) == (0, "")
     answer = answer_of(ended)
     fixed = {"schema": "robust/envelope/1", "status": "complete", "method": "irr", "encoding": "relational"}
@@ -58,23 +58,27 @@ def test_json_is_what_scripts_rely_on():
 
 @pytest.mark.parametrize("options", [["--doubling"], ["--solver", "cvc5"], ["--beta", "0.5"]])
 def test_options_reach_the_search(options):
-    answer = answer_of(command("envelope", *example(), "--json", *options))
+    answer = answer_of(command("envelope", *example(), "--method", "irr", "--json", *options))
     assert answer["status"] == "complete"
     assert answer["beta"] == ("1/2" if "--beta" in options else "1")
     assert answer["solver"] == ("cvc5" if "--solver" in options else "z3")
 
 
 def test_order_of_turns():
-    ended = command("envelope", *example(), "--verbose", "--order", "to_crater")
+    ended = command("envelope", *example(), "--method", "irr", "--verbose", "--order", "to_crater")
     assert "check 1: to_crater upper" in ended.err
 
 
 def test_doubling_promises_less():
-    assert "no end can move outwards by 2 or more" in command("envelope", *example(), "--doubling").out
+    assert (
+        "no end can move outwards by 2 or more" in command("envelope", *example(), "--method", "irr", "--doubling").out
+    )
 
 
 def test_rationals_stay_exact():
-    answer = answer_of(command("envelope", *example(directory=EXAMPLES / "generator"), "--json", "--beta", "1/7"))
+    answer = answer_of(
+        command("envelope", *example(directory=EXAMPLES / "generator"), "--method", "irr", "--json", "--beta", "1/7")
+    )
     ends = [Fraction(one[side]) for one in answer["parameters"].values() for side in ("lower", "upper")]
     assert any(end.denominator > 1 for end in ends)
     assert answer["beta"] == "1/7"
@@ -153,7 +157,75 @@ def test_wrong_usage_as_json():
     assert (ended.code, answer["error"]["kind"]) == (2, "usage")
 
 
-@pytest.mark.parametrize("name", ["robust/check/1", "robust/envelope/1", "robust/error/1"])
+@pytest.mark.parametrize(
+    "name", ["robust/check/1", "robust/envelope/1", "robust/error/1", "robust/region/1", "robust/compare/1"]
+)
 def test_schemas_are_schemas(name):
     jsonschema.Draft202012Validator.check_schema(schema(name))
     assert schema(name)["title"] == name
+
+
+# -- the exact methods -----------------------------------------------------------------------------------------------
+
+
+def ends_of(answer):
+    return {name: (one["lower"], one["upper"]) for name, one in answer["parameters"].items()}
+
+
+def test_widening_is_the_default():
+    ended = command("envelope", *example())
+    assert (ended.code, ended.err) == (0, "")
+    _, _, *rows, _, status = cells(ended.out)
+    assert rows == [["to_ridge", "30", "25", "36", "5", "6"], ["to_crater", "40", "35", "46", "5", "6"]]
+    assert status[0].startswith("complete: no valid box contains this one; ")
+    answer = answer_of(command("envelope", *example(), "--json"))
+    assert (answer["method"], answer["beta"], answer["bound"]) == ("widen", None, None)
+    assert ends_of(answer) == {"to_ridge": ("25", "36"), "to_crater": ("35", "46")}
+
+
+@pytest.mark.parametrize("options", [[], ["--contain-nominal"]])
+def test_optimal(options):
+    answer = answer_of(command("envelope", *example(), "--method", "optimal", "--json", *options))
+    assert (answer["status"], answer["beta"], answer["bound"]) == ("complete", None, "25")
+    ended = command("envelope", *example(), "--method", "optimal", *options)
+    where = "around the nominal values" if options else "in the envelope"
+    assert f"complete: no box {where} is wider: total width 25; " in ended.out
+
+
+def test_order_of_widening():
+    answer = answer_of(command("envelope", *example(), "--order", "to_crater", "--json"))
+    assert ends_of(answer) == {"to_ridge": ("30", "30"), "to_crater": ("30", "49")}
+
+
+def test_encodings_agree():
+    found = [answer_of(command("envelope", *example(), "--json", "--encoding", e)) for e in ("relational", "positions")]
+    assert [one["encoding"] for one in found] == ["relational", "positions"]
+    assert ends_of(found[0]) == ends_of(found[1])
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--beta", "1"], "--beta: found it with --method widen, expected --method irr, or no --beta"),
+        (["--doubling"], "--doubling: found it with --method widen"),
+        (["--method", "optimal", "--beta", "1"], "--beta: found it with --method optimal"),
+        (["--contain-nominal"], "--contain-nominal: found it with --method widen, expected --method optimal"),
+        (["--method", "optimal", "--order", "to_ridge"], "--order: found it with --method optimal"),
+    ],
+)
+def test_options_of_other_methods(options, says):
+    ended = command("envelope", *example(), *options)
+    assert (ended.code, ended.out, ended.err.count("\n")) == (2, "", 1)
+    assert says in ended.err
+
+
+def test_open_ends_are_shown(tmp_path):
+    domain = inputs.DOMAIN.replace("(>= (fuel) 1)", "(> (fuel) 1)")
+    files = inputs.write(tmp_path, domain=domain).files
+    options = ["--parameter", "fluent:(fuel)"]
+    row = cells(command("envelope", *files, *options).out)[3]
+    assert row == ["fuel", "3", "> 1", "∞", "< 2", "∞"]
+    answer = answer_of(command("envelope", *files, *options, "--json"))
+    assert answer["parameters"]["fuel"] == {
+        "nominal": "3", "lower": "1", "upper": "inf", "lower_closed": False, "upper_closed": False,
+    }  # fmt: skip

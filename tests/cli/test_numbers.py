@@ -30,7 +30,7 @@ def test_readable(value, text):
 def test_ends():
     assert end(None, upper=True) == "∞"
     assert end(None, upper=False) == "−∞"
-    assert end(Fraction(2), upper=True, closed=False) == "2 (open)"
+    assert end(Fraction(2), upper=True, closed=False) == "< 2"
     assert exact_end(None, upper=True) == "inf"
     assert exact_end(None, upper=False) == "-inf"
     assert exact_end(Fraction(7, 4), upper=False) == "7/4"

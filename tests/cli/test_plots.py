@@ -32,7 +32,7 @@ def drawn(path: Path, intervals: dict[str, tuple[Interval, int]], status: Status
 @pytest.mark.parametrize("suffix", STARTS)
 def test_formats(tmp_path, suffix):
     path = tmp_path / f"box{suffix}"
-    ended = command("envelope", *example(), "--plot", path, "--beta", "5")
+    ended = command("envelope", *example(), "--plot", path, "--method", "irr", "--beta", "5")
     assert (ended.code, ended.err) == (0, "")
     assert path.read_bytes().startswith(STARTS[suffix])
 

@@ -27,19 +27,24 @@ Options:
 Commands:
   check     Is a plan valid for every schedule it allows?
   envelope  How far may parameters deviate?
+  region    All parameter values for which a plan is valid.
+  compare   The exact region beside the boxes of all methods.
   demo      Take a tour on shipped examples.
-  bench     Measure: recorded data sets, scaling studies.
+  bench     Measure: recorded data sets, the figures of the paper,...
 
   Exit codes: 0 proved or done, 1 refuted, 2 bad input, 3 unknown, out of time
   or interrupted, 4 unsupported.
 """
 
 OPTIONS = {
-    ("check",): "--at --all --parameter --parameters --epsilon --solver --timeout --smt2 --json --quiet --verbose",
-    (
-        "envelope",
-    ): "--method --beta --doubling --encoding --order --parameter --parameters --epsilon --solver --timeout "
-    "--plot --smt2 --json --quiet --verbose",
+    ("check",): "--at --all --parameter --parameters --epsilon --encoding --solver --timeout --smt2 "
+    "--json --quiet --verbose",
+    ("envelope",): "--method --beta --doubling --contain-nominal --encoding --order --parameter --parameters --epsilon "
+    "--solver --timeout --plot --smt2 --json --quiet --verbose",
+    ("region",): "--backend --splitting --learning --no-learning --form --latex --parameter --parameters --epsilon "
+    "--encoding --solver --timeout --plot --axes --json --quiet --verbose",
+    ("compare",): "--beta --parameter --parameters --epsilon --encoding --solver --timeout --plot --axes --html "
+    "--json --quiet --verbose",
     ("demo",): "",
     ("bench", "recorded"): "--suite --jobs --limit --plot --json --quiet --verbose",
     ("bench", "scaling"): "--jobs --limit --plot --json --quiet --verbose",

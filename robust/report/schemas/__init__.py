@@ -10,6 +10,8 @@ FILES = {
     "robust/check/1": "check.schema.json",
     "robust/envelope/1": "envelope.schema.json",
     "robust/error/1": "error.schema.json",
+    "robust/region/1": "region.schema.json",
+    "robust/compare/1": "compare.schema.json",
 }
 
 
