@@ -179,7 +179,12 @@ def _draw_plane(
         _mark_thin(canvas, cut, rectangle)
     for colour, (label, box) in _coloured(boxes):
         shape = Polyhedron(names, _sides(names, box)).restricted(clip)
-        _outline(canvas, shape, None, rectangle, colour, label=label)
+        corners = [(float(x), float(y)) for x, y in _corners(shape)]
+        if 0 < len(corners) < 3:
+            # Without any width in some direction, a box has no sides to outline.
+            canvas.plot(*zip(*corners, strict=True), color=colour, linewidth=1.8, marker=".", zorder=5, label=label)
+        else:
+            _outline(canvas, shape, None, rectangle, colour, label=label)
     for label, point in points.items():
         canvas.plot([float(point[names[0]])], [float(point[names[1]])], "k+", markersize=9, label=label, zorder=6)
     canvas.set_xlim(*map(float, rectangle[0]))

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
-import select
 import signal
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
@@ -16,7 +14,7 @@ from typing import Any
 from pysmt.exceptions import NoSolverAvailableError, SolverReturnedUnknownResultError
 
 from robust.errors import SolverError, did_you_mean
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, has_input
 from robust.smt.terms import Formula, Terms
 
 Value = Fraction | bool
@@ -179,12 +177,9 @@ def _read_until(reader: int, deadline: Deadline) -> bytes:
     """All that arrives before the deadline; empty if the writer does not finish in time."""
     chunks: list[bytes] = []
     while True:
-        remaining = deadline.remaining
-        ready, _, _ = select.select([reader], [], [], remaining)
-        if not ready:
+        if not has_input(reader, deadline):
             return b""
         chunk = os.read(reader, 65536)
         if not chunk:
             return b"".join(chunks)
         chunks.append(chunk)
-        time.sleep(0)

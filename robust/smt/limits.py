@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import time
 from dataclasses import dataclass
 
@@ -10,6 +11,10 @@ from robust.smt.interrupts import raise_if_interrupted
 
 LONGEST = 4_000_000
 """Seconds; z3 counts milliseconds in 32 bits."""
+
+
+GLANCE = 0.2
+"""Seconds between two looks for a lost Ctrl-C."""
 
 
 class OutOfTimeError(Exception):
@@ -54,3 +59,18 @@ class Deadline:
         raise_if_interrupted()
         if self.passed:
             raise OutOfTimeError
+
+
+def has_input(reader: int, deadline: Deadline) -> bool:
+    """Wait until a file descriptor can be read; False if the deadline passes first.
+
+    Looks up now and then, so that a Ctrl-C that Python lost in a finaliser is not waited out.
+    """
+    while True:
+        raise_if_interrupted()
+        remaining = deadline.remaining
+        ready, _, _ = select.select([reader], [], [], GLANCE if remaining is None else min(GLANCE, remaining))
+        if ready:
+            return True
+        if deadline.passed:
+            return False

@@ -115,9 +115,9 @@ BAD_CHECK_OPTIONS = [
     (["--at", "to_ridge=5", "--at", "to_ridge=6"], "found a second value for 'to_ridge'"),
 ]
 BAD_ENVELOPE_OPTIONS = [
-    (["--beta", "0"], "--beta: found '0', expected a number above 0"),
-    (["--beta", "-1"], "--beta: found '-1', expected a number above 0"),
-    (["--beta", "one"], "--beta: found 'one', expected a number"),
+    (["--method", "irr", "--beta", "0"], "--beta: found '0', expected a number above 0"),
+    (["--method", "irr", "--beta", "-1"], "--beta: found '-1', expected a number above 0"),
+    (["--method", "irr", "--beta", "one"], "--beta: found 'one', expected a number"),
     (["--method", "magic"], "'magic' is not"),
     (["--encoding", "positional"], "'positional' is not"),
     (["--order", "to_ridge,,to_crater"], "--order: found 'to_ridge,,to_crater', expected names such as a,b,c"),

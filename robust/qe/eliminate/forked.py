@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import select
 import signal
 import struct
 import traceback
@@ -12,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from robust.errors import SolverError
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import Deadline, OutOfTimeError, has_input
 
 HEADER = struct.Struct("!?Q")
 
@@ -69,8 +68,7 @@ def _write(writer: int, failed: bool, item: Any) -> None:
 def _read(reader: int, size: int, deadline: Deadline) -> bytes:
     content = bytearray()
     while len(content) < size:
-        ready, _, _ = select.select([reader], [], [], deadline.remaining)
-        if not ready:
+        if not has_input(reader, deadline):
             raise OutOfTimeError
         chunk = os.read(reader, min(1 << 20, size - len(content)))
         if not chunk:

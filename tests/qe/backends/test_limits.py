@@ -117,6 +117,6 @@ def test_ctrl_c(dataset: Path, backend: str) -> None:
     plan = load_plan(folder / "domain.pddl", folder / "problem_07.pddl", folder / "plan_07_4.stn")
     started = time.monotonic()
     with interrupted_after(0.4):
-        result = region(plan, backend=backend, splitting="partial")
+        result = robust.region(plan, backend=backend, splitting="partial")
     assert result.status is RegionStatus.INTERRUPTED
     assert time.monotonic() - started < 10
