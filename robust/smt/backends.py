@@ -75,10 +75,17 @@ class Z3(Backend):
         milliseconds = 4294967295 if remaining is None else max(1, int(remaining * 1000))
         self._solver.z3.set("timeout", milliseconds)
         verdict = _solve(self._solver)
-        if verdict is Verdict.UNKNOWN and self._solver.z3.reason_unknown() == "interrupted from keyboard":
+        if verdict is Verdict.UNKNOWN and self._was_interrupted(deadline):
             # z3's own handler takes the signal while it works, so Python never hears of it.
             raise KeyboardInterrupt
         return verdict
+
+    def _was_interrupted(self, deadline: Deadline) -> bool:
+        """z3 gives the same reason for a time limit as for some interruptions; then the clock tells them apart."""
+        reason = self._solver.z3.reason_unknown()
+        remaining = deadline.remaining
+        in_time = remaining is None or remaining > 0.1
+        return "interrupted" in reason or ("canceled" in reason and in_time)
 
 
 class Cvc5(Backend):
