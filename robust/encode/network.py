@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.encode.variables import Linear, Range, TimeVariable, Unknown, constant, least, variable
+from robust.encode.variables import Linear, Range, TimeVariable, constant, least, variable
 from robust.plan.model import (
     ZERO,
     Bound,
@@ -169,8 +169,3 @@ def _equalities(plan: ParametrizedPlan) -> Iterator[tuple[TimePoint, TimePoint, 
     for item in plan.constraints:
         if item.lower is not None and item.lower == item.upper:
             yield item.source, item.target, over_parameters(item.lower), describe(item)
-
-
-def unknowns_of(expressions: list[Linear]) -> frozenset[Unknown]:
-    """All unknowns of several expressions."""
-    return frozenset(unknown for expression in expressions for unknown in expression.variables)
