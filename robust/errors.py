@@ -43,6 +43,12 @@ class InputError(RobustError):
     """The input is wrong: the message says where, what was found and what was expected."""
 
 
+class RefutedError(RobustError):
+    """The input is well-formed, but what it claims is false: a plan breaks an obligation."""
+
+    exit_code = 1
+
+
 class UnsupportedError(RobustError):
     """The input is legal, but outside what this package decides."""
 

@@ -75,7 +75,7 @@ def assemble(domain: Domain, problem: Problem, stn: STNPlan, specs: Iterable[Par
     """
     _check_references(stn)
     fluents = initial_fluents(domain, problem)
-    declared = _domain_parameters(domain, stn)
+    declared = domain_parameters(domain, stn)
     wiring = wire(stn, specs, fluents, declared)
     varied = wiring.fluents.keys()  # must stay symbolic even where grounding would need a constant
     instances = [
@@ -139,7 +139,7 @@ def _check_references(stn: STNPlan) -> None:
             raise InputError(f"found bound {name!r}, expected a declared parameter{hint}", constraint.location)
 
 
-def _domain_parameters(domain: Domain, stn: STNPlan) -> dict[str, str]:
+def domain_parameters(domain: Domain, stn: STNPlan) -> dict[str, str]:
     """The plan's names for all synthesis parameters of the domain, with what declares them.
 
     An action that the domain lacks is passed over here: grounding reports it.

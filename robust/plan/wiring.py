@@ -46,6 +46,8 @@ def wire(
     - A duration or start time whose constraints fix it at d becomes `[γ, γ]` with nominal value d (unless a default is
       given); one that is not fixed needs a default, and all its constraints are replaced by `[γ, γ]`.
     - The initial value of a fluent becomes γ with that value as nominal one (unless a default is given).
+    - A duration that is `[γ, γ]` in the plan already may be named again as `γ=duration:ID`: the plan file says that the
+      distance is γ, and the specification that the model's duration is.
     - Existing parameters, and those that other specifications introduce, get the attributes that are given.
     """
     work = _Work(plan, initial_fluents, domain_parameters)
@@ -138,6 +140,9 @@ class _Work:
         between = [(i, _oriented(c, source)) for i, c in enumerate(self.constraints) if _joins(c, source, target)]
         bounds = [bound for _, pair in between for bound in pair]
         taken = next((bound.name for bound in bounds if isinstance(bound, ParameterReference)), None)
+        if taken is not None and taken == spec.name and set(bounds) == {ParameterReference(taken)}:
+            self.parameters[taken] = _merged(self.parameters[taken], spec)
+            return taken
         if taken is not None:
             remedy = f"give its attributes as {taken!r},weight=W,lb=L,ub=U,default=D"
             raise InputError(f"found {what} with parameter {taken!r}, expected one without: {remedy}", spec.location)
