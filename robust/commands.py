@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from robust import __version__
+from robust.convert_command import register as register_convert
 from robust.report.guard import Guard
 
 CommandLineError: type[Exception] = typer.BadParameter.__mro__[2]
@@ -517,3 +518,6 @@ def _configure_logging(verbose: bool) -> None:
         logger = logging.getLogger("robust")
         logger.handlers[:] = [handler]
         logger.setLevel(logging.DEBUG)
+
+
+register_convert(app, _guard, _configure_logging, _EPILOG)

@@ -14,9 +14,9 @@ Three kinds of edges, and nothing else:
 Timed literals have fixed times: their orders become bounds from zero.
 
 Which achiever? If nothing had made the atom false by then, the initial state: that costs no edge. Otherwise any
-achiever since the last contrary writer will do, and each keeps the same threats out. One that comes before the start
-anyway costs no edge; else the earliest is taken: of all edges to choose from, the plan satisfies this one with the
-most time to spare.
+achiever since the last contrary writer will do, and each keeps the same threats out, so every choice costs one edge.
+One that comes before the start anyway costs none; else the most recent is taken, as the Esterel transformer does:
+where the transformer's network is valid, this one then allows all of its schedules.
 
 What depends on numbers that vary with the schedule, and over-all conditions that different literals keep true in
 turn, is left to :mod:`robust.execute.tighten`.
@@ -134,7 +134,7 @@ def _after_achiever(start: TimePoint, achievers: Sequence[Write], paths: Paths) 
     """The edge from one of the achievers, by time, to the start; none if one of them is not after it anyway."""
     links = [edge(one.point, start, Fraction(0)) for one in achievers]
     if links and not any(_is_implied(link, paths) for link in links):
-        yield links[0]
+        yield links[-1]
 
 
 def _is_implied(link: Edge, paths: Paths) -> bool:

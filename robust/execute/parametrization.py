@@ -143,3 +143,11 @@ def write_specs(specs: Iterable[ParameterSpec]) -> str:
         lines += [f'{word} = "{format_number(value)}"' for word, value in given if value is not None]
         tables.append("\n".join(lines) + "\n")
     return "\n".join(tables)
+
+
+def option_of(spec: ParameterSpec) -> str:
+    """The specification of a duration or fluent as the text of an option: what :func:`parse_spec` reads."""
+    head = f"{spec.name}={spec.target.value}:{spec.subject}"
+    words = (("weight", "weight"), ("lb", "lower"), ("ub", "upper"), ("default", "default"))
+    given = ((word, spec.attributes.get(key)) for word, key in words)
+    return ",".join((head, *(f"{word}={format_number(value)}" for word, value in given if value is not None)))

@@ -30,6 +30,7 @@ Commands:
   region    All parameter values for which a plan is valid.
   compare   The exact region beside the boxes of all methods.
   demo      Take a tour on shipped examples.
+  convert   Make a flexible plan of a planner's output.
   bench     Measure: recorded data sets, the figures of the paper,...
 
   Exit codes: 0 proved or done, 1 refuted, 2 bad input, 3 unknown, out of time
@@ -46,6 +47,7 @@ OPTIONS = {
     ("compare",): "--beta --parameter --parameters --epsilon --encoding --solver --timeout --plot --axes --html "
     "--json --quiet --verbose",
     ("demo",): "",
+    ("convert",): "--output --mode --parametrize --epsilon --solver --timeout --json --quiet --verbose",
     ("bench", "recorded"): "--suite --jobs --limit --plot --json --quiet --verbose",
     ("bench", "scaling"): "--jobs --limit --plot --json --quiet --verbose",
 }

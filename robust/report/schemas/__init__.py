@@ -12,6 +12,7 @@ FILES = {
     "robust/error/1": "error.schema.json",
     "robust/region/1": "region.schema.json",
     "robust/compare/1": "compare.schema.json",
+    "robust/convert/1": "convert.schema.json",
 }
 
 

@@ -1,0 +1,68 @@
+"""Longest paths and irredundant edges against brute force."""
+
+from fractions import Fraction
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robust.execute.distances import Edge, Paths, constraints_of, edge, irredundant
+from robust.plan.model import ZERO, TimePoint, TimePointKind
+from robust.plan.stn import STNConstraint
+
+POINTS = (ZERO, *(TimePoint(TimePointKind.INSTANT, name) for name in "abcd"))
+A, B, C, D = POINTS[1:]
+
+
+def implied(edges, source, target):
+    """Bellman and Ford: the longest path, None if there is none."""
+    longest = {source: Fraction(0)}
+    for _ in POINTS:
+        for one in edges:
+            if one.source in longest:
+                length = longest[one.source] + one.weight
+                longest[one.target] = max(length, longest.get(one.target, length))
+    return longest.get(target)
+
+
+@st.composite
+def networks(draw):
+    """Edges that a drawn schedule satisfies."""
+    times = {point: Fraction(draw(st.integers(0, 6)), draw(st.sampled_from([1, 3]))) for point in POINTS}
+    pairs = draw(st.lists(st.tuples(st.sampled_from(POINTS), st.sampled_from(POINTS), st.integers(0, 2)), max_size=12))
+    return [Edge(a, b, times[b] - times[a] - slack) for a, b, slack in pairs if a != b]
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(networks(), st.integers(0, 4))
+def test_irredundant_edges_imply_all_and_are_needed(edges, split):
+    given_ones, others = edges[:split], edges[split:]
+    kept = irredundant(POINTS, given_ones, others)
+    assert set(kept) <= set(others)
+    for one in others:
+        assert implied((*given_ones, *kept), one.source, one.target) >= one.weight
+    for one in kept:
+        rest = implied([*given_ones, *(other for other in kept if other != one)], one.source, one.target)
+        assert rest is None or rest < one.weight
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(networks())
+def test_longest_paths(edges):
+    paths = Paths(POINTS, edges)
+    for a in POINTS:
+        for b in POINTS:
+            assert paths.implied(a, b) == implied(edges, a, b)
+
+
+def test_the_times_of_timed_literals_go_into_the_weight():
+    literal = TimePoint(TimePointKind.TIMED_LITERAL, time=Fraction(7))
+    assert edge(literal, A, Fraction(1)) == Edge(ZERO, A, Fraction(8))
+    assert edge(A, literal, Fraction(1)) == Edge(A, ZERO, Fraction(-6))
+
+
+def test_constraints_have_the_strongest_bounds():
+    edges = [Edge(A, B, Fraction(1)), Edge(A, B, Fraction(2)), Edge(B, A, Fraction(-5)), Edge(ZERO, A, Fraction(0))]
+    assert constraints_of(edges, {ZERO: 0, A: 1, B: 2}) == (
+        STNConstraint(A, ZERO, Fraction(0), None),
+        STNConstraint(B, A, Fraction(2), Fraction(5)),
+    )
