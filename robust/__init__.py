@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from robust.api import check, compare, envelope, region
     from robust.errors import InputError, RobustError, SolverError, UnsupportedError
+    from robust.execute.convert import Conversion, Mode, convert
+    from robust.execute.unified import from_unified_planning, to_unified_planning
     from robust.irr.box import Box, Interval
     from robust.irr.check import Answer, CheckResult, Counterexample
     from robust.irr.compare import Comparison
@@ -31,10 +33,12 @@ _HOME = {
     "Box": "robust.irr.box",
     "CheckResult": "robust.irr.check",
     "Comparison": "robust.irr.compare",
+    "Conversion": "robust.execute.convert",
     "Counterexample": "robust.irr.check",
     "EnvelopeResult": "robust.irr.result",
     "InputError": "robust.errors",
     "Interval": "robust.irr.box",
+    "Mode": "robust.execute.convert",
     "ParametrizedPlan": "robust.plan.model",
     "Region": "robust.qe.region",
     "RegionResult": "robust.qe.compute",
@@ -46,9 +50,12 @@ _HOME = {
     "UnsupportedError": "robust.errors",
     "check": "robust.api",
     "compare": "robust.api",
+    "convert": "robust.execute.convert",
     "envelope": "robust.api",
+    "from_unified_planning": "robust.execute.unified",
     "load_plan": "robust.plan.load",
     "region": "robust.api",
+    "to_unified_planning": "robust.execute.unified",
 }
 
 __all__ = [
@@ -56,10 +63,12 @@ __all__ = [
     "Box",
     "CheckResult",
     "Comparison",
+    "Conversion",
     "Counterexample",
     "EnvelopeResult",
     "InputError",
     "Interval",
+    "Mode",
     "ParametrizedPlan",
     "Region",
     "RegionResult",
@@ -72,9 +81,12 @@ __all__ = [
     "__version__",
     "check",
     "compare",
+    "convert",
     "envelope",
+    "from_unified_planning",
     "load_plan",
     "region",
+    "to_unified_planning",
 ]
 
 

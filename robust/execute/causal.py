@@ -24,9 +24,10 @@ turn, is left to :mod:`robust.execute.tighten`.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 
 from robust.execute.distances import Edge, Paths, edge
 from robust.execute.durations import certain_duration, duration_edges
@@ -80,14 +81,22 @@ def causal_network(original: Original, pinned: Collection[str] = ()) -> CausalNe
 def _over_all_edges(original: Original, instance: ActionInstance, paths: Paths) -> Iterator[Edge]:
     for part in instance.conditions:
         if part.timing is Timing.OVER_ALL:
-            for literal in _kept(original, instance, part.condition) or ():
+            cost = partial(_cost, original, instance, paths)
+            for literal in _kept(original, instance, part.condition, cost) or ():
                 yield from _protection(original, instance, literal, paths)
 
 
-def _kept(original: Original, instance: ActionInstance, condition: Condition) -> tuple[Holds, ...] | None:
-    """Literals that hold from start to end and make the condition true; None if there are no such.
+def _cost(original: Original, instance: ActionInstance, paths: Paths, literals: tuple[Holds, ...]) -> int:
+    """How many edges it takes to protect literals."""
+    return sum(len(list(_protection(original, instance, literal, paths))) for literal in literals)
 
-    Comparisons are taken for true where all of the condition needs them, for false where there is an alternative.
+
+def _kept(
+    original: Original, instance: ActionInstance, condition: Condition, cost: Callable[[tuple[Holds, ...]], int]
+) -> tuple[Holds, ...] | None:
+    """Literals that hold from start to end and make the condition true, of least cost; None if no literals do.
+
+    Conjuncts that no literals keep true are passed over. Comparisons are taken for true where all of the condition needs them, for false where there is an alternative.
     """
     match condition:
         case Truth(value):
@@ -97,11 +106,11 @@ def _kept(original: Original, instance: ActionInstance, condition: Condition) ->
         case Holds():
             return (condition,) if _holds_throughout(original, instance, condition) else None
         case And(operands):
-            parts = [_kept(original, instance, operand) for operand in operands]
+            parts = [_kept(original, instance, operand, cost) for operand in operands]
             return tuple(literal for part in parts if part is not None for literal in part)
         case Or(operands):
-            alternatives = [_kept(original, instance, one) for one in operands if not isinstance(one, Comparison)]
-            return min((one for one in alternatives if one), key=len, default=None)
+            alternatives = [_kept(original, instance, one, cost) for one in operands if not isinstance(one, Comparison)]
+            return min((one for one in alternatives if one), key=cost, default=None)
 
 
 def _holds_throughout(original: Original, instance: ActionInstance, literal: Holds) -> bool:

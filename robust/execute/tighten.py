@@ -26,6 +26,7 @@ from robust.execute.original import Original
 from robust.irr.box import Box, Interval
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample
 from robust.irr.methods import ExactSearch
+from robust.irr.result import Status
 from robust.plan.model import Parameter, ParameterReference, ParametrizedPlan, TemporalConstraint
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline
@@ -70,10 +71,16 @@ class Tightener:
         found = self._forced(edges)
         if not found:
             return ()
+        less = replace(self, deadline=self._half())
         self.say("dropping bounds")
-        found = self._without_needless(edges, found)
+        found = less._without_needless(edges, found)
         self.say("loosening bounds")
-        return tuple(self._loosened(edges, found))
+        return tuple(less._loosened(edges, found))
+
+    def _half(self) -> Deadline:
+        """Half of the time that is left: what is loosened has to be proved once more afterwards."""
+        remaining = self.deadline.remaining
+        return self.deadline if remaining is None else Deadline.after(remaining / 2)
 
     def check(self, edges: Iterable[Edge]) -> CheckResult:
         """Whether the plan is valid for every schedule that satisfies the edges."""
@@ -149,6 +156,8 @@ class Tightener:
         widened = replace(plan, parameters=(*fixed, *free), constraints=(*plan.constraints, *bounds))
         encoding = create_encoding("relational", widened, self.original.epsilon, self.deadline)
         result = ExactSearch(encoding, solver=self.solver, deadline=self.deadline).widen()
+        if result.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
         return result.box if result.verified else Box.nominal(widened.parameters)
 
     def _plan(self, edges: Iterable[Edge]) -> ParametrizedPlan:

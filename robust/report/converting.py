@@ -11,7 +11,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robust.errors import InputError, Location
+from robust.errors import InputError, Location, RefutedError
 from robust.plan.numerals import format_number, shorten
 from robust.plan.stn import write_stn
 from robust.report import options
@@ -22,7 +22,6 @@ from robust.report.progress import Display
 
 if TYPE_CHECKING:
     from robust.execute.convert import Conversion
-    from robust.execute.original import InvalidPlanError
 
 CONVERT = "robust/convert/1"
 
@@ -50,17 +49,15 @@ def run_convert(request: ConvertRequest, guard: Guard) -> int:
         RobustError: wrong input, input that is not supported, or no proof.
         GivenUpError: if interrupted.
     """
-    from robust.execute.original import InvalidPlanError  # noqa: PLC0415 - imports the grammar
-
     _check_output(request.output)
     epsilon = options.not_negative(request.epsilon, "--epsilon")
     limit = options.seconds(request.timeout, "--timeout")
     try:
-        with Display(shown=request.progress, what="reading") as display, guard.working():
+        with Display(shown=request.progress, what="reading") as display, guard.working(limit):
             found = _converted(request, display, epsilon, guard.remaining(limit))
     except KeyboardInterrupt:
         raise GivenUpError from None
-    except InvalidPlanError as error:
+    except RefutedError as error:
         if not request.json:
             raise
         print_json(_invalid(request, epsilon, error))
@@ -195,10 +192,11 @@ def _answer(
     }
 
 
-def _invalid(request: ConvertRequest, epsilon: Fraction, error: InvalidPlanError) -> dict[str, Any]:
-    violations = [
-        {"obligation": one.obligation, "time": str(one.time), "detail": one.detail} for one in error.violations
-    ]
+def _invalid(request: ConvertRequest, epsilon: Fraction, error: RefutedError) -> dict[str, Any]:
+    from robust.execute.original import InvalidPlanError  # noqa: PLC0415 - imports the grammar
+
+    found = error.violations if isinstance(error, InvalidPlanError) else ()
+    violations = [{"obligation": one.obligation, "time": str(one.time), "detail": one.detail} for one in found]
     return {
         **_head(request, epsilon, "invalid"),
         "stn": None,

@@ -10,7 +10,7 @@ from robust.plan.load import load_plan
 from robust.plan.stn import parse_stn
 from robust.report.schemas import schema
 from tests.cli import inputs
-from tests.cli.running import command
+from tests.cli.running import command, example
 from tests.cli.test_bad_input import assert_one_line
 
 STEPS = "; found by a planner\n2.000: (GO a b)  [5.0]\n"
@@ -35,6 +35,12 @@ def test_the_plan_is_printed(files):
     assert ended.out == "durative-action instance n0 : (go a b);\nc: n0.end - n0.start in [5, 5];\n"
     assert ended.err == "proved: 1 instance, 1 constraint, 0 parameters\n"
     assert command("convert", *files, "--quiet").err == ""
+
+
+def test_the_shipped_plan():
+    ended = command("convert", *example("steps.plan"), "--parametrize", "duration:drive", "--quiet")
+    assert ended.code == 0
+    assert "c: n1.start - .zero in [21, inf];" in ended.out.splitlines()
 
 
 def test_the_plan_is_written_and_can_be_checked(files, tmp_path):

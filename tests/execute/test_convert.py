@@ -41,6 +41,9 @@ DOMAIN = """
     :condition (and (at start (warm)) (over all (>= (water) 3))) :effect (at end (done)))
   (:durative-action draw :parameters () :duration (>= ?duration 1) :condition (and)
     :effect (decrease (water) (* #t 1)))
+  (:durative-action rest :parameters () :duration (= ?duration 6) :condition (over all (or (lit) (open)))
+    :effect (at end (done)))
+  (:action unlock :parameters () :precondition () :effect (open))
   (:action fill :parameters () :precondition () :effect (increase (water) 2))
   (:action drink :parameters () :precondition (>= (water) 13) :effect (done))
   (:action wait :parameters () :precondition (open) :effect (done)))
@@ -100,6 +103,20 @@ def test_bounds_that_numbers_need_are_found_and_loosened():
     assert needed.obligation == "n2 bathe: over all (>= (water) 3)"
     assert str(needed.edge) == "n0.start - n0.end >= -7"
     assert found.check.answer is Answer.PROVED
+
+
+def test_a_disjunction_that_one_literal_keeps_true_is_protected_by_it():
+    found = converted(DOMAIN, problem("(open)"), "1: (switch-on)\n2: (rest) [6]\n9: (switch-off)")
+    assert lines(found) == {"n2 - n0 in [1/1000, None]"}
+
+
+def test_a_disjunction_whose_literals_take_turns_needs_bounds():
+    found = converted(DOMAIN, problem("(lit)"), "2: (rest) [6]\n3: (unlock)\n4: (switch-off)")
+    assert {one.obligation for one in found.tightened} == {"n0 rest: over all (or (lit) (open))"}
+    # The light goes out either after unlocking or not before the rest is over; the plan does the former.
+    [needed] = found.tightened
+    assert (str(needed.edge.source), str(needed.edge.target)) == ("n1", "n2")
+    assert needed.edge.weight <= Fraction(1)
 
 
 def test_what_others_imply_is_left_out():
