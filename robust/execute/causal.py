@@ -96,7 +96,8 @@ def _kept(
 ) -> tuple[Holds, ...] | None:
     """Literals that hold from start to end and make the condition true, of least cost; None if no literals do.
 
-    Conjuncts that no literals keep true are passed over. Comparisons are taken for true where all of the condition needs them, for false where there is an alternative.
+    Conjuncts that no literals keep true are passed over. Comparisons are taken for true where all of the condition
+    needs them, for false where there is an alternative.
     """
     match condition:
         case Truth(value):
