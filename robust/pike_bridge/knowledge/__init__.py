@@ -1,0 +1,1 @@
+"""Knowledge bases over finite-domain variables, behind one interface."""
