@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import pairwise
 from typing import TypeAlias, assert_never
 
 from robust.errors import InputError
@@ -140,7 +141,7 @@ class _Network:
         if not ends:
             moment = self._event(guard)
             return moment, moment
-        for (_, before), (after, _) in zip(ends, ends[1:], strict=False):
+        for (_, before), (after, _) in pairwise(ends):
             self._link(before, after, guard)
         return ends[0][0], ends[-1][1]
 

@@ -2,7 +2,8 @@
 
 Of an environment over a vocabulary with n assignments, bit i says that assignment i is made, and bit n + i that
 assignment i is excluded, because its variable has another value. So conjunction is `a | b`, entailment is containment
-of bits, and an environment is self-consistent if no assignment is both made and excluded [PIKE, Definitions 2.2 to 2.4].
+of bits, and an environment is self-consistent if no assignment is both made and excluded. Source: [PIKE, Definitions
+2.2 to 2.4].
 """
 
 from __future__ import annotations
