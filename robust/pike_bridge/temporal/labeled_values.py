@@ -10,14 +10,26 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Generic, TypeAlias, TypeVar
+from typing import Final, Generic, TypeAlias, TypeVar
 
 from robust.pike_bridge.environment import Environment, Vocabulary
+from robust.smt.limits import Deadline
 
 V = TypeVar("V")
 
 LabeledValue: TypeAlias = tuple[V, Environment]
 """A value, and where it holds [PIKE, Definition 2.10]."""
+
+
+NEVER: Final = Deadline()
+
+
+def union(labels: Iterable[Environment]) -> Environment:
+    """All the bits of some environments, which need not be consistent with each other."""
+    bits = 0
+    for label in labels:
+        bits |= label
+    return bits
 
 
 class LabeledValueSet(Generic[V]):
@@ -108,41 +120,44 @@ class LabeledValueSet(Generic[V]):
                 break
         return self.empty() if result is None else result
 
-    def merge_with_completions(self, pairs: Iterable[LabeledValue[V]]) -> None:
+    def merge_with_completions(self, pairs: Iterable[LabeledValue[V]], deadline: Deadline = NEVER) -> None:
         """Add every pair and what follows by cases, until nothing new does [PIKE, Algorithm 10].
 
         If the set was closed under completions before, it is so afterwards; then queries are tightest for every
         environment: Q_L(φ) is the greatest of Q_L(φ_S) over all scenarios φ_S of φ.
+
+        Raises:
+            OutOfTimeError: if the deadline passes; the set is sound then, but not closed.
         """
-        pending = 0
-        for _, environment in self.merge(pairs):
-            pending |= environment
-        self._complete(pending)
+        self.complete(union(label for _, label in self.merge(pairs)), deadline)
 
-    def complete(self) -> None:
-        """Close the set under completions."""
-        pending = 0
-        for _, environment in self._pairs:
-            pending |= environment
-        self._complete(pending)
+    def close(self, deadline: Deadline = NEVER) -> None:
+        """Add what follows by cases, until nothing new does, whatever is in the set.
 
-    def _complete(self, pending: Environment) -> None:
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        self.complete(union(label for _, label in self._pairs), deadline)
+
+    def complete(self, pending: Environment, deadline: Deadline = NEVER) -> None:
+        """Close the set after additions whose labels mention only the variables that `pending` assigns.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
         vocabulary = self.vocabulary
         pending &= vocabulary.made
         while pending:
+            deadline.enforce()
             variable = vocabulary.assignments[(pending & -pending).bit_length() - 1].variable
             field = vocabulary.field(variable)
             pending &= ~field
             if self._covers(field):
-                for _, environment in self.merge(self.completions(variable)):
-                    pending |= environment & vocabulary.made
+                pending |= union(label for _, label in self.merge(self.completions(variable))) & vocabulary.made
 
     def _covers(self, field: int) -> bool:
         """Whether every value of a variable occurs in some label: without that there is nothing to complete."""
-        mentioned = 0
-        for _, label in self._pairs:
-            mentioned |= label
-        return mentioned & field == field
+        return union(label for _, label in self._pairs) & field == field
 
     def _greatest(self, first: V, second: V) -> V:
         return second if self._less(first, second) else first
@@ -162,6 +177,10 @@ class LabeledNumbers(LabeledValueSet[int]):
     def pairs(self) -> Sequence[LabeledValue[int]]:
         """The pairs by increasing value; not to be kept while the set changes."""
         return self._pairs
+
+    def unconditional(self) -> int | None:
+        """The value that holds in every scenario, which no other exceeds; None if there is none."""
+        return self._pairs[-1][0] if self._pairs and not self._pairs[-1][1] else None
 
     def add(self, value: int, environment: Environment) -> bool:
         pairs = self._pairs

@@ -7,6 +7,7 @@ from fractions import Fraction
 from itertools import product
 
 from robust.pike_bridge.model import Assignment, Constraint, Guard, Tpnu
+from robust.pike_bridge.temporal.interface import Precedence
 
 Distances = dict[tuple[str, str], Fraction]
 
@@ -54,3 +55,16 @@ def distances(network: Tpnu, scenario: Guard) -> Distances | None:
         if (source, middle) in shortest and (middle, target) in shortest:
             improve(source, target, shortest[source, middle] + shortest[middle, target])
     return None if any(shortest[name, name] < 0 for name in names) else shortest
+
+
+def check_precedence(network: Tpnu, found: Precedence, *, complete: bool) -> None:
+    """Whatever is claimed to precede does so in every scenario with a schedule; the reverse, too, if complete."""
+    table = {scenario: distances(network, scenario) for scenario in scenarios(network)}
+    for context, first, second in product(environments(network), network.events, network.events):
+        whole = context | first.guard | second.guard
+        shortest = [entry for scenario, entry in table.items() if entry is not None and whole <= scenario]
+        gaps = [entry.get((second.name, first.name)) for entry in shortest]
+        holds = all(gap is not None and gap < 0 for gap in gaps)
+        claimed = found.precedes(first.name, second.name, found.vocabulary.encode(context))
+        assert holds or not claimed
+        assert not complete or claimed == (holds and bool(gaps))

@@ -173,7 +173,7 @@ def test_completions_are_sound(drawn: Pairs, variable: str) -> None:
 @given(pairs, environments())
 def test_closing_afterwards_is_as_good_as_at_once(drawn: Pairs, environment: Environment) -> None:
     values = LabeledNumbers(DRAWN, drawn)
-    values.complete()
+    values.close()
     assert values.query(environment) == worst(drawn, environment)
 
 
