@@ -66,11 +66,14 @@ class Paths:
         others = second.pairs()
         for value, label in first.pairs():
             self.deadline.enforce()
+            start = base | label
+            if not vocabulary.consistent(start) or covered(start):
+                continue
             for other, other_label in others:
                 total = value + other
                 if ceiling is not None and total >= ceiling:
                     break
-                whole = base | label | other_label
+                whole = start | other_label
                 if vocabulary.consistent(whole) and not covered(whole) and target.add(total, whole & ~ends):
                     added.append(whole & ~ends)
         if self.completions and added:
