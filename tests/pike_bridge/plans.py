@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from robust.pike_bridge import builder
 from robust.pike_bridge.model import (
+    ALWAYS,
     EPSILON,
     GOAL,
     INITIAL,
@@ -172,3 +173,42 @@ def team_plans(draw: st.DrawFn) -> TeamPlan:
     """Plans of up to six activities."""
     network = draw(st.one_of(programs(), networks(events=5)))
     return draw(with_knowledge(network))
+
+
+@st.composite
+def contested_plans(draw: st.DrawFn) -> TeamPlan:
+    """One or two conditions about one atom that nearly every event makes true or false, and few other constraints."""
+    variables = draw(choices(2))
+    names = [f"e{at}" for at in range(1, draw(st.integers(4, 5)) + 1)]
+    points = [Event(name, draw(guards(variables)) if draw(st.booleans()) else ALWAYS) for name in names]
+    places = {event.name: draw(st.integers(0, 3)) for event in points}
+    pairs = [
+        (one, other)
+        for one in points
+        for other in points
+        if places[one.name] < places[other.name] and consistent(one.guard | other.guard)
+    ]
+    constraints = [
+        Constraint(one.name, other.name, Fraction(1), _exact(draw(st.sampled_from((None, None, 1, 3)))), label)
+        for one, other in pairs
+        if draw(st.booleans())
+        for label in (one.guard | other.guard,)
+    ]
+    effects = []
+    for event in points:
+        for _ in range(draw(st.sampled_from((0, 1, 1, 1, 2)))):
+            extra = event.guard | draw(guards(variables))
+            label = extra if consistent(extra) and draw(st.booleans()) else event.guard
+            effects.append(Effect(Literal(ATOMS[0], draw(st.booleans())), event.name, label, None))
+    activities, conditions = [], []
+    for at in range(draw(st.sampled_from((1, 1, 2))) if pairs else 0):
+        start, end = draw(st.sampled_from(pairs))
+        label = start.guard | end.guard
+        activities.append(Activity(f"(use{at})", start.name, end.name, Fraction(1), None, guard=label))
+        first, last = draw(st.sampled_from(((start, end), (start, end), (start, start), (end, end))))
+        conditions.append(Condition(Literal(ATOMS[0]), first.name, last.name, label, at))
+        if draw(st.booleans()):
+            at_start, positive = draw(st.booleans()), draw(st.booleans())
+            effects.append(Effect(Literal(ATOMS[0], positive), (start if at_start else end).name, label, at))
+    network = Tpnu("contested", variables, tuple(points), tuple(constraints), tuple(activities))
+    return TeamPlan(network, tuple(conditions), tuple(effects))

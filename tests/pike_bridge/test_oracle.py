@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import pytest
 from hypothesis import event, given, settings
+from hypothesis import strategies as st
 
 from robust.errors import InputError, SolverError
 from robust.pike_bridge import builder
@@ -17,7 +18,7 @@ from robust.pike_bridge.oracle import Existence, Oracle
 from robust.plan.model import Atom
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.brute_force import correct_scenarios
-from tests.pike_bridge.plans import team_plans, tiny_plans
+from tests.pike_bridge.plans import contested_plans, team_plans, tiny_plans
 
 P = Literal(Atom("p"))
 
@@ -29,7 +30,7 @@ def scenarios_of(oracle: Oracle) -> set[frozenset[tuple[str, str]]]:
 
 
 @settings(max_examples=300, deadline=None)
-@given(tiny_plans())
+@given(st.one_of(tiny_plans(), contested_plans()))
 def test_scenarios_are_those_of_brute_force(plan: TeamPlan) -> None:
     correct = correct_scenarios(plan)
     assert scenarios_of(Oracle(plan)) == correct
@@ -51,7 +52,7 @@ def test_cvc5_agrees(plan: TeamPlan) -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(tiny_plans())
+@given(st.one_of(tiny_plans(), contested_plans()))
 def test_deciding_under_assumptions_is_looking_among_scenarios(plan: TeamPlan) -> None:
     oracle = Oracle(plan)
     correct = scenarios_of(oracle)

@@ -17,14 +17,14 @@ from robust.pike_bridge.theory import is_model
 from tests.pike_bridge.brute_force import correct_orders, correct_scenarios
 from tests.pike_bridge.causal.models import AugmentedModels
 from tests.pike_bridge.networks import ExactPrecedence, HalfKnowledge, Ignorance, holds
-from tests.pike_bridge.plans import team_plans, tiny_plans
+from tests.pike_bridge.plans import contested_plans, team_plans, tiny_plans
 
 encodings = st.builds(Encoding, st.sampled_from(Dominance), st.booleans(), st.booleans())
 precedences = st.sampled_from((ExactPrecedence, HalfKnowledge, Ignorance))
 
 
-@settings(max_examples=600, deadline=None)
-@given(team_plans(), precedences, encodings)
+@settings(max_examples=300, deadline=None)
+@given(st.one_of(team_plans(), contested_plans()), precedences, encodings)
 def test_models_are_the_scenarios_with_a_correct_execution(
     plan: TeamPlan, precedence: type, encoding: Encoding
 ) -> None:
@@ -34,15 +34,15 @@ def test_models_are_the_scenarios_with_a_correct_execution(
     event(f"{min(3, len(augmented.network.choices) - len(plan.network.choices))} variables, {bool(correct)}")
 
 
-@settings(max_examples=100, deadline=None)
-@given(tiny_plans(), precedences, encodings)
+@settings(max_examples=400, deadline=None)
+@given(st.one_of(tiny_plans(), contested_plans(), contested_plans()), precedences, encodings)
 def test_models_are_those_of_brute_force(plan: TeamPlan, precedence: type, encoding: Encoding) -> None:
     augmented = augment(plan, precedence(plan.network), encoding)
     assert AugmentedModels(augmented).projections() == correct_scenarios(plan)
 
 
 @settings(max_examples=200, deadline=None)
-@given(team_plans(), precedences, encodings)
+@given(st.one_of(team_plans(), contested_plans()), precedences, encodings)
 def test_consistent_executions_of_the_augmented_plan_are_correct(
     plan: TeamPlan, precedence: type, encoding: Encoding
 ) -> None:
@@ -78,7 +78,7 @@ def threatened_links(augmented: AugmentedPlan, execution: Execution) -> list[str
 
 
 @settings(max_examples=150, deadline=None)
-@given(tiny_plans(), precedences, encodings)
+@given(st.one_of(tiny_plans(), contested_plans(), contested_plans()), precedences, encodings)
 def test_correct_executions_are_executions_of_the_augmented_plan(
     plan: TeamPlan, precedence: type, encoding: Encoding
 ) -> None:
@@ -104,7 +104,7 @@ def test_knowledge_spares_variables(plan: TeamPlan, encoding: Encoding) -> None:
 
 
 @settings(max_examples=200, deadline=None)
-@given(team_plans(), precedences, encodings)
+@given(st.one_of(team_plans(), contested_plans()), precedences, encodings)
 def test_additions_are_well_formed(plan: TeamPlan, precedence: type, encoding: Encoding) -> None:
     augmented = augment(plan, precedence(plan.network), encoding)
     guards = augmented.network.guards
@@ -119,7 +119,7 @@ def test_additions_are_well_formed(plan: TeamPlan, precedence: type, encoding: E
 
 @pytest.mark.slow
 @settings(max_examples=10000, deadline=None)
-@given(team_plans(), precedences, encodings)
+@given(st.one_of(team_plans(), contested_plans()), precedences, encodings)
 def test_many_models_are_the_scenarios_with_a_correct_execution(
     plan: TeamPlan, precedence: type, encoding: Encoding
 ) -> None:
