@@ -23,26 +23,21 @@ Neighbours: TypeAlias = dict[int, LabeledNumbers]
 
 
 class Conflicts:
-    """Environments in which no scenario has a schedule, only the most general ones [PIKE, Definition 4.1]."""
+    """Environments in which no scenario has a schedule, only the most general ones [PIKE, Definition 4.1].
 
-    def __init__(self, graph: DistanceGraph, *, completions: bool, deadline: Deadline) -> None:
-        self._labels: Final = LabeledNumbers(graph.vocabulary)
-        self._completions = completions
-        self._deadline = deadline
+    They are not closed under completions as they are found: that every scenario without schedule entails one of them is
+    enough to exclude these scenarios, and their closure may be a great many more.
+    """
 
-    @property
-    def labels(self) -> list[Environment]:
-        return [label for _, label in self._labels]
+    def __init__(self, graph: DistanceGraph) -> None:
+        self.labels: Final = LabeledNumbers(graph.vocabulary)
 
     def add(self, label: Environment) -> None:
-        if self._completions:
-            self._labels.merge_with_completions([(0, label)], self._deadline)
-        else:
-            self._labels.add(0, label)
+        self.labels.add(0, label)
 
     def cover(self, environment: Environment) -> bool:
         """Whether the environment is known to be a conflict."""
-        return self._labels.query(environment) is not None
+        return self.labels.query(environment) is not None
 
 
 class Paths:
@@ -52,7 +47,7 @@ class Paths:
         self.graph: Final = graph
         self.completions: Final = completions
         self.deadline: Final = deadline
-        self.conflicts: Final = Conflicts(graph, completions=completions, deadline=deadline)
+        self.conflicts: Final = Conflicts(graph)
 
     def join(self, first: LabeledNumbers, second: LabeledNumbers, through: int, entry: Entry) -> None:
         """Merge the sums of the distances from `entry.source` to an event, and from there to `entry.target`."""

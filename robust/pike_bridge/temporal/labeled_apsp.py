@@ -36,20 +36,42 @@ class LabeledDistances:
         self._completions = completions
         self._rank = {event: rank for rank, event in enumerate(self._elimination.order)}
         self._rows: dict[int, list[LabeledNumbers]] = {}
+        self._prime_conflicts: LabeledNumbers | None = None
         self._closed: dict[tuple[int, int], LabeledNumbers] = {}
 
     @property
     def conflicts(self) -> tuple[Environment, ...]:
-        """The temporal conflicts, of which none entails another [PIKE, Definition 4.1].
+        """Temporal conflicts of which none entails another [PIKE, Definition 4.1].
 
-        A scenario has no schedule if and only if it entails one of them [PIKE, Theorem 4.1]. With completions, an
-        environment none of whose scenarios has a schedule entails one, too.
+        A scenario has no schedule if and only if it entails one of them [PIKE, Theorem 4.1].
         """
-        return tuple(self._paths.conflicts.labels)
+        return _labels(self._paths.conflicts.labels)
+
+    @property
+    def prime_conflicts(self) -> tuple[Environment, ...]:
+        """With completions, all the most general temporal conflicts, which may be many more; else as `conflicts`.
+
+        An environment none of whose scenarios has a schedule entails one of them.
+
+        Raises:
+            OutOfTimeError: if the deadline has passed.
+        """
+        return _labels(self._primes())
 
     def conflicting(self, environment: Environment) -> bool:
-        """Whether the environment is known to be a temporal conflict."""
-        return self._paths.conflicts.cover(environment)
+        """Whether the environment is a temporal conflict; without completions, whether it is known to be one.
+
+        Raises:
+            OutOfTimeError: if the deadline has passed.
+        """
+        return self._primes().query(environment) is not None
+
+    def _primes(self) -> LabeledNumbers:
+        if self._prime_conflicts is None:
+            self._prime_conflicts = LabeledNumbers(self.vocabulary, self._paths.conflicts.labels)
+            if self._completions:
+                self._prime_conflicts.close(self._paths.deadline)
+        return self._prime_conflicts
 
     def query(self, source: str, target: str, environment: Environment = 0) -> Fraction | None:
         """The least known bound on t(target) − t(source) wherever both events and the environment hold; None for ∞.
@@ -120,7 +142,7 @@ class LabeledDistances:
 
     def _close(self, entry: LabeledNumbers, both: Environment) -> LabeledNumbers:
         """The entry with what follows because conflicts do not happen: in them, every bound holds."""
-        conflicts = self._paths.conflicts.labels
+        conflicts = _labels(self._primes())
         if not self._completions or not conflicts or not len(entry):
             return entry
         least = entry.pairs()[0][0] - 1
@@ -128,6 +150,10 @@ class LabeledDistances:
         whole.merge((least, conflict & ~both) for conflict in conflicts if self.vocabulary.consistent(conflict | both))
         whole.close(self._paths.deadline)
         return LabeledNumbers(self.vocabulary, (pair for pair in whole if pair[0] > least))
+
+
+def _labels(conflicts: LabeledNumbers) -> tuple[Environment, ...]:
+    return tuple(label for _, label in conflicts)
 
 
 def labeled_distances(network: Tpnu, deadline: Deadline = NO_LIMIT, *, completions: bool = True) -> LabeledDistances:

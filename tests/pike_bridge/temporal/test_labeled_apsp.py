@@ -88,10 +88,19 @@ def test_precedence_is_sound_and_with_completions_complete(network: Tpnu, comple
     check_precedence(network, labeled_distances(network, completions=completions), complete=completions)
 
 
+@given(any_network, st.booleans())
+def test_conflicts_exclude_the_scenarios_without_schedule(network: Tpnu, completions: bool) -> None:
+    found = labeled_distances(network, completions=completions)
+    conflicts = [found.vocabulary.decode(conflict) for conflict in found.conflicts]
+    for scenario in scenarios(network):
+        assert any(conflict <= scenario for conflict in conflicts) == (distances(network, scenario) is None)
+    assert not any(one < other for one in conflicts for other in conflicts)
+
+
 @given(any_network)
-def test_conflicts_are_minimal(network: Tpnu) -> None:
+def test_prime_conflicts_are_minimal(network: Tpnu) -> None:
     found = labeled_distances(network)
-    for conflict in found.conflicts:
+    for conflict in found.prime_conflicts:
         guard = found.vocabulary.decode(conflict)
         assert all(distances(network, scenario) is None for scenario in scenarios(network, guard))
         for assignment in guard:
