@@ -30,9 +30,10 @@ class Semantics:
         self._values: dict[Assignment, Formula] = {}
         domains = [formula for choice in self._choices for formula in self._declare(choice)]
         self._times = {event.name: Polynomial.variable(f"time of {event.name}") for event in plan.network.events}
-        self._producers: dict[Literal, list[Effect]] = {}
+        self._orders: dict[tuple[str, str], Formula] = {}
+        self._effects: dict[Literal, list[Effect]] = {}
         for effect in plan.effects:
-            self._producers.setdefault(effect.literal, []).append(effect)
+            self._effects.setdefault(effect.literal, []).append(effect)
         self.formulas: tuple[Formula, ...] = (
             *domains,
             *(self._constraint(each) for each in plan.network.temporal_constraints),
@@ -122,12 +123,12 @@ class Semantics:
         """Some activated producer is before the condition, and every activated threat is before or after both."""
         threats = [
             effect
-            for effect in self._producers.get(condition.literal.negation, [])
+            for effect in self._effects.get(condition.literal.negation, [])
             if not self._exempt(effect, condition) and _compatible(condition.guard, effect.guard)
         ]
         supports = (
             self._support(producer, threats, condition)
-            for producer in self._producers.get(condition.literal, [])
+            for producer in self._effects.get(condition.literal, [])
             if _compatible(condition.guard, producer.guard)
         )
         return self.unless(condition.guard, self.terms.disjunction(supports))
@@ -162,7 +163,10 @@ class Semantics:
         return own and threat.event == condition.last
 
     def _before(self, earlier: str, later: str) -> Formula:
-        return self.terms.greater(self._time(later) - self._time(earlier))
+        order = (earlier, later)
+        if order not in self._orders:
+            self._orders[order] = self.terms.greater(self._time(later) - self._time(earlier))
+        return self._orders[order]
 
 
 def _compatible(one: Guard, other: Guard) -> bool:
