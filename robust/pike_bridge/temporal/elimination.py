@@ -12,6 +12,8 @@ which are joined again wherever a path leads through an event: the guard of a co
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterator
 from typing import Final, TypeAlias
 
 from robust.pike_bridge.environment import Environment
@@ -96,10 +98,10 @@ class Entry:
 
 
 class Elimination:
-    """What elimination of all events leaves: for each, its distances to and from those eliminated later.
+    """A labeled distance graph whose events are eliminated, all or some.
 
     Raises:
-        OutOfTimeError: if the deadline passes.
+        OutOfTimeError: from the methods that eliminate, if the deadline passes.
     """
 
     def __init__(self, graph: DistanceGraph, *, completions: bool, deadline: Deadline) -> None:
@@ -112,8 +114,31 @@ class Elimination:
         self.before: Final[list[Neighbours]] = [{} for _ in range(count)]
         """By event, the distances to it from neighbours."""
         self.order: Final[list[int]] = []
+        """The events that have been eliminated."""
+        self._remaining: Final = set(range(count))
         self._read(graph)
-        self._run(count)
+
+    def eliminate_all(self) -> None:
+        """Eliminate every event: those with few neighbours first, and of those the deepest inside of choices."""
+        while self._remaining:
+            self._eliminate(min(self._remaining, key=self._degree))
+
+    def contract(self, growth: int) -> None:
+        """Eliminate events as long as each adds at most `growth` more labeled distances than it removes."""
+        waiting = deque(self._remaining)
+        while waiting:
+            event = waiting.popleft()
+            if event in self._remaining and self._growth(event) <= growth:
+                self._eliminate(event)
+                waiting.extend((self.before[event].keys() | self.after[event].keys()) - set(waiting))
+
+    def edges(self) -> Iterator[tuple[int, int, int, Environment]]:
+        """Source, target, distance and full label of what is left between the events that are left."""
+        for source in sorted(self._remaining):
+            for target, distances in self.after[source].items():
+                guard = self._guards[source] | self._guards[target]
+                for value, label in distances:
+                    yield source, target, value, label | guard
 
     def _read(self, graph: DistanceGraph) -> None:
         for edge in graph.edges:
@@ -134,21 +159,20 @@ class Elimination:
             self.after[source][target] = self.before[target][source] = distances
         return Entry(distances, self._guards[source] | self._guards[target])
 
-    def _run(self, count: int) -> None:
-        remaining = set(range(count))
-        while remaining:
-            event = min(remaining, key=self._cost)
-            remaining.remove(event)
-            self._eliminate(event)
-            self.order.append(event)
-
-    def _cost(self, event: int) -> tuple[int, int, int]:
-        """Few neighbours first; of those, the deepest inside of choices."""
+    def _degree(self, event: int) -> tuple[int, int, int]:
         degree = len(self.after[event].keys() | self.before[event].keys())
         return degree, -self._guards[event].bit_count(), event
 
+    def _growth(self, event: int) -> int:
+        """At most so many labeled distances more than now are there without the event."""
+        into = sum(map(len, self.before[event].values()))
+        out = sum(map(len, self.after[event].values()))
+        return into * out - into - out
+
     def _eliminate(self, event: int) -> None:
         guards, paths = self._guards, self.paths
+        self._remaining.remove(event)
+        self.order.append(event)
         before, after = self.before[event], self.after[event]
         for source in before.keys() & after.keys():
             paths.contradict(before[source], after[source], guards[source] | guards[event])

@@ -32,6 +32,7 @@ class LabeledDistances:
         self._graph = graph
         self._places = graph.places
         self._elimination = Elimination(graph, completions=completions, deadline=deadline)
+        self._elimination.eliminate_all()
         self._paths = self._elimination.paths
         self._completions = completions
         self._rank = {event: rank for rank, event in enumerate(self._elimination.order)}
