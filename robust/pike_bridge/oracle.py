@@ -11,13 +11,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from itertools import product
 from types import MappingProxyType
 from typing import TypeAlias, assert_never
 
 from robust.errors import InputError, SolverError
 from robust.pike_bridge.execution import Execution, faults, holds
 from robust.pike_bridge.knowledge.interface import Commitment, Exclude, Require
-from robust.pike_bridge.model import Guard, TeamPlan
+from robust.pike_bridge.model import Guard, TeamPlan, guard
 from robust.pike_bridge.semantics import Semantics
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
@@ -127,6 +128,8 @@ class Oracle:
         """
         session = self._start()
         session.add(*self._assumptions(assume))
+        mentioned = _by_choice((*_guards(self.plan), *_environments(assume)))
+        seen: list[Guard] = []
         while True:
             match session.check("another scenario", deadline):
                 case Verdict.UNKNOWN:
@@ -135,8 +138,31 @@ class Oracle:
                     return
                 case Verdict.SATISFIABLE:
                     witness = self._witness(session, movable=True)
-                    yield witness
-                    session.add(self._semantics.terms.negation(self._semantics.scenario(witness.scenario)))
+                    alike = self._alike(witness.scenario, mentioned)
+                    for scenario in self._extensions(alike):
+                        if not any(holds(earlier, scenario) for earlier in seen):
+                            deadline.enforce()
+                            yield self._confirmed(Execution(scenario, witness.schedule))
+                    seen.append(alike)
+                    session.add(self._semantics.terms.negation(self._semantics.guard(alike)))
+
+    def _alike(self, scenario: Mapping[str, str], mentioned: Mapping[str, set[Guard]]) -> Guard:
+        """An environment of the scenario throughout which every guard in question has the same truth.
+
+        Left out are choices that only such guards mention as are false for another reason.
+        """
+        kept = dict(scenario)
+        for name in scenario:
+            others = ([each for each in label if each.variable != name] for label in mentioned.get(name, ()))
+            if all(any(kept.get(variable, value) != value for variable, value in rest) for rest in others):
+                del kept[name]
+        return guard(kept)
+
+    def _extensions(self, environment: Guard) -> Iterator[dict[str, str]]:
+        chosen = dict(environment)
+        choices = self.plan.network.choices
+        for values in product(*((chosen[each.name],) if each.name in chosen else each.domain for each in choices)):
+            yield {choice.name: value for choice, value in zip(choices, values, strict=True)}
 
     def _start(self) -> Session:
         session = Session(self._semantics.terms, solver=self._solver, statistics=self.statistics)
@@ -165,22 +191,44 @@ class Oracle:
             yield self._semantics.guard(guards[name])
             yield self._semantics.at(name, time)
         if now is not None:
-            for name, guard in guards.items():
+            for name, label in guards.items():
                 if name not in schedule:
-                    yield self._semantics.unless(guard, self._semantics.not_before(name, now))
+                    yield self._semantics.unless(label, self._semantics.not_before(name, now))
 
     def _witness(self, session: Session, *, movable: bool) -> Execution:
         """The execution of the last model, confirmed; if nothing fixes its times, it starts at zero."""
-        values = session.values(self._semantics.symbols)
-        scenario = self._semantics.chosen(values)
-        times = {
-            event.name: self._semantics.time(event.name, values)
-            for event in self.plan.network.events
-            if holds(event.guard, scenario)
-        }
+        scenario = self._semantics.chosen(session.values(self._semantics.choices))
+        activated = [event.name for event in self.plan.network.events if holds(event.guard, scenario)]
+        values = session.values(self._semantics.times(activated))
+        times = {name: self._semantics.time(name, values) for name in activated}
         start = min(times.values(), default=Fraction(0)) if movable else Fraction(0)
-        execution = Execution(scenario, {name: time - start for name, time in times.items()})
+        return self._confirmed(Execution(scenario, {name: time - start for name, time in times.items()}))
+
+    def _confirmed(self, execution: Execution) -> Execution:
         found = faults(self.plan, execution)
         if found:
             raise SolverError(f"{self._solver} gave an execution that is not correct: {found[0]}; please report this")
         return execution
+
+
+def _guards(plan: TeamPlan) -> set[Guard]:
+    """Every guard that makes a difference to what a scenario activates."""
+    network = plan.network
+    found = {each.guard for each in network.events} | {each.guard for each in network.temporal_constraints}
+    return found | {each.guard for each in plan.conditions} | {each.guard for each in plan.effects}
+
+
+def _environments(assume: Assumption) -> Iterator[Guard]:
+    if isinstance(assume, frozenset):
+        yield assume
+    else:
+        yield from (commitment.environment for commitment in assume)
+
+
+def _by_choice(guards: Iterable[Guard]) -> dict[str, set[Guard]]:
+    """The guards that mention each choice."""
+    found: dict[str, set[Guard]] = {}
+    for label in guards:
+        for variable, _ in label:
+            found.setdefault(variable, set()).add(label)
+    return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from itertools import combinations
 
@@ -39,10 +39,8 @@ class Semantics:
             *(self._constraint(each) for each in plan.network.temporal_constraints),
             *(self._condition(each) for each in plan.conditions),
         )
-        self.symbols: frozenset[Formula] = frozenset().union(
-            *map(self.terms.variables, self._values.values()),
-            (self.terms.real(f"time of {event.name}") for event in plan.network.events),
-        )
+        self.choices: frozenset[Formula] = frozenset().union(*map(self.terms.variables, self._values.values()))
+        """The symbols of choices."""
 
     def guard(self, conjunction: Guard) -> Formula:
         """All assignments of a guard; InputError if one is unknown."""
@@ -67,6 +65,10 @@ class Semantics:
     def chosen(self, values: Mapping[str, Value]) -> dict[str, str]:
         """The scenario of a model; a choice that no formula mentions gets its first value."""
         return {choice.name: self._chosen(choice, values) for choice in self._choices}
+
+    def times(self, events: Iterable[str]) -> list[Formula]:
+        """The symbols of the events' times."""
+        return [self.terms.real(f"time of {event}") for event in events]
 
     def time(self, event: str, values: Mapping[str, Value]) -> Fraction:
         """The event's time in a model; zero if no formula mentions it."""

@@ -13,7 +13,7 @@ from robust.pike_bridge import builder
 from robust.pike_bridge.environment import Vocabulary
 from robust.pike_bridge.execution import faults
 from robust.pike_bridge.knowledge.interface import Exclude, Require
-from robust.pike_bridge.model import Condition, Effect, Literal, TeamPlan, guard
+from robust.pike_bridge.model import Choice, Condition, Constraint, Effect, Event, Literal, TeamPlan, Tpnu, guard
 from robust.pike_bridge.oracle import Existence, Oracle
 from robust.plan.model import Atom
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -63,7 +63,27 @@ def test_deciding_under_assumptions_is_looking_among_scenarios(plan: TeamPlan) -
             assert (oracle.decide(environment).verdict is Existence.EXISTS) == bool(with_value)
             assert oracle.could_commit([Require(environment)]) == bool(with_value)
             assert oracle.could_commit([Exclude(environment)]) == (len(with_value) < len(correct))
+            assert {frozenset(each.scenario.items()) for each in oracle.scenarios(environment)} == set(with_value)
+            excluded = [frozenset(each.scenario.items()) for each in oracle.scenarios([Exclude(environment)])]
+            assert len(excluded) == len(set(excluded))
+            assert set(excluded) == correct - set(with_value)
     assert not oracle.could_commit([Exclude(frozenset())])
+
+
+def test_scenarios_that_activate_the_same_appear_once_each() -> None:
+    """Only both choices together make a difference, so that the witnesses' environments overlap."""
+    both = guard({"x": "1", "y": "1"})
+    network = Tpnu(
+        "two",
+        tuple(Choice(name, ("1", "2", "3"), True, None) for name in "xy"),
+        (Event("e1"), Event("e2", both)),
+        (Constraint("e1", "e2", Fraction(2), Fraction(1), both),),
+        (),
+    )
+    oracle = Oracle(TeamPlan(network, (), ()))
+    assert len(scenarios_of(oracle)) == 8
+    assert len(list(oracle.scenarios(guard({"x": "1"})))) == 2
+    assert len(list(oracle.scenarios([Exclude(guard({"x": "2", "y": "2"})), Require(guard({"x": "2"}))]))) == 2
 
 
 def threatened_plan() -> TeamPlan:
@@ -147,7 +167,7 @@ def test_without_time_there_is_no_verdict() -> None:
 
 
 def test_a_plan_without_events_is_correct() -> None:
-    network = builder.Tpnu("nothing", (), (), (), ())
+    network = Tpnu("nothing", (), (), (), ())
     answer = Oracle(TeamPlan(network, (), ())).decide()
     assert answer.verdict is Existence.EXISTS
     assert answer.witness is not None
