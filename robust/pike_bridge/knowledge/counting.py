@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import prod
 
 from robust.pike_bridge.environment import Environment, Vocabulary, bits
 from robust.pike_bridge.knowledge.labels import Label, Scope, environments, true_label
@@ -93,8 +92,3 @@ def models(
             rest = restrict(current, field, 1 << at)
             if rest:
                 stack.append((depth + 1, made | 1 << at, rest))
-
-
-def product_count(labels: Sequence[Label]) -> int:
-    """How many environments the conjunction of labels without common variables has."""
-    return prod(sum(map(len, label.values())) for label in labels)

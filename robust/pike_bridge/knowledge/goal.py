@@ -76,9 +76,7 @@ class Joining:
     resolved: bool
     """Whether what `resolve` returns resolves the conflict for good."""
 
-    def factor(
-        self, labels: Sequence[Label], conflicts: Sequence[Conflict], scope: Scope, effort: Effort
-    ) -> Factor:
+    def factor(self, labels: Sequence[Label], conflicts: Sequence[Conflict], scope: Scope, effort: Effort) -> Factor:
         """The conjunction of all labels and conflicts, which are about the variables of a scope.
 
         Raises:

@@ -35,7 +35,11 @@ _REGISTRY: dict[str, Registration] = {
     "atms": Registration(f"{_HOME}.atms", "Atms", "minimal labels", takes_solver=True, takes_shortcut=True),
     "bdd": Registration(f"{_HOME}.bdd", "BddKnowledgeBase", "a binary decision diagram"),
     "sat": Registration(
-        f"{_HOME}.sat", "SatKnowledgeBase", "an incremental solver, nothing compiled", takes_network=True, takes_solver=True
+        f"{_HOME}.sat",
+        "SatKnowledgeBase",
+        "an incremental solver, nothing compiled",
+        takes_network=True,
+        takes_solver=True,
     ),
 }
 
@@ -46,7 +50,7 @@ def knowledge_bases() -> Mapping[str, Registration]:
 
 
 def register_knowledge_base(name: str, registration: Registration) -> None:
-    """Make another knowledge base known. Its class is called with a theory, `deadline` and `statistics`, and what it takes.
+    """Make another knowledge base known; its class takes a theory, `deadline`, `statistics`, and what is registered.
 
     Raises:
         InputError: if the name is taken.

@@ -15,6 +15,7 @@ from robust.pike_bridge.model import Assignment, Guard
 from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory
 from robust.smt.limits import Deadline
 
+
 def simplify(theory: Theory, deadline: Deadline, impossible: Iterable[Assignment] = ()) -> Theory:
     """An equivalent theory over the same domains, by unit propagation to a fixed point.
 
@@ -115,4 +116,3 @@ class _Reduction:
 def _top_level(constraints: Iterable[Formula]) -> Iterator[Formula]:
     for constraint in constraints:
         yield from constraint.operands if isinstance(constraint, All) else (constraint,)
-

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -167,8 +168,9 @@ class LabelKnowledgeBase(KnowledgeBase):
         """How many environments the goal's label has."""
         return prod(size(factor.label) for factor in self._factors)
 
+    @abstractmethod
     def _create_joining(self) -> Joining:
-        raise NotImplementedError
+        """What conflicts do to labels."""
 
     def _compile(self, effort: Effort) -> list[Factor]:
         network = encode(self.simplified)
