@@ -61,7 +61,7 @@ class _Links:
             least = epsilon if near == end else 0
             if constraint.lower is None or constraint.lower < least or near == far:
                 continue
-            if constraint.guard == guards[far]:
+            if constraint.guard <= guards[far]:
                 self._following.setdefault(near, []).append(far)
                 self.entered.add(far)
 

@@ -170,7 +170,8 @@ def restrict(plan: TeamPlan, environment: Guard) -> TeamPlan:
         for one in plan.effects
         if restriction.keeps(one.guard) and one.activity in places
     )
-    mentioned = {variable for variable, _ in assignments(one.guard for one in (*conditions, *effects))}
+    guards = [one.guard for one in conditions] + [one.guard for one in effects]
+    mentioned = {variable for variable, _ in assignments(guards)}
     return replace(plan, network=restriction.network(plan.network, mentioned), conditions=conditions, effects=effects)
 
 
@@ -196,11 +197,9 @@ class _Restriction:
         activities = tuple(
             replace(one, guard=self.rest(one.guard)) for one in network.activities if self.keeps(one.guard)
         )
-        guards = (
-            *(one.guard for one in events),
-            *(one.guard for one in constraints),
-            *(one.guard for one in activities),
-        )
+        guards = [one.guard for one in events]
+        guards += [one.guard for one in constraints]
+        guards += [one.guard for one in activities]
         used = {variable for variable, _ in assignments(guards)} | mentioned
         choices = self._choices(network.choices, {event.name for event in events}, used)
         return replace(network, choices=choices, events=events, constraints=constraints, activities=activities)
