@@ -86,22 +86,17 @@ def weave(first: Label, second: Label, effort: Effort) -> Label:
     right = _take_absorbed(second, first, result, effort)
     candidates: Label = {}
     waiting, batch = 0, BATCH
-    indices: dict[tuple[Scope, Scope], dict[Environment, list[Environment]]] = {}
+    reach = scope_of(right)
     for scope, members in left.items():
-        for other, others in right.items():
-            shared = scope & other
-            if (other, shared) not in indices:
-                indices[other, shared] = _index(others, shared)
-            index = indices[other, shared]
-            target = candidates.setdefault(scope | other, set())
-            before = len(target)
-            for one in members:
-                partners = index.get(one & shared)
-                if partners is not None:
-                    target.update([one | partner for partner in partners])
-                    effort.create(len(partners))
+        for projection, ones in _index(members, scope & reach).items():
+            for other, rests in _residuals(right, projection, scope, effort).items():
+                target = candidates.setdefault(scope | other, set())
+                before = len(target)
+                for rest in rests:
+                    target.update([one | rest for one in ones])
+                    effort.create(len(ones))
                     effort.hold(len(target))
-            waiting += len(target) - before
+                waiting += len(target) - before
             if waiting > batch:
                 candidates = minimal(candidates, result, effort)
                 waiting = size(candidates)
@@ -130,6 +125,20 @@ def _take_absorbed(label: Label, other: Label, absorbed: Label, effort: Effort) 
     return left
 
 
+def _residuals(label: Label, environment: Environment, scope: Scope, effort: Effort) -> Label:
+    """What an environment of some scope lacks of those of a label that it is consistent with, minimally."""
+    residuals: Label = {}
+    for other, others in label.items():
+        shared = other & scope
+        part = environment & shared
+        effort.pass_by(len(others))
+        rests = {one ^ part for one in others if one & shared == part}
+        if rests:
+            left = other ^ shared
+            residuals[left] = residuals[left] | rests if left in residuals else rests
+    return minimal(residuals, {}, effort) if len(residuals) > 1 else residuals
+
+
 def _index(members: set[Environment], shared: Scope) -> dict[Environment, list[Environment]]:
     index: dict[Environment, list[Environment]] = {}
     for one in members:
@@ -155,12 +164,15 @@ def minimal(candidates: Label, base: Label, effort: Effort) -> Label:
     for scope in sorted(candidates, key=int.bit_count):
         members: Iterable[Environment] = candidates[scope]
         before = rest = len(candidates[scope])
-        for label in (base, kept):
-            for smaller, known in label.items():
-                if smaller & scope == smaller and rest:
-                    effort.pass_by(rest)
-                    members = [one for one in members if one & smaller not in known]
-                    rest = len(members)
+        known = [(smaller, label[smaller]) for label in (base, kept) for smaller in label if smaller & scope == smaller]
+        # What drops most comes first.
+        known.sort(key=lambda item: -len(item[1]))
+        for smaller, others in known:
+            if not rest:
+                break
+            effort.pass_by(rest)
+            members = [one for one in members if one & smaller not in others]
+            rest = len(members)
         effort.subsume(before - rest)
         if rest:
             kept[scope] = set(members)

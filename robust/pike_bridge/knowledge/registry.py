@@ -84,7 +84,7 @@ def create_knowledge_base(
     Args:
         network: for those that reason about time; its guarded temporal constraints become part of the theory.
         solver: `z3` or `cvc5`, for those that ask one.
-        shortcut: whether a solver may first find out what no model assigns, for those that compile labels.
+        shortcut: whether a solver is asked first whether there is any model, for those that compile labels.
         deadline: for compiling.
         statistics: counters to add to; readable even if compiling ends early.
 

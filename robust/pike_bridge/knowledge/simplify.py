@@ -16,18 +16,13 @@ from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory
 from robust.smt.limits import Deadline
 
 
-def simplify(theory: Theory, deadline: Deadline, impossible: Iterable[Assignment] = ()) -> Theory:
+def simplify(theory: Theory, deadline: Deadline) -> Theory:
     """An equivalent theory over the same domains, by unit propagation to a fixed point.
-
-    Args:
-        impossible: assignments that are known to hold in no model.
 
     Raises:
         OutOfTimeError: if the deadline passes.
     """
     reduction = _Reduction({variable: set(values) for variable, values in theory.domains.items()})
-    for assignment in impossible:
-        reduction.remove(assignment)
     constraints: list[Formula] = list(theory.constraints)
     conflicts = [each for each in dict.fromkeys(theory.conflicts) if is_consistent(each)]
     while True:

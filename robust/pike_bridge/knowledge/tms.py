@@ -12,14 +12,14 @@ from math import prod
 from robust.pike_bridge.environment import Vocabulary
 from robust.pike_bridge.knowledge.commitments import Narrowing, narrowing
 from robust.pike_bridge.knowledge.counting import count_models, models
-from robust.pike_bridge.knowledge.formulas import check_assignments, check_theory
+from robust.pike_bridge.knowledge.formulas import FALSE, check_assignments, check_theory
 from robust.pike_bridge.knowledge.goal import FALSITY, Factor, Joining, factors
 from robust.pike_bridge.knowledge.interface import Commitment, KnowledgeBase, KnowledgeStatistics
 from robust.pike_bridge.knowledge.labels import Conflict, Label, Scope, conflict, environments, size, split
 from robust.pike_bridge.knowledge.nodes import Node, encode
-from robust.pike_bridge.knowledge.probing import impossible_assignments
 from robust.pike_bridge.knowledge.propagation import TruthMaintenance
 from robust.pike_bridge.knowledge.queries import Partial, allowing, could_hold, exclude, require
+from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.knowledge.simplify import simplify
 from robust.pike_bridge.knowledge.space import LARGEST_LABEL, Effort
 from robust.pike_bridge.model import Guard
@@ -42,7 +42,7 @@ class LabelKnowledgeBase(KnowledgeBase):
 
     Args:
         theory: what is compiled.
-        shortcut: whether a solver may first find the assignments that no model makes, and whether there is any model.
+        shortcut: whether a solver is asked first if there is any model; without one, nothing is compiled.
         solver: `z3` or `cvc5`, for the shortcut.
         deadline: for compiling.
         statistics: counters to add to; they tell what was reached if compiling ends early.
@@ -75,8 +75,8 @@ class LabelKnowledgeBase(KnowledgeBase):
         started = time.perf_counter()
         try:
             deadline.enforce()
-            impossible = impossible_assignments(theory, solver, deadline) if shortcut else ()
-            self.simplified = simplify(theory, deadline, impossible)
+            possible = not shortcut or SatKnowledgeBase(theory, solver=solver, deadline=deadline).satisfiable(deadline)
+            self.simplified = simplify(theory, deadline) if possible else Theory(theory.domains, (FALSE,))
             """The equivalent theory that was encoded."""
             self._factors = self._compile(self._effort(deadline))
         finally:
