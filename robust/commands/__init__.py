@@ -11,5 +11,5 @@ from robust.commands.app import CommandLineError, app
 
 __all__ = ["CommandLineError", "app"]
 
-for _name in ("check", "envelope", "region", "compare", "demo", "bench"):  # the order of the help text
+for _name in ("check", "envelope", "region", "compare", "pike", "demo", "bench"):  # the order of the help text
     import_module(f"{__name__}.{_name}")

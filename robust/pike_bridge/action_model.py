@@ -1,8 +1,7 @@
 """What the activities of a network need and do, from a PDDL domain and problem [PIKE §2.1, §4.4].
 
-Conditions and effects are literals. A condition on an atom that no effect of the plan ever touches is decided by the
-initial state: if it holds it needs no support and is left out, otherwise it stays and can never be met. What remains
-must be a conjunction of literals. Where an activity deletes and adds an atom at one event, the atom is added, as PDDL
+Conditions are conjunctions of literals, effects are literals. Disjunctions and numbers are allowed where what never
+changes in the plan decides them. Where an activity deletes and adds an atom at one event, the atom is added, as PDDL
 has it. The duration constraints of an action and the bounds of its activity hold both: their intersection is taken.
 
 Activities take time, so that their actions are durative: an instantaneous action is refused.
@@ -150,8 +149,12 @@ class _Joining:
     def _literals(
         self, condition: StateCondition, text: str, owner: str, declared: ActionSchema | Problem
     ) -> Iterator[Literal]:
-        """The literals of a conjunction, without those that always hold."""
-        simplified = self._facts.simplify(condition)
+        """The literals of a conjunction.
+
+        Those that nothing in the plan changes stay, too: something outside of it may, and a link from the initial state
+        is what monitoring notices that by.
+        """
+        simplified = self._facts.simplify(condition) if isinstance(condition, Comparison | Or) else condition
         match simplified:
             case Truth(value):
                 if not value:
