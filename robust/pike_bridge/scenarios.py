@@ -12,6 +12,7 @@ from typing import TypeAlias
 from robust.errors import InputError
 from robust.pike_bridge.model import (
     ALWAYS,
+    Assignment,
     Choice,
     Guard,
     TeamPlan,
@@ -37,10 +38,10 @@ def team_scenario_count(network: Tpnu) -> int:
 
 def team_scenarios(network: Tpnu, environment: Guard = ALWAYS) -> Iterator[dict[str, str]]:
     """Every full assignment that entails the environment, by the order of values [PIKE, Definition 2.4]."""
-    given = dict(environment)
     names = [choice.name for choice in network.choices]
     domains = [
-        [value for value in choice.domain if given.get(choice.name, value) == value] for choice in network.choices
+        [value for value in choice.domain if not contradicts(frozenset({Assignment(choice.name, value)}), environment)]
+        for choice in network.choices
     ]
     for values in product(*domains):
         yield dict(zip(names, values, strict=True))
@@ -70,8 +71,7 @@ def candidate_subplans(network: Tpnu) -> int:
     Raises:
         InputError: if choices depend on one another in a cycle.
     """
-    guards = network.guards
-    every = frozenset((one.name, ALWAYS if one.event is None else guards[one.event]) for one in network.choices)
+    every = frozenset(_direct(network).items())
     counts: dict[_Component, int] = {}
     branches: dict[_Component, list[list[_Component]]] = {}
     parts = _components(every)
@@ -88,6 +88,16 @@ def candidate_subplans(network: Tpnu) -> int:
         if not missing:
             counts[component] = sum(prod(counts[part] for part in branch) for branch in branches[component])
     return prod(counts[part] for part in parts)
+
+
+def _direct(network: Tpnu) -> dict[str, Guard]:
+    """For each choice, what its event needs, without what the choices needed need themselves."""
+    guards = network.guards
+    needs = {one.name: ALWAYS if one.event is None else guards[one.event] for one in network.choices}
+    return {
+        name: guard - frozenset[Assignment]().union(*(needs[variable] for variable, _ in guard if variable != name))
+        for name, guard in needs.items()
+    }
 
 
 def _branches(component: _Component, domains: Mapping[str, tuple[str, ...]]) -> list[list[_Component]]:
@@ -133,10 +143,19 @@ def _components(choices: _Component) -> list[_Component]:
 
 
 def _supported(guards: dict[str, Guard]) -> dict[str, Guard]:
-    """Without the choices that mention a missing one."""
-    while missing := [name for name, guard in guards.items() if any(variable not in guards for variable, _ in guard)]:
-        guards = {name: guard for name, guard in guards.items() if name not in missing}
-    return guards
+    """Without the choices that mention a missing one, or one that is left out itself."""
+    mentioning: dict[str, list[str]] = {}
+    for name, guard in guards.items():
+        for variable, _ in guard:
+            mentioning.setdefault(variable, []).append(name)
+    missing = {variable for variable in mentioning if variable not in guards}
+    pending = list(missing)
+    while pending:
+        for name in mentioning.get(pending.pop(), ()):
+            if name not in missing:
+                missing.add(name)
+                pending.append(name)
+    return {name: guard for name, guard in guards.items() if name not in missing}
 
 
 # -- restriction -----------------------------------------------------------------------------------------------------

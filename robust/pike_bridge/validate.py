@@ -193,7 +193,7 @@ class _Checks:
             needs = {name: needed - free for name, needed in needs.items() if name not in free}
         if needs:
             at, choice = next((at, one) for at, one in enumerate(self._network.choices) if one.name in needs)
-            cycle = " of ".join(_cycle(choice.name, needs))
+            cycle = " needs ".join(_cycle(choice.name, needs))
             message = f"found choice {choice.name!r} at event {choice.event}, whose guard depends on the choice itself"
             raise self._fault(
                 f"{message} ({cycle}), expected choices that come one after the other", "choices", at, "at"
@@ -207,11 +207,10 @@ class _Checks:
                 choice = self._choices[variable]
                 if choice.event is None or one.event is None or order.may_follow(choice.event, one.event, one.guard):
                     continue
-                message = f"found choice {variable} in the guard of {one.name}, which is not after the choice"
                 remedy = f"add a constraint from {choice.event} to {one.event} with lower bound 0"
-                raise self._fault(
-                    f"{message}; expected event {choice.event} first: {remedy}", *one.path, "guard", variable
-                )
+                message = f"found choice {variable} in the guard of {one.name}, which may come before the choice"
+                message += f", expected event {choice.event} first: {remedy}"
+                raise self._fault(message, *one.path, "guard", variable)
 
     def _fault(self, message: str, *path: Key) -> InputError:
         return InputError(message, self._places.of(*path))
