@@ -17,6 +17,9 @@ _SWEEPS = 12
 _BEND = 0.14
 """Half of the height that an edge takes where it passes a column."""
 
+_GAP = 0.3
+"""Between columns, at least."""
+
 
 @dataclass(frozen=True, slots=True)
 class Layout(Generic[N]):
@@ -26,22 +29,24 @@ class Layout(Generic[N]):
     routes: tuple[tuple[Point, ...], ...]
 
 
-def layered(sizes: Mapping[N, tuple[float, float]], edges: Sequence[tuple[N, N]], gap: float) -> Layout[N]:
-    """Place nodes of the given widths and heights in columns with gaps between them.
+def layered(sizes: Mapping[N, tuple[float, float]], edges: Sequence[tuple[N, N]], labels: Sequence[float]) -> Layout[N]:
+    """Place nodes of the given widths and heights in columns, with room after each for the labels of its edges.
 
     Edges that close a cycle are allowed, and drawn straight.
     """
-    return _Layering(sizes, edges, gap).layout()
+    return _Layering(sizes, edges, labels).layout()
 
 
 class _Layering(Generic[N]):
     """Nodes are numbers here; those after the given ones are bends of long edges."""
 
-    def __init__(self, sizes: Mapping[N, tuple[float, float]], edges: Sequence[tuple[N, N]], gap: float) -> None:
-        self._gap = gap
+    def __init__(
+        self, sizes: Mapping[N, tuple[float, float]], edges: Sequence[tuple[N, N]], labels: Sequence[float]
+    ) -> None:
         self._names = list(sizes)
         number = {name: at for at, name in enumerate(self._names)}
         self._edges = [(number[source], number[target]) for source, target in edges]
+        self._labels = labels
         self._widths = [width for width, _ in sizes.values()]
         self._halves = [height / 2 for _, height in sizes.values()]
         self._columns = _columns(len(self._names), self._edges)
@@ -90,11 +95,14 @@ class _Layering(Generic[N]):
 
     def _horizontal(self) -> list[float]:
         """The middle of each column."""
+        gaps = [_GAP] * len(self._layers)
+        for (source, _), room in zip(self._edges, self._labels, strict=True):
+            gaps[self._columns[source]] = max(gaps[self._columns[source]], room)
         middles, edge = [], 0.0
-        for layer in self._layers:
+        for layer, gap in zip(self._layers, gaps, strict=True):
             width = max(self._widths[node] for node in layer)
             middles.append(edge + width / 2)
-            edge += width + self._gap
+            edge += width + gap
         return middles
 
     def _vertical(self) -> list[float]:

@@ -110,10 +110,8 @@ class _Drawing:
         for at, activity in enumerate(network.activities):
             sizes[at] = (_width(activity), 0.52)
         self._sizes = sizes
-        longest = max((len(line) for arrow in self._arrows for line in arrow.label.split("\n")), default=0)
-        gap = min(1.5, max(0.5, 0.85 * _LETTER * longest + 0.1))
         edges = [(arrow.source, arrow.target) for arrow in self._arrows]
-        self._layout: Layout[str | int] = layered(sizes, edges, gap)
+        self._layout: Layout[str | int] = layered(sizes, edges, [_room(arrow.label) for arrow in self._arrows])
 
     # -- what is drawn -------------------------------------------------------------------------------------------
 
@@ -317,6 +315,11 @@ def _entry(axes: Axes, place: Point, text: str) -> float:
     x, y = place
     axes.text(x + 0.17, y, text, fontsize=7, ha="left", va="center")
     return x + 0.45 + _LETTER * len(text)
+
+
+def _room(label: str) -> float:
+    """Inches between the ends of an arrow for its label."""
+    return min(1.5, 0.85 * _LETTER * max(map(len, label.split("\n"))) + 0.15)
 
 
 def _text(activity: Activity) -> str:

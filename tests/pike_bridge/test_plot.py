@@ -67,7 +67,7 @@ sizes = st.tuples(st.floats(0.1, 2), st.floats(0.1, 2))
 def test_layouts_do_not_overlap(sizes, data):
     nodes = dict(enumerate(sizes))
     edges = data.draw(st.lists(st.tuples(st.sampled_from(sorted(nodes)), st.sampled_from(sorted(nodes))), max_size=12))
-    layout = layered(nodes, edges, 0.5)
+    layout = layered(nodes, edges, [0.5] * len(edges))
     assert set(layout.places) == set(nodes)
     for one, other in combinations(nodes, 2):
         (x, y), (x2, y2) = layout.places[one], layout.places[other]
