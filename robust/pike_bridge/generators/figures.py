@@ -6,7 +6,10 @@ it at their start). Unless the figure says otherwise, each takes between 1 and 3
 
 from __future__ import annotations
 
-from robust.pike_bridge.builder import Element, act, build, choose, parallel, sequence, within
+from dataclasses import replace
+from fractions import Fraction
+
+from robust.pike_bridge.builder import Element, act, build, choose, parallel, sequence
 from robust.pike_bridge.generators.action_text import ActionText, domain_text, problem_text
 from robust.pike_bridge.instance import Instance
 
@@ -66,9 +69,18 @@ def figure_8() -> Instance:
 
 
 def figure_9() -> Instance:
-    """A producer, a consumer 1 to 3 later, and a threat that must not come between them."""
-    line = sequence(_activity("p1"), within(_activity("c"), lower=1, upper=3))
-    return _instance("figure-9", parallel(line, _activity("t1")), "p1 t1 c")
+    """A consumer that starts 1 to 3 after its producer has ended, and a threat that must not come between the two."""
+    program = parallel(sequence(_activity("p1"), _activity("c")), _activity("t1"))
+    instance = _instance("figure-9", program, "p1 t1 c")
+    producer, consumer, _ = instance.network.activities
+    # Programs bound elements, not what lies between them: so the link itself gets the bounds.
+    constraints = tuple(
+        replace(one, lower=Fraction(1), upper=Fraction(3))
+        if (one.source, one.target) == (producer.target, consumer.source)
+        else one
+        for one in instance.network.constraints
+    )
+    return replace(instance, network=replace(instance.network, constraints=constraints))
 
 
 def figure_11() -> Instance:
