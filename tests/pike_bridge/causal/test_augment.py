@@ -118,7 +118,7 @@ def test_additions_are_well_formed(plan: TeamPlan, precedence: type, encoding: E
 
 
 @pytest.mark.slow
-@settings(max_examples=3000, deadline=None)
+@settings(max_examples=1500, deadline=None)
 @given(st.one_of(team_plans(), contested_plans()), precedences, encodings)
 def test_many_models_are_the_scenarios_with_a_correct_execution(
     plan: TeamPlan, precedence: type, encoding: Encoding
