@@ -22,8 +22,8 @@ from robust.errors import InputError
 if TYPE_CHECKING:
     from rich.table import Table
 
-FIGURE20A = "robust/bench-figure20a/1"
-FIGURE21 = "robust/bench-figure21/1"
+FIGURES = {"figure20a": "robust/bench-figure20a/1", "figure21": "robust/bench-figure21/1"}
+FIGURE20A = FIGURES["figure20a"]
 LIMIT = 60.0
 INSTANCES = 500
 GRACE = 5.0
@@ -43,8 +43,8 @@ class TeamContender:
 ORACLE = TeamContender("oracle", "check", ("--backend", "oracle"))
 SAT = TeamContender("sat", "check", ("--backend", "sat"))
 COMPILED = tuple(TeamContender(backend, "compile", ("--backend", backend)) for backend in ("bdd", "pitms", "atms"))
-WHOLE = TeamContender("pitms, all compiled", "compile", ("--backend", "pitms", "--no-shortcut"))
-APSP = TeamContender("pitms, labeled APSP", "compile", ("--backend", "pitms", "--temporal", "apsp"))
+WHOLE = TeamContender("pitms-whole", "compile", ("--backend", "pitms", "--no-shortcut"))
+APSP = TeamContender("pitms-apsp", "compile", ("--backend", "pitms", "--temporal", "apsp"))
 CONTENDERS = (ORACLE, SAT, *COMPILED, WHOLE, APSP)
 
 
@@ -144,6 +144,19 @@ class TeamReport:
         return figure20a_tables(self) if self.schema == FIGURE20A else figure21_tables(self)
 
 
+def chosen(names: Sequence[str]) -> tuple[TeamContender, ...]:
+    """The contenders of these names, all without names.
+
+    Raises:
+        InputError: if there is no such contender.
+    """
+    known = {contender.name: contender for contender in CONTENDERS}
+    for name in names:
+        if name not in known:
+            raise InputError(f"--backend: found {name!r}, expected one of {', '.join(known)}")
+    return tuple(contender for contender in CONTENDERS if not names or contender.name in names)
+
+
 def run_team_plans(
     *,
     figure: str,
@@ -156,6 +169,9 @@ def run_team_plans(
     on_result: Progress | None = None,
 ) -> TeamReport:
     """Generate plans, and let each contender answer each of them.
+
+    Args:
+        figure: `figure20a` or `figure21`: what is tabulated and drawn.
 
     Raises:
         InputError: wrong options.
@@ -184,10 +200,10 @@ def run_team_plans(
 
         batch = run_batch(len(work), one, jobs=jobs, describe=_describe, on_result=on_result)
     report = TeamReport(
-        figure, tuple(contenders), activities, subplans, batch.results, batch.complete, limit, seed, jobs
+        FIGURES[figure], tuple(contenders), activities, subplans, batch.results, batch.complete, limit, seed, jobs
     )
     if drawing is not None and plot is not None:
-        (drawing.plot_figure20a if figure == FIGURE20A else drawing.plot_figure21)(report, plot)
+        (drawing.plot_figure20a if report.schema == FIGURE20A else drawing.plot_figure21)(report, plot)
     return report
 
 

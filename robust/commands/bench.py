@@ -140,3 +140,67 @@ def encodings(
 
     request = BenchRequest(jobs=jobs, limit=limit, plot=plot, json=json, progress=not (quiet or verbose))
     return bench_encodings(request, guard_of(context))
+
+
+Instances = Annotated[int, typer.Option("--instances", metavar="N", help="how many random plans")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="which random plans")]
+Backends = Annotated[
+    list[str] | None,
+    typer.Option("--backend", metavar="NAME", help="only this one of those in the table; may be repeated"),
+]
+
+
+@bench_app.command(short_help="Compilation of plans with choices, by every back end.")
+def figure20a(
+    context: typer.Context,
+    *,
+    instances: Instances = 500,
+    seed: Seed = 0,
+    backend: Backends = None,
+    jobs: Jobs = 1,
+    limit: Limit = "60",
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Compile random plans with choices: time over the number of candidate subplans, for every back end."""
+    return _team_plans(context, "figure20a", instances, seed, backend, jobs, limit, plot, json, quiet, verbose)
+
+
+@bench_app.command(short_help="Prime implicants beside models of plans with choices.")
+def figure21(
+    context: typer.Context,
+    *,
+    instances: Instances = 500,
+    seed: Seed = 0,
+    jobs: Jobs = 1,
+    limit: Limit = "60",
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Compile random plans with choices: the number of prime implicants over that of models."""
+    return _team_plans(context, "figure21", instances, seed, ["pitms"], jobs, limit, plot, json, quiet, verbose)
+
+
+def _team_plans(  # noqa: PLR0917 (the options of both commands)
+    context: typer.Context,
+    figure: str,
+    instances: int,
+    seed: int,
+    backend: list[str] | None,
+    jobs: int,
+    limit: str | None,
+    plot: Path | None,
+    json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, bench_team_plans  # noqa: PLC0415 - heavy
+
+    request = BenchRequest(jobs=jobs, limit=limit, plot=plot, json=json, progress=not (quiet or verbose))
+    return bench_team_plans(figure, instances, seed, tuple(backend or ()), request, guard_of(context))

@@ -9,18 +9,27 @@ Invariant 5.2 promises.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from random import Random
 
 from robust.pike_bridge.checking import scenarios
 from robust.pike_bridge.compilation import Compilation, Temporal, compile_plan
+from robust.pike_bridge.knowledge import reasons_about_time
+from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
 from robust.pike_bridge.knowledge.interface import Commitment, Exclude, KnowledgeBase, Require
+from robust.pike_bridge.knowledge.nodes import Kind
+from robust.pike_bridge.knowledge.pitms import PiTms
 from robust.pike_bridge.model import Assignment, Guard, TeamPlan
 from robust.pike_bridge.oracle import Oracle
+from robust.pike_bridge.theory import Theory
 from robust.smt.limits import Deadline, OutOfTimeError
 
 SAMPLES = 20
 """Sets of commitments that are tried."""
+LISTED = 2_000
+"""Models and implicants that are compared one by one; of more, only the numbers are."""
+LABELS = 60
+"""Nodes of the πTMS whose labels are examined, drawn at random."""
 STEPS = 6
 """Commitments that are made one after the other."""
 Scenario = Mapping[str, str]
@@ -132,11 +141,16 @@ class _Examination:
         for _ in range(samples):
             self._could(knowledge, self.truth, commitments(domains, random), "", deadline)
         self._sequence(solver, random, deadline)
+        if isinstance(knowledge, PiTms):
+            self._labels(knowledge, random, deadline)
 
     def count(self, counts: dict[Temporal, tuple[str, int]], deadline: Deadline) -> None:
         """Models of one augmented plan are as many for each back end."""
         if self.compilation is None:
             return
+        _, known = counts.get(self.subject.temporal, ("", 0))
+        if known > LISTED and reasons_about_time(self.subject.backend):
+            return  # a solver counts by listing
         found = self.compilation.knowledge.count_models(deadline)
         name, expected = counts.setdefault(self.subject.temporal, (self.subject.name, found))
         self._compare(f"number of models, as {name} has it", expected, found)
@@ -155,6 +169,31 @@ class _Examination:
             self._state(knowledge, left, history, deadline)
             if not left:
                 break
+
+    def _labels(self, knowledge: PiTms, random: Random, deadline: Deadline) -> None:
+        """The goal's prime implicants, and labels of nodes, as a decision diagram has them [PIKE, Invariant 5.2]."""
+        theory = self._theory()
+        goal = BddKnowledgeBase(theory, deadline=deadline)
+        count = goal.implicant_count(deadline)
+        self._compare("number of prime implicants", count, knowledge.implicant_count())
+        if count <= LISTED:
+            found = frozenset(knowledge.prime_implicants())
+            self._compare("prime implicants", True, found == frozenset(goal.prime_implicants(deadline)))
+        if count == 0:
+            return  # nothing was compiled
+        nodes = [label for label in knowledge.labels(deadline) if label.node.kind is Kind.DERIVED]
+        for label in random.sample(nodes, min(LABELS, len(nodes))):
+            alone = Theory(theory.domains, (label.node.formula,), knowledge.simplified.conflicts)
+            diagram = BddKnowledgeBase(alone, deadline=deadline)
+            if diagram.implicant_count(deadline) <= LISTED:
+                same = label.environments == frozenset(diagram.prime_implicants(deadline))
+                self._compare(f"label of {label.node.formula}", True, same)
+
+    def _theory(self) -> Theory:
+        if self.compilation is None:
+            raise ValueError("nothing was compiled")
+        theory = self.compilation.augmented.theory
+        return replace(theory, conflicts=(*theory.conflicts, *self.compilation.conflicts))
 
     def _compile(self, solver: str, deadline: Deadline) -> Compilation:
         return compile_plan(

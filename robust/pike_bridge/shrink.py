@@ -9,6 +9,7 @@ from typing import TypeVar
 from robust.errors import RobustError
 from robust.pike_bridge.model import Assignment, Condition, Effect, TeamPlan
 from robust.pike_bridge.scenarios import restrict
+from robust.pike_bridge.validate import validate
 from robust.smt.limits import Deadline
 
 T = TypeVar("T")
@@ -29,6 +30,7 @@ def shrink(plan: TeamPlan, shows: Callable[[TeamPlan], bool], deadline: Deadline
 
 def _holds(shows: Callable[[TeamPlan], bool], plan: TeamPlan) -> bool:
     try:
+        validate(plan.network)  # it will be written to a file
         return shows(plan)
     except RobustError:
         return False  # not a plan any more: another one has to do

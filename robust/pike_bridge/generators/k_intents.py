@@ -14,16 +14,14 @@ from robust.pike_bridge.generators.action_text import ActionText, domain_text, p
 from robust.pike_bridge.instance import Instance
 
 LARGEST = 10_000
-"""Intents are drawn up to this, as the horizontal axis of [PIKE, Figure 17] shows."""
+"""Numbers of intents are drawn up to this; the paper's range is in a figure only."""
 
 
 @dataclass(frozen=True, slots=True)
 class KIntents:
-    """A problem: N_i options for the i-th pair of choices, and the least and greatest duration of all of them."""
+    """A problem: N_i options for the i-th pair of choices."""
 
     structure: tuple[int, ...]
-    lower: Fraction
-    upper: Fraction
     instance: Instance
 
     @property
@@ -32,13 +30,13 @@ class KIntents:
         return prod(self.structure)
 
     @property
-    def recovery(self) -> Fraction:
-        """How long it takes to undo an activity that was begun by mistake."""
-        return self.lower / 2
+    def recovery(self) -> dict[str, Fraction]:
+        """How long it takes to undo each action that was begun by mistake: half of its least duration."""
+        return {activity.action: activity.lower / 2 for activity in self.instance.network.activities}
 
 
 def k_intents(structure: Sequence[int], seed: int = 0) -> KIntents:
-    """The problem of a structure; the seed decides the durations [1 + w, 2 + w], 0 ≤ w ≤ 1/2.
+    """The problem of a structure; the seed decides the durations [1 + w, 2 + w], 0 ≤ w ≤ 1/2, one w for each pair.
 
     Raises:
         InputError: if the structure is empty or has an entry below 1.
@@ -46,13 +44,13 @@ def k_intents(structure: Sequence[int], seed: int = 0) -> KIntents:
     if not structure or min(structure) < 1:
         raise InputError(f"the structure is {list(structure)}; expected numbers of at least 1")
     random = Random(f"{seed}/{list(structure)}")  # noqa: S311 - reproducible
-    offset = Fraction(random.randint(0, 500), 1000)
-    lower, upper = 1 + offset, 2 + offset
     steps: list[Element] = []
     actions: list[ActionText] = []
     predicates: list[str] = []
     for place, count in enumerate(structure, 1):
         options = range(1, count + 1)
+        lower = 1 + Fraction(random.randint(0, 500), 1000)
+        upper = lower + 1
         human = {str(j): act(f"(h-{place}-{j})", lower, upper, agent="human") for j in options}
         robot = {str(j): act(f"(r-{place}-{j})", lower, upper, agent="robot") for j in options}
         steps += [choose(f"y{place}", human, controllable=False), choose(f"x{place}", robot)]
@@ -67,7 +65,7 @@ def k_intents(structure: Sequence[int], seed: int = 0) -> KIntents:
     instance = Instance(
         build(name, sequence(*steps)), domain_text(name, predicates, actions), problem_text(name, name, (), ())
     )
-    return KIntents(tuple(structure), lower, upper, instance)
+    return KIntents(tuple(structure), instance)
 
 
 def random_k_intents(seed: int, index: int = 0, largest: int = LARGEST) -> KIntents:

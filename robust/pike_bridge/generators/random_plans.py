@@ -6,7 +6,10 @@ beginning, and threatened at the end of activities that surely come before one o
 
 Two readings. *Squeeze*: the upper bound on the whole plan is up to 10 % below the least time in which it can be
 executed if each choice takes its longest branch; of the shortest branches nothing would be left, by construction.
-*Binomials*: the paper gives ranges and no probabilities. Those below make 500 plans of seed 0 with {STATISTICS}.
+Links of ε between elements come on top, so that even without squeeze the longest branches do not quite fit.
+*Binomials*: the paper gives ranges and no probabilities. With those below the 500 plans of seed 0 have 47.8 activities
+on average and 148 at most, and 85 of them (17 %) admit a correct execution; of the paper's, 94 (19 %) did. The shares
+of conditions and threats were chosen for that.
 """
 
 from __future__ import annotations
@@ -46,7 +49,7 @@ class Shape:
     """
 
     top: int = 10
-    top_share: float = 0.6
+    top_share: float = 0.57
     inner: int = 3
     inner_share: float = 0.5
     top_weights: tuple[float, float, float] = (0.4, 0.35, 0.25)
@@ -56,10 +59,10 @@ class Shape:
     """Lower bounds of activities are 1 to this, upper bounds up to as much more."""
     squeeze: Fraction = Fraction(1, 10)
     conditions: int = 4
-    condition_share: float = 0.33
+    condition_share: float = 0.4
     producers: int = 4
     producer_share: float = 0.4
-    threat_share: float = 0.3
+    threat_share: float = 0.42
 
 
 DEFAULT = Shape()

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from robust.pike_bridge.model import TeamPlan
 
 SCHEMA = "robust/pike-cross/1"
-BACKENDS = ("sat", "bdd", "pitms", "atms")
+BACKENDS = ("bdd", "pitms", "atms", "sat")
 SUBJECT_LIMIT = 60.0
 """Seconds for each back end, unless the whole has fewer."""
 SHRINK_LIMIT = 120.0

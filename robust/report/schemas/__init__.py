@@ -12,6 +12,10 @@ FILES = {
     "robust/error/1": "error.schema.json",
     "robust/region/1": "region.schema.json",
     "robust/compare/1": "compare.schema.json",
+    "robust/pike-check/1": "pike-check.schema.json",
+    "robust/pike-compile/1": "pike-compile.schema.json",
+    "robust/pike-cross/1": "pike-cross.schema.json",
+    "robust/pike-plot/1": "pike-plot.schema.json",
 }
 
 
