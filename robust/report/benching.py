@@ -117,6 +117,31 @@ def bench_encodings(request: BenchRequest, guard: Guard) -> int:
     )
 
 
+def bench_team_plans(  # noqa: PLR0917 (what the commands were told)
+    figure: str, instances: int, seed: int, backends: tuple[str, ...], request: BenchRequest, guard: Guard
+) -> int:
+    """Compile random plans with choices by every back end, or only by those named."""
+    from robust.bench.team_plans import chosen, run_team_plans  # noqa: PLC0415 - only what is asked for
+
+    limit = options.seconds(request.limit, "--limit")
+    plot = options.plot_file(request.plot)
+    contenders = chosen(backends)
+    return _run(
+        request,
+        guard,
+        lambda display: run_team_plans(
+            figure=figure,
+            contenders=contenders,
+            instances=instances,
+            seed=seed,
+            limit=limit,
+            jobs=request.jobs,
+            plot=plot,
+            on_result=display.batch,
+        ),
+    )
+
+
 def _run(request: BenchRequest, guard: Guard, work: Callable[[Display], Report]) -> int:
     guard.hand_over()
     with Display(shown=request.progress, what="running") as display:

@@ -163,9 +163,13 @@ def create_backend(name: str, terms: Terms) -> Backend:
 
 def _pysmt_solver(terms: Terms, name: str) -> Any:
     try:
-        return terms.environment.factory.Solver(name=name, logic="QF_LRA", incremental=True)
+        solver = terms.environment.factory.Solver(name=name, logic="QF_LRA", incremental=True)
     except NoSolverAvailableError as error:
         raise SolverError(f"solver {name!r} is not installed; expected the Python package of that solver") from error
+    # pySMT checks the type of every assertion in its global environment, which then keeps all formulas for good. Terms
+    # are of the right type by construction.
+    solver._assert_is_boolean = lambda _formula: None
+    return solver
 
 
 def _solve(solver: Any) -> Verdict:

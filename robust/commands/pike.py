@@ -1,0 +1,200 @@
+"""`robust pike`: commands on plans with choices."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robust.commands.app import EPILOG, app, configure_logging, guard_of
+from robust.commands.options import Epsilon, Json, Quiet, Solver, SolverOption, Timeout, Verbose
+
+
+class CheckBackend(StrEnum):
+    """Who answers."""
+
+    ORACLE = "oracle"
+    PITMS = "pitms"
+    ATMS = "atms"
+    SAT = "sat"
+    BDD = "bdd"
+
+
+class CompileBackend(StrEnum):
+    """What is compiled."""
+
+    PITMS = "pitms"
+    ATMS = "atms"
+    SAT = "sat"
+    BDD = "bdd"
+
+
+class TemporalReasoning(StrEnum):
+    """How events are ordered and temporal conflicts found."""
+
+    LAZY = "lazy"
+    APSP = "apsp"
+
+
+pike_app = typer.Typer(
+    name="pike",
+    help="Plans with choices shared by robots and humans: which choices still lead to a correct execution?",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+app.add_typer(pike_app)
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="a plan with choices, .tpnu.json", show_default=False)]
+Temporal = Annotated[
+    TemporalReasoning,
+    typer.Option(
+        "--temporal",
+        help="lazy: order by structure, conflicts as they are needed; apsp: labeled all-pairs shortest paths",
+    ),
+]
+Assume = Annotated[
+    list[str] | None,
+    typer.Option("--assume", metavar="NAME=VALUE", help="a choice that is made already; may be repeated"),
+]
+
+
+@pike_app.command(epilog=EPILOG, short_help="Does a correct execution exist, and in which scenarios?")
+def check(
+    context: typer.Context,
+    file: File,
+    *,
+    backend: Annotated[CheckBackend, typer.Option("--backend", help="who answers")] = CheckBackend.ORACLE,
+    assume: Assume = None,
+    all_scenarios: Annotated[
+        bool, typer.Option("--all-scenarios", help="find every team scenario that admits a correct execution")
+    ] = False,
+    cross: Annotated[
+        bool, typer.Option("--cross", help="ask all back ends and the oracle the same questions, and compare")
+    ] = False,
+    witness: Annotated[
+        Path | None,
+        typer.Option("--witness", metavar="DIR", help="with --cross: where to write a small plan on which they differ"),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="with --cross: which sets of choices are tried")] = 0,
+    temporal: Temporal = TemporalReasoning.LAZY,
+    epsilon: Epsilon = "1/1000",
+    solver: SolverOption = Solver.Z3,
+    timeout: Timeout = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Is there a correct execution of a plan with choices, given some of the choices? If so, show one."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.pike.checking import PikeCheckRequest, run_pike_check  # noqa: PLC0415 - heavy
+        from robust.report.pike.crossing import PikeCrossRequest, run_pike_cross  # noqa: PLC0415
+
+    progress = not (quiet or verbose)
+    if cross:
+        crossing = PikeCrossRequest(
+            file=file,
+            witness=witness,
+            seed=seed,
+            solver=solver.value,
+            epsilon=epsilon,
+            timeout=timeout,
+            json=json,
+            quiet=quiet,
+            progress=progress,
+        )
+        return run_pike_cross(crossing, guard_of(context))
+    request = PikeCheckRequest(
+        file=file,
+        backend=backend.value,
+        assume=tuple(assume or ()),
+        all_scenarios=all_scenarios,
+        temporal=temporal.value,
+        solver=solver.value,
+        epsilon=epsilon,
+        timeout=timeout,
+        json=json,
+        quiet=quiet,
+        progress=progress,
+    )
+    return run_pike_check(request, guard_of(context))
+
+
+@pike_app.command(name="compile", epilog=EPILOG, short_help="Compile the knowledge base of all correct executions.")
+def compile_(
+    context: typer.Context,
+    file: File,
+    *,
+    backend: Annotated[CompileBackend, typer.Option("--backend", help="what is compiled")] = CompileBackend.PITMS,
+    temporal: Temporal = TemporalReasoning.LAZY,
+    shortcut: Annotated[
+        bool,
+        typer.Option(
+            "--shortcut/--no-shortcut", help="whether a solver may find that there is no correct execution at all"
+        ),
+    ] = True,
+    implicants: Annotated[bool, typer.Option("--implicants", help="list the prime implicants (pitms)")] = False,
+    models: Annotated[bool, typer.Option("--models/--no-models", help="whether models are counted")] = True,
+    epsilon: Epsilon = "1/1000",
+    solver: SolverOption = Solver.Z3,
+    timeout: Timeout = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Compile a plan with choices for execution: sizes, and seconds of each stage."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.pike.compiling import PikeCompileRequest, run_pike_compile  # noqa: PLC0415 - heavy
+
+    request = PikeCompileRequest(
+        file=file,
+        backend=backend.value,
+        temporal=temporal.value,
+        shortcut=shortcut,
+        implicants=implicants,
+        models=models,
+        solver=solver.value,
+        epsilon=epsilon,
+        timeout=timeout,
+        json=json,
+        quiet=quiet,
+        progress=not (quiet or verbose),
+    )
+    return run_pike_compile(request, guard_of(context))
+
+
+@pike_app.command(epilog=EPILOG, short_help="Draw a plan with choices.")
+def plot(
+    context: typer.Context,
+    file: File,
+    *,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", "--plot", metavar="FILE", help="where to draw: .svg, .png or .pdf by suffix"),
+    ],
+    assume: Assume = None,
+    links: Annotated[bool, typer.Option("--links", help="draw the labeled causal links as well")] = False,
+    epsilon: Epsilon = "1/1000",
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Draw events, activities, choices and guards of a plan; with assumptions, only what they leave."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.pike.drawing import PikePlotRequest, run_pike_plot  # noqa: PLC0415 - heavy
+
+    request = PikePlotRequest(
+        file=file,
+        output=output,
+        assume=tuple(assume or ()),
+        links=links,
+        epsilon=epsilon,
+        json=json,
+        quiet=quiet,
+        progress=not (quiet or verbose),
+    )
+    return run_pike_plot(request, guard_of(context))

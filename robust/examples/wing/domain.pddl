@@ -1,0 +1,42 @@
+(define (domain wing)
+  (:requirements :typing :negative-preconditions :durative-actions)
+  (:types agent item)
+  (:constants human baxter left right - agent pliers cleco1 cleco2 - item)
+  (:predicates
+    (holds-frame ?robot - agent)
+    (rib-placed)
+    (on-table ?what - item)
+    (at-hand ?what - item)
+    (fastened ?cleco - item)
+  )
+  (:durative-action lift
+    :parameters (?robot - agent)
+    :duration (>= ?duration 0)
+    :condition (and )
+    :effect (and (at end (holds-frame ?robot))))
+  (:durative-action place-rib
+    :parameters (?who - agent)
+    :duration (>= ?duration 0)
+    :condition (and (over all (holds-frame left)) (over all (holds-frame right)))
+    :effect (and (at end (rib-placed))))
+  (:durative-action pick
+    :parameters (?who - agent ?what - item)
+    :duration (>= ?duration 0)
+    :condition (and (at start (on-table ?what)))
+    :effect (and (at start (not (on-table ?what))) (at end (at-hand ?what))))
+  (:durative-action wait
+    :parameters (?who - agent)
+    :duration (>= ?duration 0)
+    :condition (and )
+    :effect (and ))
+  (:durative-action fasten
+    :parameters (?cleco - item)
+    :duration (>= ?duration 0)
+    :condition (and (at start (rib-placed)) (at start (at-hand pliers)) (at start (at-hand ?cleco)) (over all (holds-frame left)) (over all (holds-frame right)))
+    :effect (and (at start (not (at-hand ?cleco))) (at end (fastened ?cleco)) (at end (not (at-hand pliers))) (at end (on-table pliers))))
+  (:durative-action lower
+    :parameters (?robot - agent)
+    :duration (>= ?duration 0)
+    :condition (and (at start (fastened cleco1)) (at start (fastened cleco2)))
+    :effect (and (at end (not (holds-frame ?robot)))))
+)

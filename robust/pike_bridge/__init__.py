@@ -1,0 +1,1 @@
+"""PIKE: temporal plans with choices shared by a robot and a human."""

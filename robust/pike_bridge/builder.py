@@ -1,0 +1,179 @@
+"""Plans with choices written as programs: sequences, parallel branches, choices and activities.
+
+    coffee = sequence(act("(make-coffee human)", 3, 5, agent="human"), act("(pour-coffee human)", 1, 2, agent="human"))
+    plan = build("breakfast", within(sequence(choose("drink", {"coffee": coffee, "juice": juice}), serve), upper=7))
+
+Every element becomes a pair of events; consecutive ones are [ε, ∞] apart, as in [PIKE, Figure 1].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import pairwise
+from typing import TypeAlias, assert_never
+
+from robust.errors import InputError
+from robust.pike_bridge.model import (
+    ALWAYS,
+    EPSILON,
+    Activity,
+    Assignment,
+    Choice,
+    Constraint,
+    Event,
+    Guard,
+    Tpnu,
+)
+from robust.plan.numerals import parse_number
+
+Number: TypeAlias = int | str | Fraction
+"""Exact numbers: `3`, `"0.25"`, `"1/3"` or a Fraction."""
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    action: str
+    lower: Fraction
+    upper: Fraction | None
+    agent: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    elements: tuple[Element, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Parallel:
+    elements: tuple[Element, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Choose:
+    name: str
+    branches: tuple[tuple[str, Element], ...]
+    controllable: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Within:
+    element: Element
+    lower: Fraction | None
+    upper: Fraction | None
+
+
+Element: TypeAlias = Act | Sequence | Parallel | Choose | Within
+
+
+def act(action: str, lower: Number, upper: Number | None, *, agent: str | None = None) -> Act:
+    """An activity: a ground PDDL action that takes between `lower` and `upper` time units."""
+    return Act(action.lower(), _exact(lower), None if upper is None else _exact(upper), agent)
+
+
+def sequence(*elements: Element) -> Sequence:
+    """One after the other; without elements, nothing but a moment."""
+    return Sequence(elements)
+
+
+def parallel(*elements: Element) -> Parallel:
+    """All at the same time, in any order; it ends when the last of them has ended."""
+    return Parallel(elements)
+
+
+def choose(name: str, branches: Mapping[str, Element], *, controllable: bool = True) -> Choose:
+    """Exactly one of the branches, by the value of a choice variable that is decided when the element starts."""
+    return Choose(name, tuple(branches.items()), controllable)
+
+
+def within(element: Element, *, lower: Number | None = None, upper: Number | None = None) -> Within:
+    """The element, with bounds on the time from its start to its end."""
+    return Within(element, None if lower is None else _exact(lower), None if upper is None else _exact(upper))
+
+
+def build(name: str, element: Element, *, epsilon: Fraction = EPSILON) -> Tpnu:
+    """The network of a program.
+
+    Raises:
+        InputError: if two choices have the same name, or a choice has no branch.
+    """
+    network = _Network(epsilon)
+    network.add(element, ALWAYS)
+    return Tpnu(
+        name=name,
+        choices=tuple(network.choices.values()),
+        events=tuple(network.events),
+        constraints=tuple(network.constraints),
+        activities=tuple(network.activities),
+    )
+
+
+@dataclass(slots=True)
+class _Network:
+    epsilon: Fraction
+    choices: dict[str, Choice] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+    constraints: list[Constraint] = field(default_factory=list)
+    activities: list[Activity] = field(default_factory=list)
+
+    def add(self, element: Element, guard: Guard) -> tuple[str, str]:
+        """Add an element; the events at which it starts and ends."""
+        match element:
+            case Act(action, lower, upper, agent):
+                start, end = self._event(guard), self._event(guard)
+                self.activities.append(Activity(action, start, end, lower, upper, agent, guard))
+            case Sequence(elements):
+                return self._sequence(elements, guard)
+            case Parallel(elements):
+                start, end = self._around([(branch, guard) for branch in elements], guard)
+            case Choose(name, branches, controllable):
+                start, end = self._choice(name, branches, controllable, guard)
+            case Within(inner, lower_bound, upper_bound):
+                start, end = self.add(inner, guard)
+                self.constraints.append(Constraint(start, end, lower_bound, upper_bound, guard))
+            case _:
+                assert_never(element)
+        return start, end
+
+    def _sequence(self, elements: Iterable[Element], guard: Guard) -> tuple[str, str]:
+        ends = [self.add(element, guard) for element in elements]
+        if not ends:
+            moment = self._event(guard)
+            return moment, moment
+        for (_, before), (after, _) in pairwise(ends):
+            self._link(before, after, guard)
+        return ends[0][0], ends[-1][1]
+
+    def _choice(
+        self, name: str, branches: tuple[tuple[str, Element], ...], controllable: bool, guard: Guard
+    ) -> tuple[str, str]:
+        if name in self.choices:
+            raise InputError(f"choice {name!r} is made twice; expected each choice once")
+        if not branches:
+            raise InputError(f"choice {name!r} has no branches; expected at least one")
+        event = f"e{len(self.events) + 1}"
+        self.choices[name] = Choice(name, tuple(value for value, _ in branches), controllable, event)
+        return self._around([(branch, guard | {Assignment(name, value)}) for value, branch in branches], guard)
+
+    def _around(self, branches: list[tuple[Element, Guard]], guard: Guard) -> tuple[str, str]:
+        start = self._event(guard)
+        inner = [(self.add(branch, branch_guard), branch_guard) for branch, branch_guard in branches]
+        end = self._event(guard)
+        for (first, last), branch_guard in inner:
+            self._link(start, first, branch_guard)
+            self._link(last, end, branch_guard)
+        # Implied by each branch; said outright, it spares temporal reasoning a distinction of cases.
+        self._link(start, end, guard)
+        return start, end
+
+    def _event(self, guard: Guard) -> str:
+        self.events.append(Event(f"e{len(self.events) + 1}", guard))
+        return self.events[-1].name
+
+    def _link(self, before: str, after: str, guard: Guard) -> None:
+        self.constraints.append(Constraint(before, after, self.epsilon, None, guard))
+
+
+def _exact(number: Number) -> Fraction:
+    return parse_number(number) if isinstance(number, str) else Fraction(number)

@@ -1,0 +1,1 @@
+"""Labeled causal links, and the augmented plan that makes them choices."""

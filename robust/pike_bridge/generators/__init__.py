@@ -1,0 +1,1 @@
+"""Plans with choices: the paper's examples, and families of random ones."""

@@ -1,0 +1,113 @@
+"""The small examples of [PIKE]: Figures 6 to 9, 11, 13 and 23.
+
+Activities are P (they make the proposition p true at their end), T (they make it false at their end) and C (they need
+it at their start). Unless the figure says otherwise, each takes between 1 and 3 time units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+from robust.pike_bridge.builder import Element, act, build, choose, parallel, sequence
+from robust.pike_bridge.generators.action_text import ActionText, domain_text, problem_text
+from robust.pike_bridge.instance import Instance
+
+_NOTHING = sequence()
+
+
+def _activity(name: str) -> Element:
+    return act(f"({name})", 1, 3)
+
+
+def _optional(choice: str, element: Element) -> Element:
+    """The element if the choice is 1, nothing if it is 2."""
+    return choose(choice, {"1": element, "2": _NOTHING})
+
+
+def _instance(name: str, program: Element, activities: str) -> Instance:
+    actions = [_action(activity) for activity in activities.split()]
+    return Instance(build(name, program), domain_text(name, ("(p)",), actions), problem_text(name, name, (), ()))
+
+
+def _action(name: str) -> ActionText:
+    match name[0]:
+        case "p":
+            return ActionText(name, end_effects=("(p)",))
+        case "t":
+            return ActionText(name, end_effects=("(not (p))",))
+        case _:
+            return ActionText(name, at_start=("(p)",))
+
+
+def figure_6a() -> Instance:
+    """Two unordered producers before a consumer, without choices."""
+    program = sequence(parallel(_activity("p1"), _activity("p2")), _activity("c"))
+    return _instance("figure-6a", program, "p1 p2 c")
+
+
+def figure_6b() -> Instance:
+    """The same with a choice around each: the consumer (z = 1) needs x = 1 or y = 1."""
+    producers = parallel(_optional("x", _activity("p1")), _optional("y", _activity("p2")))
+    return _instance("figure-6b", sequence(producers, _optional("z", _activity("c"))), "p1 p2 c")
+
+
+def figure_7a() -> Instance:
+    """The later producer is always activated: its link dominates that of the optional one."""
+    return _instance("figure-7a", sequence(_optional("x", _activity("p1")), _activity("p2"), _activity("c")), "p1 p2 c")
+
+
+def figure_7b() -> Instance:
+    """The later producer is optional: no link dominates the other."""
+    return _instance("figure-7b", sequence(_activity("p1"), _optional("x", _activity("p2")), _activity("c")), "p1 p2 c")
+
+
+def figure_8() -> Instance:
+    """Several producers one after the other, of which only the last two matter: the last is optional."""
+    producers = [_optional("x", _activity("p1")), _activity("p2"), _activity("p3"), _optional("y", _activity("p4"))]
+    return _instance("figure-8", sequence(*producers, _activity("c")), "p1 p2 p3 p4 c")
+
+
+def figure_9() -> Instance:
+    """A consumer that starts 1 to 3 after its producer has ended, and a threat that must not come between the two."""
+    program = parallel(sequence(_activity("p1"), _activity("c")), _activity("t1"))
+    instance = _instance("figure-9", program, "p1 t1 c")
+    producer, consumer, _ = instance.network.activities
+    # Programs bound elements, not what lies between them: so the link itself gets the bounds.
+    constraints = tuple(
+        replace(one, lower=Fraction(1), upper=Fraction(3))
+        if (one.source, one.target) == (producer.target, consumer.source)
+        else one
+        for one in instance.network.constraints
+    )
+    return replace(instance, network=replace(instance.network, constraints=constraints))
+
+
+def figure_11() -> Instance:
+    """Two producers, two threats and a consumer, all optional and unordered."""
+    parts = {"u": "p1", "v": "p2", "w": "c", "x": "t1", "y": "t2"}
+    program = parallel(*(_optional(choice, _activity(activity)) for choice, activity in parts.items()))
+    return _instance("figure-11", program, "p1 p2 t1 t2 c")
+
+
+def figure_13() -> Instance:
+    """The threat comes after the second producer, and in any order with the first and the consumer."""
+    line = sequence(_optional("y", _activity("p1")), _optional("z", _activity("c")))
+    program = sequence(_activity("p2"), parallel(_optional("x", _activity("t1")), line))
+    return _instance("figure-13", program, "p1 p2 t1 c")
+
+
+def figure_23(choices: int) -> Instance:
+    """As many choices one after the other, each between two activities of [2, 4].
+
+    Labeled shortest paths from end to start need one value with completions, and two to the number of choices without.
+    """
+    steps = [
+        choose(f"x{number}", {"1": act(f"(a{number}-1)", 2, 4), "2": act(f"(a{number}-2)", 2, 4)})
+        for number in range(1, choices + 1)
+    ]
+    actions = [ActionText(f"a{number}-{value}") for number in range(1, choices + 1) for value in (1, 2)]
+    name = f"figure-23-{choices}"
+    return Instance(
+        build(name, sequence(*steps)), domain_text(name, ("(p)",), actions), problem_text(name, name, (), ())
+    )

@@ -1,0 +1,216 @@
+"""Temporal plan networks with choices (TPNU) and the conditions and effects of their activities, as frozen data.
+
+Source: [PIKE, Definitions 2.1 to 2.9]. Times are exact, in the time unit of the plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import NamedTuple, TypeAlias
+
+from robust.errors import Location
+from robust.plan.model import Atom
+
+INITIAL = "e_initial"
+"""The event at which the initial state is established; every other event is later."""
+GOAL = "e_goal"
+"""The event at which the goal must hold; every other event is earlier."""
+EPSILON = Fraction(1, 1000)
+"""How far apart a producer, its consumer and what threatens them are kept."""
+
+
+class Assignment(NamedTuple):
+    """`variable = value`, of a choice variable."""
+
+    variable: str
+    value: str
+
+    def __str__(self) -> str:
+        return f"{self.variable} = {self.value}"
+
+
+Guard: TypeAlias = frozenset[Assignment]
+"""A conjunction of assignments; the empty guard is true [PIKE, Definition 2.3]."""
+
+ALWAYS: Guard = frozenset()
+
+
+def guard(assignments: Mapping[str, str]) -> Guard:
+    """The conjunction of `variable = value` for each entry."""
+    return frozenset(Assignment(variable, value) for variable, value in assignments.items())
+
+
+def guard_text(conjunction: Guard) -> str:
+    """For messages and drawings: `x = 1, y = 2`, sorted; the empty guard as an empty text."""
+    return ", ".join(str(assignment) for assignment in sorted(conjunction))
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A choice variable, decided by the executive (controllable) or by a human or nature, at an event at the latest."""
+
+    name: str
+    domain: tuple[str, ...]
+    controllable: bool
+    event: str | None
+    """variable-at-event [PIKE, Definition 2.1]; None for variables of augmented plans, which no event decides."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A point in time, which is scheduled if and only if its guard holds."""
+
+    name: str
+    guard: Guard = ALWAYS
+
+
+@dataclass(frozen=True, slots=True)
+class Constraint:
+    """If the guard holds, lower ≤ t(target) − t(source) ≤ upper; None is no bound on that side."""
+
+    source: str
+    target: str
+    lower: Fraction | None
+    upper: Fraction | None
+    guard: Guard = ALWAYS
+
+
+@dataclass(frozen=True, slots=True)
+class Activity:
+    """A ground action from `source` to `target`, which takes between `lower` and `upper`, if the guard holds."""
+
+    action: str
+    """As PDDL writes it, in lower case: `(get human mug)`."""
+    source: str
+    target: str
+    lower: Fraction
+    upper: Fraction | None
+    agent: str | None = None
+    guard: Guard = ALWAYS
+    location: Location | None = field(default=None, compare=False)
+
+    @property
+    def duration(self) -> Constraint:
+        """The temporal constraint of the activity."""
+        return Constraint(self.source, self.target, self.lower, self.upper, self.guard)
+
+
+@dataclass(frozen=True, slots=True)
+class Tpnu:
+    """A temporal plan network under uncertainty ⟨V, E, C, A⟩ [PIKE, Definition 2.1]."""
+
+    name: str
+    choices: tuple[Choice, ...]
+    events: tuple[Event, ...]
+    constraints: tuple[Constraint, ...]
+    activities: tuple[Activity, ...]
+
+    @property
+    def temporal_constraints(self) -> tuple[Constraint, ...]:
+        """All of them, the durations of activities included."""
+        return self.constraints + tuple(activity.duration for activity in self.activities)
+
+    @property
+    def domains(self) -> dict[str, tuple[str, ...]]:
+        """The values of each choice variable."""
+        return {choice.name: choice.domain for choice in self.choices}
+
+    @property
+    def guards(self) -> dict[str, Guard]:
+        """The guard of each event."""
+        return {event.name: event.guard for event in self.events}
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Literal:
+    """A ground atom that is true or false."""
+
+    atom: Atom
+    positive: bool = True
+
+    def __str__(self) -> str:
+        return str(self.atom) if self.positive else f"(not {self.atom})"
+
+    @property
+    def negation(self) -> Literal:
+        return Literal(self.atom, not self.positive)
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A literal that must hold, if the guard does, just before `first` and until just before `last`.
+
+    For conditions at the start or at the end of an activity the two events are the same; for conditions over all of an
+    activity they are its start and its end.
+    """
+
+    literal: Literal
+    first: str
+    last: str
+    guard: Guard
+    activity: int | None
+    """The place in `Tpnu.activities` of the activity that has the condition; None for the goal."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """A literal that holds from an event on, if the guard holds, until another effect contradicts it."""
+
+    literal: Literal
+    event: str
+    guard: Guard
+    activity: int | None
+    """The place in `Tpnu.activities` of the activity that has the effect; None for the initial state."""
+
+
+@dataclass(frozen=True, slots=True)
+class TeamPlan:
+    """A TPNU with what its activities need and do; the initial state and the goal are effects and conditions, too.
+
+    A condition is met if some activated effect with its literal, the producer, is strictly before `first`, and no
+    activated effect with the opposite literal, a threat, lies in the closed interval from the producer to `last`
+    [PIKE §4.3]. Two things do not threaten a condition: effects of the same activity at the event `last`; and, for a
+    condition over all, the effects that the same activity has at `first` may also be its producer.
+    """
+
+    network: Tpnu
+    conditions: tuple[Condition, ...]
+    effects: tuple[Effect, ...]
+    epsilon: Fraction = EPSILON
+
+    @property
+    def name(self) -> str:
+        return self.network.name
+
+
+def may_produce(effect: Effect, condition: Condition) -> bool:
+    """Whether the effect can support the condition in some order of the events, whatever the network says."""
+    if effect.literal != condition.literal:
+        return False
+    return effect.event not in {condition.first, condition.last} or starts_with(effect, condition)
+
+
+def starts_with(effect: Effect, condition: Condition) -> bool:
+    """Whether the condition is over all of an activity whose own effect at its start this is."""
+    return (
+        condition.first != condition.last
+        and effect.event == condition.first
+        and effect.activity is not None
+        and effect.activity == condition.activity
+    )
+
+
+def may_threaten(effect: Effect, condition: Condition) -> bool:
+    """Whether the effect contradicts the condition and is not one of those that cannot harm it."""
+    if effect.literal != condition.literal.negation:
+        return False
+    own = effect.activity is not None and effect.activity == condition.activity
+    return not (own and effect.event == condition.last)
+
+
+def assignments(guards: Iterable[Guard]) -> Iterator[Assignment]:
+    """Every assignment that the guards mention, with repetitions."""
+    for conjunction in guards:
+        yield from conjunction

@@ -1,0 +1,272 @@
+"""Whether a network makes sense [PIKE, Definition 2.1]; whether it can be executed is for checking to say.
+
+Beyond the definition, choices must be made before they matter. Where a guard mentions a choice, it must also demand
+what the choice's own event demands, so that the choice is made in every scenario in which it is asked for; and what is
+guarded must not be able to come before that event because nothing orders the two. The second is asked leniently: some
+path of constraints leads from the choice to what is guarded, each of which says "not before" and is compatible with the
+guard. Several choices may be made at one event. An event whose constraints contradict each other is no error here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from robust.errors import InputError, did_you_mean
+from robust.pike_bridge.environment import Vocabulary
+from robust.pike_bridge.json_text import Key
+from robust.pike_bridge.model import GOAL, INITIAL, Activity, Constraint, Guard, Tpnu, guard_text
+from robust.pike_bridge.places import NOWHERE, Places
+from robust.plan.numerals import format_number, shorten
+
+
+def validate(network: Tpnu, places: Places = NOWHERE) -> None:
+    """Check a network; `places` says where its parts are written.
+
+    Raises:
+        InputError: at the first thing that is wrong.
+    """
+    checks = _Checks(network, places)
+    checks.names()
+    checks.choices()
+    checks.guards()
+    checks.constraints()
+    checks.activities()
+    checks.containment()
+    checks.timeliness()
+
+
+@dataclass(frozen=True, slots=True)
+class _Guarded:
+    """Something with a guard: what it is called, where it is written, and at which event its guard must be decided."""
+
+    name: str
+    guard: Guard
+    path: tuple[Key, ...]
+    event: str | None
+
+
+class _Checks:
+    def __init__(self, network: Tpnu, places: Places) -> None:
+        self._network = network
+        self._places = places
+        self._choices = {choice.name: choice for choice in network.choices}
+        self._guards = network.guards
+
+    # -- names ---------------------------------------------------------------------------------------------------
+
+    def names(self) -> None:
+        """Names are unique, and all that is mentioned exists."""
+        self._unique("choice", "choices", [choice.name for choice in self._network.choices])
+        self._unique("event", "events", [event.name for event in self._network.events])
+        for at, choice in enumerate(self._network.choices):
+            if choice.event is not None:
+                self._event(choice.event, "choices", at, "at")
+        kinds: tuple[tuple[str, tuple[Constraint | Activity, ...]], ...] = (
+            ("constraints", self._network.constraints),
+            ("activities", self._network.activities),
+        )
+        for kind, edges in kinds:
+            for at, edge in enumerate(edges):
+                self._event(edge.source, kind, at, "from")
+                self._event(edge.target, kind, at, "to")
+        for at, event in enumerate(self._network.events):
+            if event.name in {INITIAL, GOAL} and event.guard:
+                message = f"found guard {{{guard_text(event.guard)}}} of {event.name}, expected none: it always happens"
+                raise self._fault(message, "events", at, "guard")
+
+    def _unique(self, kind: str, plural: str, names: list[str]) -> None:
+        seen: set[str] = set()
+        for at, name in enumerate(names):
+            if name in seen:
+                raise self._fault(f"found a second {kind} {shorten(name)}, expected each once", plural, at, "name")
+            seen.add(name)
+
+    def _event(self, name: str, *path: Key) -> None:
+        if name not in self._guards:
+            hint = did_you_mean(name, self._guards)
+            raise self._fault(f"found event {shorten(name)}, expected one of the plan{hint}", *path)
+
+    def choices(self) -> None:
+        """Each choice has values, all different."""
+        for at, choice in enumerate(self._network.choices):
+            if not choice.domain or len(set(choice.domain)) < len(choice.domain):
+                found = ", ".join(choice.domain) or "no values"
+                message = f"found {found} for choice {choice.name!r}, expected at least one value and each once"
+                raise self._fault(message, "choices", at, "domain")
+
+    # -- guards --------------------------------------------------------------------------------------------------
+
+    def guards(self) -> None:
+        """Guards mention choices and values that exist, and only one value of each choice."""
+        for one in self._guarded():
+            values: dict[str, str] = {}
+            for variable, value in sorted(one.guard):
+                self._assignment(one, variable, value)
+                other = values.setdefault(variable, value)
+                if other != value:
+                    message = f"found {variable} = {other} and {variable} = {value} in the guard of {one.name}"
+                    raise self._fault(f"{message}, expected one value of a choice", *one.path, "guard")
+
+    def _assignment(self, one: _Guarded, variable: str, value: str) -> None:
+        choice = self._choices.get(variable)
+        if choice is None:
+            hint = did_you_mean(variable, self._choices)
+            message = f"found choice {shorten(variable)} in the guard of {one.name}, expected one of the plan{hint}"
+            raise self._fault(message, *one.path, "guard", variable)
+        if value not in choice.domain:
+            hint = did_you_mean(value, choice.domain)
+            message = f"found {variable} = {shorten(value)} in the guard of {one.name}"
+            raise self._fault(f"{message}, expected a value of {variable}{hint}", *one.path, "guard", variable)
+
+    def _guarded(self) -> Iterator[_Guarded]:
+        """All that has a guard."""
+        for at, event in enumerate(self._network.events):
+            yield _Guarded(f"event {event.name}", event.guard, ("events", at), event.name)
+        for at, constraint in enumerate(self._network.constraints):
+            name = f"the constraint from {constraint.source} to {constraint.target}"
+            yield _Guarded(name, constraint.guard, ("constraints", at), None)
+        for at, activity in enumerate(self._network.activities):
+            yield _Guarded(f"activity {activity.action}", activity.guard, ("activities", at), activity.source)
+
+    # -- constraints and activities ------------------------------------------------------------------------------
+
+    def constraints(self) -> None:
+        """A constraint implies its events, and its bounds leave something between them."""
+        for at, constraint in enumerate(self._network.constraints):
+            self._edge(constraint, f"the constraint from {constraint.source} to {constraint.target}", "constraints", at)
+
+    def activities(self) -> None:
+        """An activity implies its events, takes time, and is between the initial state and the goal."""
+        for at, activity in enumerate(self._network.activities):
+            self._edge(activity, f"activity {activity.action}", "activities", at)
+            if activity.lower <= 0:
+                message = f"found lower bound {format_number(activity.lower)} of activity {activity.action}"
+                raise self._fault(f"{message}, expected one above 0", "activities", at, "lower")
+            if activity.source == activity.target:
+                message = f"found activity {activity.action} from {activity.source} to the same event"
+                raise self._fault(f"{message}, expected two events", "activities", at, "to")
+            for key, event in (("from", activity.source), ("to", activity.target)):
+                if event in {INITIAL, GOAL}:
+                    message = f"found activity {activity.action} at {event}, expected an event of its own"
+                    reason = "nothing happens before the initial state or after the goal"
+                    raise self._fault(f"{message}: {reason}", "activities", at, key)
+
+    def _edge(self, edge: Constraint | Activity, name: str, kind: str, at: int) -> None:
+        for event in (edge.source, edge.target):
+            missing = self._guards[event] - edge.guard
+            if missing:
+                message = f"found {name} without {guard_text(missing)} in its guard, expected all of event {event}'s"
+                raise self._fault(message, kind, at, "guard")
+        if edge.lower is not None and edge.upper is not None and edge.lower > edge.upper:
+            bounds = f"[{format_number(edge.lower)}, {format_number(edge.upper)}]"
+            raise self._fault(f"found bounds {bounds} of {name}, expected a lower bound up to the upper", kind, at)
+
+    # -- choices before what depends on them ---------------------------------------------------------------------
+
+    def containment(self) -> None:
+        """No choice is asked for only after itself, and whoever asks for a choice asks for its event."""
+        self._acyclic()
+        for one in self._guarded():
+            for variable, _ in sorted(one.guard):
+                choice = self._choices[variable]
+                if choice.event is None:
+                    continue
+                missing = self._guards[choice.event] - one.guard
+                contradicted = {name for name, _ in missing} & {name for name, _ in one.guard}
+                if contradicted:
+                    reason = f"event {choice.event}, where {variable} is chosen, needs {guard_text(missing)}"
+                    message = f"found guard {{{guard_text(one.guard)}}} of {one.name}, which never holds: {reason}"
+                    raise self._fault(f"{message}; expected a guard that can hold", *one.path, "guard", variable)
+                if missing:
+                    message = f"found {variable} in the guard of {one.name} without {guard_text(missing)}"
+                    reason = f"{variable} is chosen at event {choice.event}, which happens only then"
+                    raise self._fault(f"{message}, expected that too: {reason}", *one.path, "guard", variable)
+
+    def _acyclic(self) -> None:
+        """Remove choices whose event depends on no choice that is left, until none is left."""
+        needs = {
+            name: {variable for variable, _ in self._guards[choice.event]} if choice.event is not None else set()
+            for name, choice in self._choices.items()
+        }
+        while free := {name for name, needed in needs.items() if not needed}:
+            needs = {name: needed - free for name, needed in needs.items() if name not in free}
+        if needs:
+            at, choice = next((at, one) for at, one in enumerate(self._network.choices) if one.name in needs)
+            cycle = " needs ".join(_cycle(choice.name, needs))
+            message = f"found choice {choice.name!r} at event {choice.event}, whose guard depends on the choice itself"
+            raise self._fault(
+                f"{message} ({cycle}), expected choices that come one after the other", "choices", at, "at"
+            )
+
+    def timeliness(self) -> None:
+        """Nothing that depends on a choice is left unordered with it."""
+        order = _Order(self._network)
+        for one in self._guarded():
+            for variable, _ in sorted(one.guard):
+                choice = self._choices[variable]
+                if choice.event is None or one.event is None or order.may_follow(choice.event, one.event, one.guard):
+                    continue
+                remedy = f"add a constraint from {choice.event} to {one.event} with lower bound 0"
+                message = f"found choice {variable} in the guard of {one.name}, which may come before the choice"
+                message += f", expected event {choice.event} first: {remedy}"
+                raise self._fault(message, *one.path, "guard", variable)
+
+    def _fault(self, message: str, *path: Key) -> InputError:
+        return InputError(message, self._places.of(*path))
+
+
+def _cycle(start: str, needs: dict[str, set[str]]) -> Iterable[str]:
+    """Choices each of which needs the next, back to one of them."""
+    path = [start]
+    while (following := min(needs[path[-1]])) not in path:
+        path.append(following)
+    return [*path[path.index(following) :], following]
+
+
+class _Order:
+    """Which events are led to from an event by constraints that say "not before" and do not contradict a guard."""
+
+    def __init__(self, network: Tpnu) -> None:
+        self._vocabulary = Vocabulary(network.domains)
+        self._edges = [
+            (earlier, later, self._vocabulary.encode(constraint.guard))
+            for constraint in network.temporal_constraints
+            for earlier, later in _not_before(constraint)
+        ]
+        self._under: dict[Guard, dict[str, list[str]]] = {}
+        self._led_to: dict[tuple[Guard, str], set[str]] = {}
+
+    def may_follow(self, earlier: str, later: str, guard: Guard) -> bool:
+        if earlier == INITIAL:
+            return True
+        if (guard, earlier) not in self._led_to:
+            self._led_to[guard, earlier] = self._search(earlier, guard)
+        return later in self._led_to[guard, earlier]
+
+    def _search(self, start: str, guard: Guard) -> set[str]:
+        following = self._following(guard)
+        found, pending = {start}, [start]
+        while pending:
+            for event in following.get(pending.pop(), ()):
+                if event not in found:
+                    found.add(event)
+                    pending.append(event)
+        return found
+
+    def _following(self, guard: Guard) -> dict[str, list[str]]:
+        if guard not in self._under:
+            environment = self._vocabulary.encode(guard)
+            following: dict[str, list[str]] = {}
+            for earlier, later, label in self._edges:
+                if not self._vocabulary.disjoint(environment, label):
+                    following.setdefault(earlier, []).append(later)
+            self._under[guard] = following
+        return self._under[guard]
+
+
+def _not_before(constraint: Constraint) -> Iterator[tuple[str, str]]:
+    if constraint.lower is not None and constraint.lower >= 0:
+        yield constraint.source, constraint.target
+    if constraint.upper is not None and constraint.upper <= 0:
+        yield constraint.target, constraint.source

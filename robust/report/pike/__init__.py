@@ -1,0 +1,1 @@
+"""`robust pike`: from options to answers about plans with choices."""

@@ -1,0 +1,191 @@
+"""Every knowledge base against brute force, and the errors that all of them share."""
+
+from __future__ import annotations
+
+import time
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robust.errors import InputError, SolverError
+from robust.pike_bridge.knowledge import (
+    Registration,
+    create_knowledge_base,
+    knowledge_bases,
+    reasons_about_time,
+    register_knowledge_base,
+)
+from robust.pike_bridge.knowledge.interface import Commitment, Exclude, KnowledgeStatistics, Require
+from robust.pike_bridge.model import Assignment, Tpnu, guard
+from robust.pike_bridge.theory import All, Is, Not, Some, Theory
+from robust.smt.limits import Deadline, OutOfTimeError
+from tests.pike_bridge.knowledge.theories import allowed, commitments, listed, models, theories
+
+NAMES = ("pitms", "atms", "bdd", "sat")
+EXPIRED = Deadline(0.0)
+ROOMS = Theory(
+    {"x": ("1", "2"), "y": ("1", "2", "3"), "only": ("1",)},
+    (Some((Is(Assignment("x", "1")), Is(Assignment("y", "2")))),),
+    (guard({"x": "1", "y": "3"}),),
+)
+
+each = pytest.mark.parametrize("name", NAMES)
+
+
+@each
+@settings(max_examples=120, deadline=None)
+@given(data=st.data())
+def test_answers_are_those_of_brute_force(name, data):
+    theory = data.draw(theories())
+    left = models(theory)
+    knowledge = create_knowledge_base(name, theory, shortcut=data.draw(st.booleans()))
+    for _ in range(3):
+        assert knowledge.satisfiable() == bool(left)
+        assert knowledge.count_models() == len(left)
+        assert listed(knowledge.models()) == listed(left)
+        step = data.draw(commitments(theory.domains))
+        assert knowledge.could_commit(step) == any(allowed(model, step) for model in left)
+        knowledge.commit(step)
+        left = [model for model in left if allowed(model, step)]
+    assert knowledge.satisfiable() == bool(left)
+    assert knowledge.count_models() == len(left)
+
+
+@each
+def test_an_expired_deadline_changes_nothing(name):
+    knowledge = create_knowledge_base(name, ROOMS)
+    before = listed(knowledge.models())
+    step: list[Commitment] = [Require(guard({"x": "2"})), Exclude(guard({"y": "1"}))]
+    for call in (
+        lambda: knowledge.satisfiable(EXPIRED),
+        lambda: knowledge.could_commit(step, EXPIRED),
+        lambda: knowledge.commit(step, EXPIRED),
+        lambda: knowledge.count_models(EXPIRED),
+        lambda: list(knowledge.models(EXPIRED)),
+    ):
+        with pytest.raises(OutOfTimeError):
+            call()
+    assert listed(knowledge.models()) == before == listed(models(ROOMS))
+    assert knowledge.could_commit(step)
+    knowledge.commit(step)
+    assert knowledge.count_models() == 1
+
+
+@each
+def test_compiling_keeps_the_deadline(name):
+    with pytest.raises(OutOfTimeError):
+        create_knowledge_base(name, ROOMS, deadline=EXPIRED)
+
+
+@pytest.mark.parametrize("name", ["pitms", "atms", "bdd"])
+def test_compiling_too_much_ends_soon_after_the_deadline(name):
+    """Sixty variables in random triples, which no order keeps apart."""
+    names = [f"v{at}" for at in range(60)]
+    random = Random(0)  # noqa: S311 - reproducible, not secret
+    triples = [
+        Not(All(tuple(Is(Assignment(one, random.choice("123"))) for one in random.sample(names, 3))))
+        for _ in range(180)
+    ]
+    statistics = KnowledgeStatistics()
+    started = time.monotonic()
+    with pytest.raises(OutOfTimeError):
+        create_knowledge_base(
+            name,
+            Theory(dict.fromkeys(names, ("1", "2", "3", "4")), tuple(triples)),
+            shortcut=False,
+            deadline=Deadline.after(1.0),
+            statistics=statistics,
+        )
+    assert time.monotonic() - started < 6
+    assert statistics.seconds > 0
+    assert statistics.sizes
+
+
+@each
+def test_models_may_be_listed_while_others_ask(name):
+    knowledge = create_knowledge_base(name, ROOMS)
+    found = knowledge.models()
+    first = next(found)
+    assert knowledge.could_commit([Require(guard(first))])
+    knowledge.commit([Exclude(guard({"x": "2"}))])
+    assert len([first, *found]) == len(models(ROOMS))
+
+
+@each
+def test_contradictory_commitments(name):
+    knowledge = create_knowledge_base(name, ROOMS)
+    both = frozenset({Assignment("x", "1"), Assignment("x", "2")})
+    assert not knowledge.could_commit([Require(both)])
+    assert knowledge.could_commit([Exclude(both)])
+    assert not knowledge.could_commit([Exclude(frozenset())])
+    # No conflict is manifested by any one implicant, but they leave no value of y.
+    assert not knowledge.could_commit([Exclude(guard({"y": value})) for value in "123"])
+    assert not knowledge.could_commit([Require(guard({"only": "1"})), Exclude(guard({"only": "1"}))])
+    knowledge.commit([Require(both)])
+    assert not knowledge.satisfiable()
+    assert knowledge.count_models() == 0
+    assert list(knowledge.models()) == []
+
+
+@each
+@pytest.mark.parametrize(
+    ("environment", "message"),
+    [
+        ({"z": "1"}, "a commitment mentions unknown variable 'z'; known are only, x, y"),
+        ({"x": "3"}, "a commitment has x = 3, but '3' is not a value of x; known are 1, 2"),
+    ],
+)
+def test_unknown_commitments(name, environment, message):
+    knowledge = create_knowledge_base(name, ROOMS)
+    with pytest.raises(InputError, match=message):
+        knowledge.could_commit([Require(guard(environment))])
+    with pytest.raises(InputError, match=message):
+        knowledge.commit([Exclude(guard(environment))])
+
+
+@each
+@pytest.mark.parametrize(
+    ("theory", "message"),
+    [
+        (Theory({"x": ()}), "variable 'x' has the values"),
+        (Theory({"x": ("1", "1")}), "expected at least one, all different"),
+        (Theory({"x": ("1",)}, (Is(Assignment("y", "1")),)), "a constraint mentions unknown variable 'y'"),
+        (Theory({"x": ("1",)}, (), (guard({"x": "2"}),)), "a conflict has x = 2"),
+    ],
+)
+def test_wrong_theories(name, theory, message):
+    with pytest.raises(InputError, match=message):
+        create_knowledge_base(name, theory)
+
+
+@each
+def test_formulas_may_be_deep(name):
+    deep = Is(Assignment("x", "1"))
+    for _ in range(3001):
+        deep = Not(All((deep,)))
+    knowledge = create_knowledge_base(name, Theory({"x": ("1", "2")}, (deep,)))
+    assert list(knowledge.models()) == [{"x": "2"}]
+
+
+@each
+def test_theories_without_constraints_or_variables(name):
+    assert create_knowledge_base(name, Theory({})).count_models() == 1
+    assert create_knowledge_base(name, Theory({}, (Some(()),))).count_models() == 0
+    assert create_knowledge_base(name, Theory({"x": ("1", "2", "3")})).count_models() == 3
+
+
+def test_registry():
+    assert set(NAMES) <= set(knowledge_bases())
+    assert [name for name in NAMES if reasons_about_time(name)] == ["sat"]
+    with pytest.raises(InputError, match="unknown knowledge base 'pitm'; did you mean 'pitms'"):
+        create_knowledge_base("pitm", ROOMS)
+    with pytest.raises(InputError, match="unknown knowledge base"):
+        reasons_about_time("dnnf")
+    with pytest.raises(InputError, match="knowledge base 'bdd' takes no network"):
+        create_knowledge_base("bdd", ROOMS, network=Tpnu("n", (), (), (), ()))
+    with pytest.raises(InputError, match="'bdd' is registered already"):
+        register_knowledge_base("bdd", Registration("m", "C", "another"))
+    with pytest.raises(SolverError, match="unknown solver 'z4'"):
+        create_knowledge_base("sat", ROOMS, solver="z4")
