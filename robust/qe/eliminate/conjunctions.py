@@ -52,7 +52,7 @@ def project(
         name = _cheapest(rest, eliminated)
         if name is None:
             break
-        rest = _eliminate(rest, name)
+        rest = _eliminate(rest, name, deadline)
         if len(rest) > CROWD:
             reduced = irredundant(rest)
             if reduced is None:
@@ -90,10 +90,11 @@ def _cheapest(constraints: Sequence[LinearConstraint], eliminated: Collection[st
     )
 
 
-def _eliminate(constraints: Sequence[LinearConstraint], name: str) -> Conjunction:
+def _eliminate(constraints: Sequence[LinearConstraint], name: str, deadline: Deadline) -> Conjunction:
     """One step: every lower bound of the variable is at most every upper bound."""
     below, above, rest = bounds(constraints, name)
     for low, low_factor in below:
+        deadline.enforce()
         for high, high_factor in above:
             strict = low.is_strict or high.is_strict
             relation = Sense.LESS if strict else Sense.AT_MOST

@@ -7,11 +7,13 @@ Quine, modulo linear arithmetic).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import TypeVar
 
 from robust.qe.constraint import LinearConstraint, trim
 from robust.qe.eliminate.conjunctions import Conjunction, irredundant
+from robust.qe.eliminate.interface import Query
 from robust.qe.nnf import Literal, Model, Nnf, Reader, implicant, names_in, negation
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
@@ -84,6 +86,40 @@ def satisfiable(session: Session, question: str, deadline: Deadline) -> bool:
 def model_of(session: Session, reader: Reader, names: Iterable[str]) -> Model:
     """The values of the named symbols in the last model."""
     return session.values(reader.symbols(names))
+
+
+@dataclass(frozen=True)
+class QueryImplicant:
+    """Leaves that are true in a model of a query and imply, within its network, that the query is satisfiable.
+
+    `chosen` implies all but the definitions; `support` implies those of the symbols `defined`, which are all that these
+    leaves mention. Other definitions have a value anyway and need not be looked at.
+    """
+
+    chosen: tuple[Leaf, ...]
+    support: tuple[Leaf, ...]
+    defined: frozenset[str]
+
+    @staticmethod
+    def at(query: Query, model: Model) -> QueryImplicant:
+        definition = {definition.symbol: definition.formula for definition in query.definitions}
+        chosen: dict[Leaf, None] = {}
+        support: dict[Leaf, None] = {}
+        implicant(query.core, model, chosen)
+        pending = _mentioned(chosen) & definition.keys()
+        done: set[str] = set()
+        while pending:
+            symbol = min(pending)
+            done.add(symbol)
+            implicant(definition[symbol], model, support)
+            pending = (_mentioned({**chosen, **support}) & definition.keys()) - done
+        return QueryImplicant(tuple(chosen), tuple(support), frozenset(done))
+
+
+def _mentioned(leaves: Mapping[Leaf, None]) -> set[str]:
+    return {
+        name for leaf in leaves for name in (leaf.parameters if isinstance(leaf, LinearConstraint) else (leaf.name,))
+    }
 
 
 def polyhedra_of(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 
 from robust.errors import InputError, UnsupportedError, did_you_mean
@@ -46,6 +47,11 @@ class Query:
         """All of it as one formula."""
         definitions = (definition.formula for definition in self.definitions)
         return conjunction((*self.network, self.violation, self.remainder, *definitions))
+
+    @cached_property
+    def core(self) -> Nnf:
+        """What neither the network nor the definitions say; always the same object."""
+        return conjunction((self.violation, self.remainder))
 
     @property
     def eliminated(self) -> frozenset[str]:

@@ -12,15 +12,15 @@ that:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from functools import cached_property
 
 from robust.qe.constraint import LinearConstraint, trim
 from robust.qe.eliminate.conjunctions import Conjunction, project, project_at, solve_equalities, variables_of
-from robust.qe.eliminate.enumerate import Leaf, Outlook, minimal, model_of, satisfiable
+from robust.qe.eliminate.enumerate import Leaf, Outlook, QueryImplicant, minimal, model_of, satisfiable
 from robust.qe.eliminate.interface import Context, Eliminator, Query, outside
-from robust.qe.nnf import Literal, Model, conjunction, implicant, names_in, negation
+from robust.qe.nnf import Literal, Model, names_in, negation
 from robust.smt.limits import Deadline
 
 CROWDED = 40
@@ -50,7 +50,6 @@ class _Search:
         self._query = query
         self._deadline = deadline
         self._definition = {definition.symbol: definition.formula for definition in query.definitions}
-        self._core = conjunction((query.violation, query.remainder))
         self._names = names_in(query.formula)
         self._asked = context.session()
         self._asked.add_all([self._reader.write(query.formula)], deadline)
@@ -68,7 +67,7 @@ class _Search:
     def _needs(self) -> Outlook:
         """Where a conjunction stays inside the query or what is excluded; opened once there is something to find."""
         made = self._known_only()
-        made.add(*self._query.network, *self._definition.values(), negation(self._core))
+        made.add(*self._query.network, *self._definition.values(), negation(self._query.core))
         return made
 
     @cached_property
@@ -100,20 +99,12 @@ class _Search:
 
     def _implicant(self, model: Model) -> tuple[Leaf, ...]:
         """Leaves without defined symbols that imply the query, within its network."""
-        chosen: dict[Leaf, None] = {}
-        implicant(self._core, model, chosen)
-        pending = _mentioned(chosen) & self._definition.keys()
-        done: set[str] = set()
+        found = QueryImplicant.at(self._query, model)
         # What the violation itself says comes last, where fewer constraints are dropped.
-        support: dict[Leaf, None] = {}
-        while pending:
-            symbol = min(pending)
-            done.add(symbol)
-            implicant(self._definition[symbol], model, support)
-            pending = (_mentioned({**chosen, **support}) & self._definition.keys()) - done
-        constraints = (leaf for leaf in (*support, *chosen) if isinstance(leaf, LinearConstraint))
-        literals = (leaf for leaf in (*support, *chosen) if isinstance(leaf, Literal))
-        return (*dict.fromkeys(literals), *solve_equalities(constraints, done))
+        leaves = (*found.support, *found.chosen)
+        constraints = (leaf for leaf in leaves if isinstance(leaf, LinearConstraint))
+        literals = (leaf for leaf in leaves if isinstance(leaf, Literal))
+        return (*dict.fromkeys(literals), *solve_equalities(constraints, found.defined))
 
     def _projection(self, constraints: Conjunction, model: Model) -> Conjunction:
         eliminated = set(variables_of(constraints)) - set(self._query.kept)
@@ -121,9 +112,3 @@ class _Search:
             point = {name: Fraction(model.get(name, 0)) for name in variables_of(constraints)}
             return project_at(constraints, eliminated, point)
         return project(constraints, eliminated, self._deadline) or ()
-
-
-def _mentioned(leaves: Mapping[Leaf, None]) -> set[str]:
-    return {
-        name for leaf in leaves for name in (leaf.parameters if isinstance(leaf, LinearConstraint) else (leaf.name,))
-    }

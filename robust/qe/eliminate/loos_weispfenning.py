@@ -2,20 +2,26 @@
 
 ∃x. φ is the disjunction of φ at −∞, at every value that a non-strict lower bound of x gives, and infinitesimally above
 every value that a strict one gives (or all of that upside down, whichever has fewer cases). No disjunctive normal form
-of φ is needed. Where an equality determines x, its value alone is substituted; a quantifier moves inwards past whatever
-does not mention x; results are simplified on the way, and large ones lose disjuncts that are contradictory.
+of φ is needed. What keeps the results small:
+
+- Quantifiers move inwards as far as they can: over disjunctions, and to the conjuncts that share quantified symbols. A
+  disjunction is multiplied out only if that takes apart what nothing else holds together.
+- Where an equality determines x, its value alone is substituted [Weispfenning 1988, §3].
+- A case assumes what must hold for its bound to matter at its place in φ: the conjuncts beside it, and none of the
+  disjuncts beside it ["structural" elimination sets; Dolzmann, Sturm and Weispfenning 1998; Košta 2016, ch. 3].
+- Cases are simplified by what surrounds them; large ones are dropped if a solver finds them contradictory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.eliminate.conjunctions import Conjunction
-from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
+from robust.qe.eliminate.enumerate import Leaf, polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import Eliminator, Query, without
-from robust.qe.eliminate.simplify import simplified
+from robust.qe.eliminate.simplify import Task, perform, simplified
 from robust.qe.nnf import (
     FALSE,
     TRUE,
@@ -25,15 +31,17 @@ from robust.qe.nnf import (
     booleans_in,
     conjunction,
     disjunction,
-    names_in,
-    postorder,
+    negation,
     rebuild,
 )
 from robust.qe.reduction import substitute_equality
 from robust.smt.limits import Deadline
 
 LARGE = 30
-"""How many leaves make it worth asking a solver whether a disjunct is contradictory."""
+"""How many leaves make it worth asking a solver whether a case is contradictory."""
+TWICE = 2
+SMALL = 8
+"""How many leaves a neighbour of a bound may have for it to be assumed, and how many neighbours are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +51,11 @@ class VirtualValue:
     equality: LinearConstraint | None
     direction: int
     """−1: just below, or −∞; 0: exactly; 1: just above, or +∞."""
+
+
+Value = VirtualValue | bool
+Cases = dict[Value, Nnf]
+"""Values of a real symbol or of a Boolean one, each with a condition without which it need not be looked at."""
 
 
 class LoosWeispfenning(Eliminator):
@@ -57,106 +70,276 @@ class LoosWeispfenning(Eliminator):
 
         def possible(formula: Nnf) -> bool:
             with session.frame(context.reader.write(formula)):
-                return satisfiable(session, f"{query.name}: a disjunct", deadline)
+                return satisfiable(session, f"{query.name}: a case", deadline)
 
-        run = _Run(possible, deadline)
-        result = run.eliminate_all(query.formula, query.eliminated)
+        # Nothing needs to be said about points of what is known.
+        assumed = [piece[0].negation()[0] for piece in known if len(piece) == 1 and not piece[0].is_equality]
+        result = eliminate(query.formula, query.eliminated, possible, deadline, assumed)
         yield from polyhedra_of(result, context.session, context.reader, deadline, known)
 
 
+def eliminate(
+    formula: Nnf,
+    names: Iterable[str],
+    possible: Callable[[Nnf], bool],
+    deadline: Deadline,
+    assumed: Iterable[LinearConstraint] = (),
+) -> Nnf:
+    """∃ names. formula, without quantifiers.
+
+    Args:
+        formula: any formula.
+        names: symbols to eliminate, real or Boolean.
+        possible: whether a case need be looked at; asked for large ones, which may still mention some of the names.
+        deadline: when to stop.
+        assumed: constraints without these names; where they do not hold the result means nothing.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    return _Run(formula, names, possible, deadline, assumed).result()
+
+
 class _Run:
-    def __init__(self, possible: Callable[[Nnf], bool], deadline: Deadline) -> None:
+    """One elimination. Sets of the symbols that are eliminated are integers, a bit for each of them."""
+
+    def __init__(
+        self,
+        formula: Nnf,
+        names: Iterable[str],
+        possible: Callable[[Nnf], bool],
+        deadline: Deadline,
+        assumed: Iterable[LinearConstraint],
+    ) -> None:
+        self._formula = formula
+        self._names = sorted(names)
+        self._bit = {name: 1 << index for index, name in enumerate(self._names)}
+        self._booleans = booleans_in(formula)
         self._possible = possible
         self._deadline = deadline
+        self._assumed = tuple(assumed)
+        self._found: dict[Nnf, tuple[int, int]] = {}
+        self._results: dict[tuple[frozenset[Nnf], int], Nnf] = {}
 
-    def eliminate_all(self, formula: Nnf, names: Iterable[str]) -> Nnf:
-        """Eliminate one symbol after the other, the one with the fewest cases first."""
-        open_ = set(names)
-        booleans = booleans_in(formula)
-        for name in sorted(open_ & booleans):
-            formula = simplified(disjunction(_with_boolean(formula, name, value) for value in (False, True)))
-        open_ -= booleans
-        while open_ := open_ & names_in(formula):
-            name = min(open_, key=lambda n: (_occurrences(formula, n), n))
-            formula = simplified(self._eliminate(formula, name))
-        return formula
+    def result(self) -> Nnf:
+        formula = self._simplified(self._formula)
+        return self._simplified(perform(self._exists(formula, (1 << len(self._names)) - 1), self._deadline))
 
-    def _eliminate(self, formula: Nnf, name: str) -> Nnf:
-        """∃ name. formula."""
-        self._deadline.enforce()
-        if name not in names_in(formula):
-            return formula
-        if not isinstance(formula, Junction):
-            return TRUE
-        if not formula.conjunctive:
-            return disjunction(self._eliminate(operand, name) for operand in formula.operands)
-        about = [operand for operand in formula.operands if name in names_in(operand)]
-        free = [operand for operand in formula.operands if name not in names_in(operand)]
-        if len(about) == 1:
-            return conjunction((*free, self._eliminate(about[0], name)))
-        equality = next((o for o in about if isinstance(o, LinearConstraint) and o.is_equality), None)
-        body = conjunction(about)
-        if equality is not None:
-            return conjunction((*free, substitute(body, name, VirtualValue(equality, 0))))
-        cases = []
-        for point in virtual_values(body, name):
-            self._deadline.enforce()
-            case = simplified(conjunction((*free, substitute(body, name, point))))
-            if case is not FALSE and (_size(case) < LARGE or self._possible(case)):
-                cases.append(case)
-        return disjunction(cases)
+    def _simplified(self, formula: Nnf, assumed: Iterable[Leaf] = ()) -> Nnf:
+        return simplified(formula, (*self._assumed, *assumed), self._deadline)
 
+    def _mask(self, root: Nnf) -> int:
+        """The symbols in a formula that are eliminated."""
+        return self._facts_of(root)[0]
 
-def _with_boolean(formula: Nnf, name: str, value: bool) -> Nnf:
-    def leaf(node: LinearConstraint | Literal) -> Nnf:
-        if isinstance(node, Literal) and node.name == name:
-            return TRUE if node.value is value else FALSE
-        return node
+    def _leaves(self, root: Nnf) -> int:
+        """How many leaves the formula has, written out."""
+        return self._facts_of(root)[1]
 
-    return rebuild(formula, leaf)
-
-
-def virtual_values(formula: Nnf, name: str) -> list[VirtualValue]:
-    """Virtual values of which one satisfies the formula if any value does: from below or from above."""
-    below: dict[VirtualValue, None] = {}
-    above: dict[VirtualValue, None] = {}
-    for node in postorder(formula):
-        if isinstance(node, LinearConstraint) and name in node.parameters:
-            at = node.with_relation(Sense.EQUAL)
-            if node.is_equality:
-                below[VirtualValue(at, 0)] = above[VirtualValue(at, 0)] = None
-            elif dict(node.coefficients)[name] < 0:
-                below[VirtualValue(at, int(node.is_strict))] = None
+    def _facts_of(self, root: Nnf) -> tuple[int, int]:
+        if root in self._found:
+            return self._found[root]
+        found, bit = self._found, self._bit
+        stack = [root]
+        while stack:
+            node = stack[-1]
+            mask, leaves = 0, 0
+            if isinstance(node, Junction):
+                missing = [operand for operand in node.operands if operand not in found]
+                if missing:
+                    stack += missing
+                    continue
+                for operand in node.operands:
+                    mask |= found[operand][0]
+                    leaves += found[operand][1]
             else:
-                above[VirtualValue(at, -int(node.is_strict))] = None
-    if len(below) <= len(above):
-        return [VirtualValue(None, -1), *below]
-    return [VirtualValue(None, 1), *above]
+                leaves = 1
+                for name in (node.name,) if isinstance(node, Literal) else node.parameters:
+                    mask |= bit.get(name, 0)
+            found[node] = mask, leaves
+            stack.pop()
+        return found[root]
+
+    def _listed(self, mask: int) -> list[str]:
+        return [name for name in self._names if self._bit[name] & mask]
+
+    def _exists(self, node: Nnf, mask: int) -> Task:
+        """∃ mask. node: to the operands of a disjunction, and to groups of operands of a conjunction."""
+        mask &= self._mask(node)
+        if not mask:
+            return node
+        if not isinstance(node, Junction):
+            return TRUE
+        parts: list[Nnf] = []
+        if not node.conjunctive:
+            for operand in node.operands:
+                parts.append((yield self._exists(operand, mask)))
+                if parts[-1] is TRUE:
+                    return TRUE
+            return disjunction(parts)
+        parts += (operand for operand in node.operands if not self._mask(operand) & mask)
+        for group in self._groups([operand for operand in node.operands if self._mask(operand) & mask], mask):
+            parts.append((yield self._group(group, mask)))
+            if parts[-1] is FALSE:
+                return FALSE
+        return conjunction(parts)
+
+    def _groups(self, operands: Iterable[Nnf], mask: int) -> list[list[Nnf]]:
+        """The operands in groups that share no symbols of the mask."""
+        groups: list[tuple[int, list[Nnf]]] = []
+        for operand in operands:
+            shared, members = self._mask(operand) & mask, [operand]
+            apart = []
+            for other, others in groups:
+                if other & shared:
+                    shared, members = shared | other, others + members
+                else:
+                    apart.append((other, others))
+            groups = [*apart, (shared, members)]
+        return [members for _, members in groups]
+
+    def _group(self, operands: Sequence[Nnf], mask: int) -> Task:
+        """∃ mask. of a conjunction that cannot be taken apart; the same ones come up again and again."""
+        if len(operands) == 1:
+            return (yield self._exists(operands[0], mask))
+        inside = 0
+        for operand in operands:
+            inside |= self._mask(operand)
+        key = frozenset(operands), inside & mask
+        if key not in self._results:
+            self._results[key] = yield self._connected(operands, inside & mask)
+        return self._results[key]
+
+    def _connected(self, operands: Sequence[Nnf], mask: int) -> Task:
+        for operand in operands:
+            value = _determined(operand)
+            if value is not None:
+                name = self._listed(self._mask(operand) & mask)[0]
+                others = (substitute(other, name, value) for other in operands if other is not operand)
+                image = self._simplified(conjunction(others))
+                return (yield self._exists(image, mask & ~self._bit[name]))
+        divided = self._divided(operands, mask)
+        if divided is not None:
+            return (yield self._exists(divided, mask))
+        name, cases = self._easiest(operands, mask)
+        rest = [operand for operand in operands if not self._mask(operand) & self._bit[name]]
+        body = conjunction(operand for operand in operands if self._mask(operand) & self._bit[name])
+        known = [operand for operand in rest if not isinstance(operand, Junction)]
+        images = []
+        for case, condition in cases.items():
+            self._deadline.enforce()
+            image = self._simplified(conjunction((condition, substitute(body, name, case))), known)
+            if image is not FALSE and (self._leaves(image) < LARGE or self._possible(image)):
+                images.append(image)
+        united = self._simplified(conjunction((*rest, disjunction(images))))
+        return (yield self._exists(united, mask & ~self._bit[name]))
+
+    def _divided(self, operands: Sequence[Nnf], mask: int) -> Nnf | None:
+        """The conjunction with one disjunction multiplied out, if that takes apart what only it holds together."""
+        best: tuple[int, Nnf] | None = None
+        for operand in operands:
+            if not isinstance(operand, Junction):
+                continue
+            self._deadline.enforce()
+            others = [other for other in operands if other is not operand]
+            masks = [self._mask(part) & mask for part in operand.operands]
+            if all(part == self._mask(operand) & mask for part in masks):
+                continue
+            groups = []
+            for group in self._groups(others, mask):
+                shared = 0
+                for member in group:
+                    shared |= self._mask(member) & mask
+                groups.append(shared)
+            touched = max(sum(1 for group in groups if group & part) for part in masks)
+            spared = sum(1 for group in groups if group & self._mask(operand)) - touched
+            if spared > 0 and (best is None or spared > best[0]):
+                best = spared, disjunction(conjunction((part, *others)) for part in operand.operands)
+        return None if best is None else best[1]
+
+    def _easiest(self, operands: Sequence[Nnf], mask: int) -> tuple[str, Cases]:
+        """The symbol whose elimination makes the least formula, and its cases."""
+        best: tuple[int, str, Cases] | None = None
+        for name in self._listed(mask):
+            bit = self._bit[name]
+            body = [operand for operand in operands if self._mask(operand) & bit]
+            if name in self._booleans:
+                return name, {False: TRUE, True: TRUE}
+            cases = self._cases(body, name)
+            size = len(cases) * sum(map(self._leaves, body))
+            if best is None or size < best[0]:
+                best = size, name, cases
+        if best is None:
+            raise AssertionError("a group of operands without a symbol to eliminate")
+        return best[1:]
+
+    def _cases(self, operands: Sequence[Nnf], name: str) -> Cases:
+        """Virtual values of which one satisfies the conjunction if any value does: from below or from above."""
+        bit = self._bit[name]
+        below: dict[VirtualValue, list[Nnf]] = {}
+        above: dict[VirtualValue, list[Nnf]] = {}
+        visits: dict[Nnf, int] = {}
+        stack: list[tuple[Nnf, tuple[Nnf, ...]]] = [(operand, ()) for operand in operands]
+        while stack:
+            node, around = stack.pop()
+            if not self._mask(node) & bit:
+                continue
+            # At another place again, its bounds are taken once more, whatever is around them; then all is said.
+            visits[node] = visits.get(node, 0) + 1
+            if visits[node] > TWICE:
+                continue
+            if visits[node] == TWICE:
+                around = ()
+            if isinstance(node, Junction):
+                beside = (o for o in node.operands if not self._mask(o) & bit and self._leaves(o) <= SMALL)
+                holding = beside if node.conjunctive else (negation(o) for o in beside)
+                inside = (*around, *holding)[-SMALL:]
+                stack.extend((operand, inside) for operand in node.operands)
+            elif isinstance(node, LinearConstraint):
+                condition = conjunction(around)
+                at = node.with_relation(Sense.EQUAL)
+                if node.is_equality:
+                    below.setdefault(VirtualValue(at, 0), []).append(condition)
+                    above.setdefault(VirtualValue(at, 0), []).append(condition)
+                elif dict(node.coefficients)[name] < 0:
+                    below.setdefault(VirtualValue(at, int(node.is_strict)), []).append(condition)
+                else:
+                    above.setdefault(VirtualValue(at, -int(node.is_strict)), []).append(condition)
+        end, chosen = (-1, below) if len(below) <= len(above) else (1, above)
+        cases: Cases = {VirtualValue(None, end): TRUE}
+        for value, conditions in chosen.items():
+            condition = self._simplified(disjunction(conditions))
+            if condition is not FALSE:
+                cases[value] = condition
+        return cases
 
 
-def substitute(formula: Nnf, name: str, point: VirtualValue) -> Nnf:
-    """The formula with a virtual value for a variable."""
+def _determined(node: Nnf) -> Value | None:
+    """The value that a literal or an equality leaves any symbol in it; None if it is neither."""
+    if isinstance(node, Literal):
+        return node.value
+    return VirtualValue(node, 0) if isinstance(node, LinearConstraint) and node.is_equality else None
 
-    def leaf(node: LinearConstraint | Literal) -> Nnf:
-        if isinstance(node, Literal) or name not in node.parameters:
+
+def substitute(formula: Nnf, name: str, value: Value) -> Nnf:
+    """The formula with a virtual value for a real symbol, or with a truth value for a Boolean one."""
+
+    def leaf(node: Leaf) -> Nnf:
+        if isinstance(node, Literal):
+            if node.name != name:
+                return node
+            return TRUE if node.value is value else FALSE
+        if name not in node.parameters or isinstance(value, bool):
             return node
         factor = dict(node.coefficients)[name]
-        if point.equality is None:
+        if value.equality is None:
             # At infinity the sign of the coefficient decides.
-            return TRUE if not node.is_equality and factor * point.direction < 0 else FALSE
-        if node.is_equality and point.direction:
+            return TRUE if not node.is_equality and factor * value.direction < 0 else FALSE
+        if node.is_equality and value.direction:
             return FALSE
-        if point.direction:
+        if value.direction:
             # a·(x ± ε) + … ≤ c: the infinitesimal makes it strict, or makes it hold on the boundary.
-            node = node.with_relation(Sense.LESS if factor * point.direction > 0 else Sense.AT_MOST)
-        return substitute_equality(node, point.equality, name)
+            node = node.with_relation(Sense.LESS if factor * value.direction > 0 else Sense.AT_MOST)
+        return substitute_equality(node, value.equality, name)
 
     return rebuild(formula, leaf)
-
-
-def _occurrences(formula: Nnf, name: str) -> int:
-    return sum(1 for node in postorder(formula) if isinstance(node, LinearConstraint) and name in node.parameters)
-
-
-def _size(formula: Nnf) -> int:
-    return sum(1 for node in postorder(formula) if not isinstance(node, Junction))

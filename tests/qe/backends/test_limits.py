@@ -101,7 +101,7 @@ def test_failures_in_the_copy_are_told() -> None:
     assert list(stream_from_copy(lambda: [1, "two"], Deadline())) == [1, "two"]
 
 
-@pytest.mark.parametrize("backend", ["project", "z3-qe", "cvc5-whole", "loos-weispfenning"])
+@pytest.mark.parametrize("backend", ["project", "fourier-motzkin", "z3-qe", "cvc5-whole", "loos-weispfenning"])
 def test_time_limits_are_kept(dataset: Path, backend: str) -> None:
     folder = dataset / "generator-linear"
     plan = load_plan(folder / "domain.pddl", folder / "problem_07.pddl", folder / "plan_07_4.stn")
@@ -113,7 +113,7 @@ def test_time_limits_are_kept(dataset: Path, backend: str) -> None:
 
 # Python may drop the exception in a finaliser of a solver's objects; that it is noticed all the same is the point.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-@pytest.mark.parametrize("backend", ["project", "cvc5-whole"])
+@pytest.mark.parametrize("backend", ["project", "fourier-motzkin", "loos-weispfenning", "cvc5-whole"])
 def test_ctrl_c(dataset: Path, backend: str) -> None:
     folder = dataset / "generator-linear"
     plan = load_plan(folder / "domain.pddl", folder / "problem_07.pddl", folder / "plan_07_4.stn")

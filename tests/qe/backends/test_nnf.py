@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from robust.errors import UnsupportedError
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.conjunctions import project, project_at, variables_of
+from robust.qe.eliminate.loos_weispfenning import eliminate
 from robust.qe.eliminate.simplify import simplified
 from robust.qe.lp import feasible_point
 from robust.qe.nnf import (
@@ -24,7 +25,7 @@ from robust.qe.nnf import (
     names_in,
     negation,
 )
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
 from tests.qe.backends.formulas import KEPT, REALS, constraints, context, formulas
@@ -120,3 +121,49 @@ def test_other_formulas_are_rejected() -> None:
     choice = terms.manager.Ite(terms.manager.Symbol("p"), real, terms.number(Fraction(1)))
     with pytest.raises(UnsupportedError, match="linear real term"):
         Reader(terms).read(terms.manager.GE(choice, real))
+
+
+DEEP = 3000
+"""Deeper than the interpreter's recursion limit."""
+
+
+def deep(names: tuple[str, ...]) -> Nnf:
+    """Conjunctions in disjunctions in conjunctions, one constraint each."""
+    node: Nnf = LinearConstraint.of({"x": 1, "a": -1}, "<=", 0)
+    for index in range(DEEP):
+        leaf = LinearConstraint.of({names[index % len(names)]: 1, "b": index + 1}, ">=", index)
+        node = (conjunction if index % 2 else disjunction)((leaf, node))
+    return node
+
+
+def test_deep_formulas_are_simplified() -> None:
+    formula = deep(("a",))
+    assert simplified(formula, (LinearConstraint.of({"a": 1, "b": DEEP}, "<", DEEP - 1),)) is FALSE
+    assert names_in(simplified(formula)) == {"a", "b", "x"}
+
+
+@pytest.mark.parametrize("names", [("a",), ("a",) * 99 + ("x",)])
+def test_symbols_are_eliminated_from_deep_formulas(names: tuple[str, ...]) -> None:
+    result = eliminate(deep(names), ["x"], lambda _: True, Deadline())
+    assert "x" not in names_in(result)
+
+
+def test_what_is_assumed_decides_constraints() -> None:
+    def below(bound: int, sense: str = "<=") -> LinearConstraint:
+        return LinearConstraint.of({"a": 1}, sense, bound)
+
+    other = LinearConstraint.of({"b": 1}, "<=", 0)
+    assert simplified(below(2), (below(1),)) is TRUE
+    assert simplified(below(1, ">"), (below(1),)) is FALSE
+    assert simplified(below(0), (below(1),)) == below(0)
+    assert simplified(disjunction((below(1), below(0, ">")))) is TRUE
+    assert simplified(conjunction((below(1), below(1, "=")))) == below(1, "=")
+    assert simplified(disjunction((below(1), below(1, "=")))) == below(1)
+    # Of what comes to light in the second operand the first one hears as well.
+    first, second = disjunction((below(3), other)), disjunction((conjunction((below(5), below(6, ">"))), below(2)))
+    assert simplified(conjunction((first, second))) == below(2)
+
+
+def test_simplification_keeps_to_its_deadline() -> None:
+    with pytest.raises(OutOfTimeError):
+        simplified(deep(("a",)), deadline=Deadline.after(0))

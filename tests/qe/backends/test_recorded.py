@@ -16,6 +16,9 @@ from tests.qe.backends.test_regions import differ
 
 QUICK = ("auv_mission_10_0_0", "auv_mission_10_0_4", "auv_mission_10_0_9", "solar_rover_01_4", "generator_linear_05_2")
 
+SECONDS = 60
+"""Within this time at least two other back ends agree with the default one."""
+
 
 def records(dataset: Path) -> list[dict[str, Any]]:
     return list(json.loads((dataset / "recorded-results.json").read_text()))
@@ -53,6 +56,26 @@ def test_recorded_boxes_are_inside(dataset: Path, name: str) -> None:
 def test_all_recorded_boxes_are_inside(dataset: Path) -> None:
     for record in records(dataset):
         holds_recorded_boxes(dataset, record)
+
+
+@pytest.mark.parametrize("backend", ["fourier-motzkin", "loos-weispfenning"])
+@pytest.mark.parametrize("name", [f"generator_linear_05_{count}" for count in (2, 3, 4)])
+def test_our_back_ends_agree_on_generators(dataset: Path, backend: str, name: str) -> None:
+    record = next(record for record in records(dataset) if record["instance"] == name)
+    other = computed(dataset, record, backend=backend)
+    assert other.status is RegionStatus.COMPLETE
+    assert other.seconds < SECONDS
+    assert not differ(other.region, computed(dataset, record).region)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("backend", ["fourier-motzkin", "loos-weispfenning"])
+def test_our_back_ends_agree_on_all_recorded_instances(dataset: Path, backend: str) -> None:
+    for record in records(dataset):
+        other = computed(dataset, record, backend=backend)
+        assert other.status is RegionStatus.COMPLETE, record["instance"]
+        assert other.seconds < SECONDS, record["instance"]
+        assert other.region.equals(computed(dataset, record).region), record["instance"]
 
 
 @pytest.mark.slow
