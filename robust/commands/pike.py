@@ -40,7 +40,7 @@ class TemporalReasoning(StrEnum):
 
 pike_app = typer.Typer(
     name="pike",
-    help="Plans with choices shared by robots and humans: which choices still lead to a correct execution?",
+    help="Plans with choices: which still lead to a correct execution?",
     no_args_is_help=True,
     rich_markup_mode=None,
 )

@@ -29,8 +29,9 @@ Commands:
   envelope  How far may parameters deviate?
   region    All parameter values for which a plan is valid.
   compare   The exact region beside the boxes of all methods.
-  demo      Take a tour on shipped examples.
   convert   Make a flexible plan of a planner's output.
+  demo      Take a tour on shipped examples.
+  pike      Plans with choices: which still lead to a correct execution?
   bench     Measure: recorded data sets, the figures of the paper,...
 
   Exit codes: 0 proved or done, 1 refuted, 2 bad input, 3 unknown, out of time
@@ -48,6 +49,8 @@ OPTIONS = {
     "--json --quiet --verbose",
     ("demo",): "",
     ("convert",): "--output --mode --parametrize --epsilon --solver --timeout --json --quiet --verbose",
+    ("pike", "check"): "--backend --assume --all-scenarios --cross --witness --seed --temporal --epsilon --solver "
+    "--timeout --json --quiet --verbose",
     ("bench", "recorded"): "--suite --jobs --limit --plot --json --quiet --verbose",
     ("bench", "scaling"): "--jobs --limit --plot --json --quiet --verbose",
 }
