@@ -49,8 +49,6 @@ OPTIONS = {
     "--json --quiet --verbose",
     ("demo",): "",
     ("convert",): "--output --mode --parametrize --epsilon --solver --timeout --json --quiet --verbose",
-    ("pike", "check"): "--backend --assume --all-scenarios --cross --witness --seed --temporal --epsilon --solver "
-    "--timeout --json --quiet --verbose",
     ("bench", "recorded"): "--suite --jobs --limit --plot --json --quiet --verbose",
     ("bench", "scaling"): "--jobs --limit --plot --json --quiet --verbose",
 }
