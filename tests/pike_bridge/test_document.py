@@ -196,6 +196,7 @@ values = st.one_of(
 
 @st.composite
 def mutated(draw):
+    # Copies, because what is drawn may be one object for all examples, and the next change may be inside of it.
     document = copy.deepcopy(BASE)
     for _ in range(draw(st.integers(1, 2))):
         node = document
@@ -209,13 +210,13 @@ def mutated(draw):
                 continue
             change = draw(st.sampled_from(("replace", "replace", "remove", "add")))
             if change == "replace":
-                node[key] = draw(values)
+                node[key] = copy.deepcopy(draw(values))
             elif change == "remove":
                 del node[key]
             elif isinstance(node, dict):
-                node[draw(st.sampled_from(("guard", "agent", "lower", "other")))] = draw(values)
+                node[draw(st.sampled_from(("guard", "agent", "lower", "other")))] = copy.deepcopy(draw(values))
             else:
-                node.append(draw(values))
+                node.append(copy.deepcopy(draw(values)))
             break
     return document
 
