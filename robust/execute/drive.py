@@ -1,0 +1,124 @@
+"""Executives and the time they run in: one core for simulated and for real time.
+
+An executive is a state machine that never looks at a clock: it is told what happened and how late it is, answers with
+what it decided, and says when it wants to be asked again. :func:`simulate` runs it against a world that knows its own
+future, at once and the same each time; :func:`drive` runs it against a queue of messages in the time of a clock.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from typing import Protocol, TypeVar
+
+Message = TypeVar("Message")
+Decision = TypeVar("Decision")
+_Message_co = TypeVar("_Message_co", covariant=True)
+_Message_contra = TypeVar("_Message_contra", contravariant=True)
+_Decision_co = TypeVar("_Decision_co", covariant=True)
+_Decision_contra = TypeVar("_Decision_contra", contravariant=True)
+
+
+class Executive(Protocol[_Message_contra, _Decision_co]):
+    """What decides. Times are in the plan's unit and never decrease from call to call."""
+
+    def step(self, now: Fraction, messages: Sequence[_Message_contra]) -> Sequence[_Decision_co]:
+        """Take note of messages that arrived since the last step, and decide what is done now."""
+
+    @property
+    def wake(self) -> Fraction | None:
+        """When to step again if no message comes before, later than the last step; None: not at all."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether there is nothing left to decide, for good or for ill."""
+
+
+class World(Protocol[_Message_co, _Decision_contra]):
+    """What is decided about: it is told the decisions and produces the messages."""
+
+    def receive(self, now: Fraction, decisions: Sequence[_Decision_contra]) -> None:
+        """Decisions take effect."""
+
+    @property
+    def next_time(self) -> Fraction | None:
+        """When the next messages come if nothing else is decided; None: never."""
+
+    def messages(self, now: Fraction) -> Sequence[_Message_co]:
+        """The messages of this moment; each is returned once."""
+
+
+class Clock(Protocol):
+    """Tells the time in the plan's unit, from 0 at the start of the execution."""
+
+    def now(self) -> Fraction: ...
+
+    def seconds_until(self, moment: Fraction) -> float:
+        """How long to sleep; not above 0 if the moment has come."""
+
+
+class WallClock:
+    """Real time: one unit of the plan lasts a number of seconds. It never goes back, whatever is done to the
+    computer's clock.
+    """
+
+    def __init__(self, unit_seconds: Fraction = Fraction(1), start: Fraction = Fraction(0)) -> None:
+        self._unit = unit_seconds
+        self._start = start
+        self._origin = time.monotonic_ns()
+
+    def now(self) -> Fraction:
+        return self._start + Fraction(time.monotonic_ns() - self._origin, 10**9) / self._unit
+
+    def seconds_until(self, moment: Fraction) -> float:
+        return float((moment - self.now()) * self._unit)
+
+
+def simulate(
+    executive: Executive[Message, Decision],
+    world: World[Message, Decision],
+    *,
+    start: Fraction = Fraction(0),
+    horizon: Fraction | None = None,
+) -> Fraction:
+    """Run until the executive has ended, nothing more will happen, or the horizon has passed; returns the last time.
+
+    Messages that a decision causes at once are delivered in another step of the same time.
+    """
+    now = start
+    while True:
+        world.receive(now, executive.step(now, world.messages(now)))
+        times = [moment for moment in (executive.wake, world.next_time) if moment is not None]
+        if executive.ended or not times:
+            return now
+        now = max(now, min(times))
+        if horizon is not None and now > horizon:
+            return horizon
+
+
+async def drive(
+    executive: Executive[Message, Decision],
+    inbox: asyncio.Queue[Message | None],
+    announce: Callable[[Fraction, Sequence[Decision]], None],
+    clock: Clock,
+) -> Fraction:
+    """Run in the time of a clock until the executive has ended or None closes the inbox; returns the last time."""
+    messages: list[Message] = []
+    closed = False
+    while True:
+        now = clock.now()
+        announce(now, executive.step(now, messages))
+        if closed or executive.ended:
+            return now
+        messages = []
+        timeout = None if executive.wake is None else max(0.0, clock.seconds_until(executive.wake))
+        try:
+            arrived = [await asyncio.wait_for(inbox.get(), timeout)]
+        except TimeoutError:
+            continue
+        while not inbox.empty():
+            arrived.append(inbox.get_nowait())
+        closed = None in arrived
+        messages = [message for message in arrived if message is not None]
