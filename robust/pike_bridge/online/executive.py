@@ -1,0 +1,314 @@
+"""The executive: carries a plan with choices out, one step after the other [PIKE, Algorithms 1 to 3].
+
+It is an :class:`robust.execute.drive.Executive`: told what has happened and how late it is, it decides what is done now
+and when to look again. Whatever it decides, a correct execution remains possible; when none is left, it says so at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from fractions import Fraction
+from typing import assert_never
+
+from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, TeamPlan
+from robust.pike_bridge.online.messages import (
+    Chosen,
+    Completion,
+    Decision,
+    Dispatched,
+    Estimate,
+    Executed,
+    Failed,
+    Message,
+    Outcome,
+    Rejected,
+    Succeeded,
+)
+from robust.pike_bridge.online.monitor import Monitor
+from robust.pike_bridge.online.progress import Progress
+from robust.pike_bridge.online.reasoner import Reasoner
+from robust.smt.limits import Deadline
+
+Ranking = Callable[[Sequence[str]], Sequence[str]]
+"""Puts alternatives in the order in which they are tried."""
+
+
+def as_written(alternatives: Sequence[str]) -> Sequence[str]:
+    """The order of the plan."""
+    return alternatives
+
+
+class PlanExecutive:
+    """Executes one plan once.
+
+    Args:
+        plan: the plan.
+        reasoner: makes the reasoning for the progress that it is given.
+        ranking: in which order events are tried, and values of choices; the first that may be is taken.
+        monitor: whether state estimates are compared with what later activities need.
+
+    After each step `progress` holds what has been executed; `wake` and `ended` are for those who drive it.
+    """
+
+    def __init__(
+        self,
+        plan: TeamPlan,
+        reasoner: Callable[[Progress], Reasoner],
+        *,
+        ranking: Ranking = as_written,
+        monitor: bool = True,
+        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    ) -> None:
+        self.plan = plan
+        self.progress = Progress(plan)
+        self.reasoner = reasoner(self.progress)
+        self.running: dict[int, Fraction] = {}
+        """When each activity that runs was dispatched, by its place in the plan."""
+        self.outcome: Failed | Succeeded | None = None
+        self._monitor = Monitor(self.progress) if monitor else None
+        self._ranking = ranking
+        self._deadline = deadline
+        self._wake: Fraction | None = None
+        self._wake_known = False
+        self._changed = True
+        self._activities: dict[str, list[int]] = {}
+        for place, activity in enumerate(plan.network.activities):
+            self._activities.setdefault(activity.source, []).append(place)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the execution has succeeded or failed."""
+        return self.outcome is not None
+
+    @property
+    def wake(self) -> Fraction | None:
+        """When to step again if nothing is reported before; it is found out when it is asked for."""
+        if self.ended:
+            return None
+        if not self._wake_known:
+            self._wake = self.reasoner.next_time(self._deadline)
+            self._wake_known = True
+        return self._wake
+
+    def prepare(self) -> bool:
+        """Find out whether the plan admits a correct execution at all, before the first step.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        return self.reasoner.possible(self._deadline)
+
+    def step(self, now: Fraction, messages: Sequence[Message] = ()) -> list[Decision]:
+        """Take note of what has happened, and do what can be done now [PIKE, Algorithm 1, lines 3 to 18].
+
+        A time before that of the last step counts as that time. Messages after the end are rejected.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        if self.ended:
+            return [self._rejected(message, "the execution has ended") for message in messages]
+        decisions: list[Decision] = []
+        self._advance(now, decisions)
+        for message in messages:
+            decisions += self._take(message)
+        if self._changed and not self.reasoner.possible(self._deadline):
+            return [*decisions, self._fail()]
+        self._changed = False
+        decisions += self._execute_all()
+        self._wake_known = False
+        if self._is_finished():
+            self.outcome = Succeeded(self.progress.now, tuple(sorted(self._assignments())))
+            decisions.append(self.outcome)
+        return decisions
+
+    def repeat(self, now: Fraction, messages: Sequence[Message], decisions: Iterable[Decision]) -> None:
+        """Take an earlier step again as it was decided then, to resume from a record of it."""
+        self._advance(now, [])
+        for message in messages:
+            for _ in self._take(message):
+                pass
+        for decision in decisions:
+            match decision:
+                case Executed(event, _, reported=False):
+                    for _ in self._mark(event):
+                        pass
+                case Chosen(choice, value, _, observed=False):
+                    self._choose(choice, value)
+                case Failed() | Succeeded():
+                    self.outcome = decision
+                case _:
+                    pass  # follows from the messages or from the events
+        self._wake_known = False
+
+    def possible_values(self, choice: str) -> tuple[str, ...]:
+        """The values that a choice may still have [PIKE §1.1: inferred intent].
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        if choice in self.progress.chosen:
+            return (self.progress.chosen[choice],)
+        domain = self.plan.network.domains[choice]
+        return tuple(each for each in domain if self._could(frozenset({Assignment(choice, each)})))
+
+    # -- what has happened -------------------------------------------------------------------------------------------
+
+    def _advance(self, now: Fraction, decisions: list[Decision]) -> None:
+        if now < self.progress.now:
+            reason = f"the clock went back from {self.progress.now} to {now}"
+            decisions.append(Rejected("time", reason, self.progress.now))
+        elif now > self.progress.now:
+            self.progress.now = now
+            self.reasoner.advanced()
+            self._changed = True
+
+    def _take(self, message: Message) -> Iterator[Decision]:
+        match message:
+            case Outcome():
+                yield from self._take_outcome(message)
+            case Completion():
+                yield from self._take_completion(message)
+            case Estimate():
+                yield from self._take_estimate(message)
+            case _:
+                assert_never(message)
+
+    def _take_outcome(self, message: Outcome) -> Iterator[Decision]:
+        name, value = message.choice, message.value
+        choice = next((each for each in self.plan.network.choices if each.name == name), None)
+        known = self.progress.chosen.get(name)
+        if choice is None:
+            yield self._rejected(message, f"there is no choice {name!r}")
+        elif choice.controllable:
+            yield self._rejected(message, f"{name} is for the executive to choose")
+        elif value not in choice.domain:
+            yield self._rejected(message, f"expected one of {', '.join(choice.domain)}")
+        elif known is not None:
+            yield self._rejected(
+                message, "known already" if known == value else f"{name} = {known} was observed before"
+            )
+        else:
+            self._choose(name, value)
+            yield Chosen(name, value, self.progress.now, observed=True)
+
+    def _take_completion(self, message: Completion) -> Iterator[Decision]:
+        activities = self.plan.network.activities
+        alike = [place for place, each in enumerate(activities) if each.action == message.action]
+        running = [
+            place for place in alike if place in self.running and message.event in {None, activities[place].target}
+        ]
+        if not alike:
+            yield self._rejected(message, "there is no such activity")
+        elif not running:
+            yield self._rejected(message, "it is not running")
+        elif len({activities[place].target for place in running}) > 1:
+            yield self._rejected(message, "several run; say at which event it ends")
+        else:
+            end = activities[running[0]].target
+            for place in running:
+                del self.running[place]
+            if not any(activities[place].target == end for place in self.running):
+                yield from self._mark(end, reported=True)
+
+    def _take_estimate(self, message: Estimate) -> Iterator[Decision]:
+        contradictory = sorted(message.true & message.false)
+        if contradictory:
+            yield self._rejected(message, f"{contradictory[0]} is said to be both true and false")
+        elif self._monitor is not None:
+            for violation in self._monitor.compare(message):
+                for effect, condition in violation.broken:
+                    self.progress.void.add((effect, condition))
+                    self.reasoner.voided(effect, condition)
+                self._changed = True
+                yield violation.decision
+
+    # -- what is done ------------------------------------------------------------------------------------------------
+
+    def _execute_all(self) -> Iterator[Decision]:
+        """[PIKE, Algorithm 1, lines 10 to 18]: events are executed as long as there are executable ones."""
+        refused: set[str] = set()
+        while True:
+            event = next(self._executable(refused), None)
+            if event is None:
+                return
+            # What was refused stays so: executing something leaves no more continuations than there were.
+            yield from self._mark(event)
+
+    def _executable(self, refused: set[str]) -> Iterator[str]:
+        for event in self._ranking(list(self.progress.frontier)):
+            if event in refused or not self.progress.ours(event) or self.progress.blocked(event):
+                continue
+            if self.reasoner.executable(event, self._deadline):
+                yield event
+            else:
+                refused.add(event)
+
+    def _mark(self, event: str, *, reported: bool = False) -> Iterator[Decision]:
+        """ExecuteEvent [PIKE, Algorithm 3]."""
+        now = self.progress.now
+        self.progress.times[event] = now
+        del self.progress.pending[event]
+        self.reasoner.executed(event)
+        self._changed = True
+        for assignment in sorted(self.progress.structure.guards[event]):
+            self._require(assignment)
+        if self._monitor is not None:
+            self._monitor.executed(event)
+        yield Executed(event, now, reported)
+        for choice in self.progress.structure.made_at.get(event, ()):
+            if choice not in self.progress.chosen:
+                value = self._decide(choice)
+                if value is not None:
+                    self._choose(choice, value)
+                    yield Chosen(choice, value, now)
+        for place in self._activities.get(event, ()):
+            activity = self.plan.network.activities[place]
+            if self.progress.certain(activity.guard) and activity.target in self.progress.pending:
+                self.running[place] = now
+                yield self._dispatched(activity)
+
+    def _dispatched(self, activity: Activity) -> Dispatched:
+        return Dispatched(
+            activity.action, activity.agent, self.progress.now, activity.target, activity.lower, activity.upper
+        )
+
+    def _decide(self, choice: str) -> str | None:
+        """The first value that could be committed to; None if the execution has failed already."""
+        values = self._ranking(self.plan.network.domains[choice])
+        return next((each for each in values if self._could(frozenset({Assignment(choice, each)}))), None)
+
+    def _require(self, assignment: Assignment) -> None:
+        """An event's guard holds because it was executed."""
+        if assignment.variable not in self.progress.chosen:
+            self._choose(assignment.variable, assignment.value)
+
+    def _choose(self, choice: str, value: str) -> None:
+        self.progress.chosen[choice] = value
+        self.reasoner.observed(Assignment(choice, value))
+        self._changed = True
+        guards = self.progress.structure.guards
+        for event in [each for each in self.progress.pending if not self.progress.compatible(guards[each])]:
+            del self.progress.pending[event]
+
+    def _could(self, environment: frozenset[Assignment]) -> bool:
+        return self.reasoner.could(environment, self._deadline)
+
+    def _is_finished(self) -> bool:
+        """Whether no pending event can be activated any more."""
+        guards = self.progress.structure.guards
+        for event in list(self.progress.pending):
+            if self._could(guards[event]):
+                return False
+            del self.progress.pending[event]
+        return True
+
+    def _fail(self) -> Failed:
+        self.outcome = Failed(self.progress.now, "no correct execution is left")
+        return self.outcome
+
+    def _assignments(self) -> Iterator[Assignment]:
+        return (Assignment(*item) for item in self.progress.chosen.items())
+
+    def _rejected(self, message: Message, reason: str) -> Rejected:
+        return Rejected(str(message), reason, self.progress.now)

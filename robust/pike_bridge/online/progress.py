@@ -1,0 +1,173 @@
+"""How far an execution has come: the partial execution of [PIKE, Definition 2.7], and whose turn it is."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+import networkx
+
+from robust.pike_bridge.model import Condition, Constraint, Effect, Guard, TeamPlan
+
+
+@dataclass
+class Progress:
+    """What has happened: facts that only ever grow.
+
+    `pending` holds the events that may still be executed, in the order of the plan.
+    """
+
+    plan: TeamPlan
+    now: Fraction = Fraction(0)
+    times: dict[str, Fraction] = field(default_factory=dict)
+    chosen: dict[str, str] = field(default_factory=dict)
+    """Choices that were made or observed."""
+    void: set[tuple[Effect, Condition]] = field(default_factory=set)
+    """Effects that do not support conditions any more: broken causal links."""
+    pending: dict[str, None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.pending = dict.fromkeys(event.name for event in self.plan.network.events)
+        self.structure = Structure(self.plan)
+
+    def compatible(self, guard: Guard) -> bool:
+        """Whether no choice is known to be otherwise."""
+        return all(self.chosen.get(variable, value) == value for variable, value in guard)
+
+    def certain(self, guard: Guard, given: Guard = frozenset()) -> bool:
+        """Whether the guard holds by what is known, and what is given."""
+        return all(self.chosen.get(each.variable) == each.value or each in given for each in guard)
+
+    def external(self, event: str) -> tuple[Guard, ...]:
+        """In which environments the event is not ours to execute [PIKE §3, constraint 2].
+
+        It is not at the end of an activity, which the world reports; and as long as an uncontrollable choice that is
+        made there, or that its guard mentions, has not been observed.
+        """
+        if any(choice not in self.chosen for choice in self.structure.awaited[event]):
+            return (frozenset(),)
+        return self.structure.ends[event]
+
+    def ours(self, event: str) -> bool:
+        """Whether the executive may execute the event in some scenario."""
+        guard = self.structure.guards[event]
+        return not any(self.certain(label, guard) for label in self.external(event))
+
+    @property
+    def frontier(self) -> Iterator[str]:
+        """Pending events before which no other pending event must be executed for certain.
+
+        Whatever pending events are not among them come, if at all, no earlier than some event that is.
+        """
+        for event in self.pending:
+            if not any(earlier in self.pending for earlier in self.structure.not_before[event]):
+                yield event
+
+    def blocked(self, event: str) -> bool:
+        """Whether the event cannot be executed now, as far as one constraint tells that holds whenever it is."""
+        guard = self.structure.guards[event]
+        for constraint in self.structure.incoming[event]:
+            lower = constraint.lower
+            if lower is None or lower < 0 or not self.certain(constraint.guard, guard):
+                continue
+            earlier = self.times.get(constraint.source)
+            if earlier is not None:
+                if self.now - earlier < lower:
+                    return True
+            elif lower > 0:
+                return True
+        return False
+
+    def earliest(self, event: str) -> Fraction | None:
+        """When single constraints to executed events allow the event; None if they allow it any time."""
+        guard = self.structure.guards[event]
+        bounds = [
+            self.times[constraint.source] + constraint.lower
+            for constraint in self.structure.incoming[event]
+            if constraint.lower is not None
+            and constraint.source in self.times
+            and self.certain(constraint.guard, guard)
+        ]
+        return max(bounds, default=None)
+
+    def latest(self) -> Fraction | None:
+        """When something must have been executed at the latest, as far as single constraints tell."""
+        bounds = [
+            self.times[constraint.source] + constraint.upper
+            for event in self.pending
+            if self.certain(self.structure.guards[event])
+            for constraint in self.structure.incoming[event]
+            if constraint.upper is not None and constraint.source in self.times and self.certain(constraint.guard)
+        ]
+        return min(bounds, default=None)
+
+
+class Structure:
+    """What of a plan does not change while it is executed, indexed for execution."""
+
+    def __init__(self, plan: TeamPlan) -> None:
+        network = plan.network
+        self.guards: dict[str, Guard] = network.guards
+        self.incoming: dict[str, list[Constraint]] = {event.name: [] for event in network.events}
+        """Every bound on an event as a constraint whose target it is."""
+        for constraint in network.temporal_constraints:
+            self.incoming[constraint.target].append(constraint)
+            self.incoming[constraint.source].append(_reversed(constraint))
+        controllable = {choice.name: choice.controllable for choice in network.choices}
+        self.made_at: dict[str, list[str]] = defaultdict(list)
+        """The choices that are made at each event."""
+        for choice in network.choices:
+            if choice.event is not None:
+                self.made_at[choice.event].append(choice.name)
+        self.awaited: dict[str, tuple[str, ...]] = {
+            name: tuple(
+                variable
+                for variable in dict.fromkeys([*(each.variable for each in sorted(guard)), *self.made_at.get(name, ())])
+                if not controllable[variable]
+            )
+            for name, guard in self.guards.items()
+        }
+        ends: dict[str, list[Guard]] = {event.name: [] for event in network.events}
+        for activity in network.activities:
+            ends[activity.target].append(activity.guard)
+        self.ends: dict[str, tuple[Guard, ...]] = {name: tuple(labels) for name, labels in ends.items()}
+        self.not_before: dict[str, tuple[str, ...]] = self._not_before()
+        """Events that are executed no later than an event, whenever that is; no two are so for one another."""
+        self.before: dict[str, tuple[str, ...]] = {
+            event: tuple(
+                constraint.source
+                for constraint in constraints
+                if self._certain(constraint, event) and constraint.lower is not None and constraint.lower > 0
+            )
+            for event, constraints in self.incoming.items()
+        }
+        """Events that are executed strictly earlier than an event, whenever that is."""
+
+    def _certain(self, constraint: Constraint, event: str) -> bool:
+        """Whether the constraint and its source are activated whenever an event is."""
+        return constraint.guard <= self.guards[event] and self.guards[constraint.source] <= self.guards[event]
+
+    def _not_before(self) -> dict[str, tuple[str, ...]]:
+        graph = networkx.DiGraph()
+        graph.add_nodes_from(self.guards)
+        for event, constraints in self.incoming.items():
+            for constraint in constraints:
+                if self._certain(constraint, event) and constraint.lower is not None and constraint.lower >= 0:
+                    graph.add_edge(constraint.source, event)
+        component = {
+            event: number
+            for number, events in enumerate(networkx.strongly_connected_components(graph))
+            for event in events
+        }
+        return {
+            event: tuple(earlier for earlier in graph.predecessors(event) if component[earlier] != component[event])
+            for event in graph
+        }
+
+
+def _reversed(constraint: Constraint) -> Constraint:
+    lower = None if constraint.upper is None else -constraint.upper
+    upper = None if constraint.lower is None else -constraint.lower
+    return Constraint(constraint.target, constraint.source, lower, upper, constraint.guard)

@@ -1,0 +1,244 @@
+"""`smt`: an executive's questions put to the semantic oracle's formula; nothing is compiled.
+
+One incremental solver is told what happens as it happens. It uses no labeled shortest paths, no causal links and no
+knowledge base, so that it is also what executives with those are held against.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+
+from robust.pike_bridge.execution import Execution, holds
+from robust.pike_bridge.model import Assignment, Condition, Effect, Guard
+from robust.pike_bridge.online.progress import Progress
+from robust.pike_bridge.online.reasoner import WitnessedReasoner
+from robust.pike_bridge.semantics import Semantics
+from robust.plan.polynomial import Polynomial
+from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Session, Verdict
+from robust.smt.terms import Formula
+
+_FIRST = "first time"
+_BISECTION = 3
+"""After so many improvements that were not the best, the rest of the interval is bisected."""
+
+
+class OnlineSemantics(Semantics):
+    """The semantics of executions in which links can break and "before" means by ε, as in augmented plans."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._epsilon = progress.plan.epsilon
+        self._void: dict[tuple[Effect, Condition], Formula] = {}
+        super().__init__(progress.plan)
+
+    def void(self, effect: Effect, condition: Condition) -> Formula:
+        """That the effect does not support the condition."""
+        return self._void.get((effect, condition), self.terms.true)
+
+    def time_of(self, event: str) -> Polynomial[str]:
+        """The event's time as an expression."""
+        return self._time(event)
+
+    def _support(self, producer: Effect, threats: list[Effect], condition: Condition) -> Formula:
+        broken = self._void[producer, condition] = self.terms.fresh_boolean(f"broken {len(self._void)} ")
+        intact = self.terms.negation(broken)
+        return self.terms.conjunction((intact, super()._support(producer, threats, condition)))
+
+    def _before(self, earlier: str, later: str) -> Formula:
+        order = (earlier, later)
+        if order not in self._orders:
+            self._orders[order] = self.terms.at_least(self._time(later) - self._time(earlier) - self._epsilon)
+        return self._orders[order]
+
+
+class SemanticReasoner(WitnessedReasoner):
+    """Asks one solver session.
+
+    Raises:
+        SolverError: if the solver is unknown or not installed.
+    """
+
+    name = "smt"
+
+    def __init__(self, progress: Progress, *, solver: str = "z3") -> None:
+        super().__init__(progress)
+        self._semantics = OnlineSemantics(progress)
+        self._terms = self._semantics.terms
+        self._session = Session(self._terms, solver=solver)
+        self._session.add(*self._semantics.formulas)
+        self._epsilon = progress.plan.epsilon
+        self._first = Polynomial.variable(_FIRST)
+        self._told = False
+        """Whether the session knows the present time."""
+
+    def observed(self, assignment: Assignment) -> None:
+        super().observed(assignment)
+        self._session.add(self._semantics.guard(frozenset({assignment})))
+
+    def executed(self, event: str) -> None:
+        super().executed(event)
+        guard = self._semantics.guard(self.progress.structure.guards[event])
+        self._session.add(guard, self._semantics.at(event, self.progress.now))
+
+    def voided(self, effect: Effect, condition: Condition) -> None:
+        super().voided(effect, condition)
+        self._session.add(self._semantics.void(effect, condition))
+
+    def advanced(self) -> None:
+        super().advanced()
+        self._told = False
+
+    def next_time(self, deadline: Deadline) -> Fraction | None:
+        """When something is executable first; if nothing is without a message, when it is too late for any."""
+        self._tell_time()
+        earliest = self._earliest_execution(deadline)
+        if earliest is not None:
+            return earliest
+        last = self._latest(deadline)
+        return None if last is None else last + self._epsilon
+
+    def _find_continuation(self, environment: Guard, deadline: Deadline) -> bool:
+        self._tell_time()
+        return self._ask([self._semantics.guard(environment)], deadline)
+
+    def _find_execution(self, event: str, deadline: Deadline) -> bool:
+        self._tell_time()
+        now = Polynomial.constant(self.progress.now)
+        ours = self._ours(event)
+        if ours is self._terms.false:
+            return False
+        later = self._externals_after(now)
+        return self._ask([ours, self._semantics.at(event, self.progress.now), *later], deadline)
+
+    def _ask(self, hypothesis: Iterable[Formula], deadline: Deadline) -> bool:
+        with self._session.frame(*hypothesis):
+            if not self._check(deadline):
+                return False
+            self._witness = self._model()
+            return True
+
+    def _check(self, deadline: Deadline) -> bool:
+        match self._session.check("a continuation", deadline):
+            case Verdict.SATISFIABLE:
+                return True
+            case Verdict.UNSATISFIABLE:
+                return False
+            case Verdict.UNKNOWN:
+                raise OutOfTimeError
+
+    def _model(self) -> Execution:
+        scenario = self._semantics.chosen(self._session.values(self._semantics.choices))
+        activated = [name for name, guard in self.progress.structure.guards.items() if holds(guard, scenario)]
+        values = self._session.values(self._semantics.times(activated))
+        return Execution(scenario, {name: self._semantics.time(name, values) for name in activated})
+
+    def _tell_time(self) -> None:
+        """No pending event is in the past; it is enough to say so of the frontier."""
+        if not self._told:
+            now = Polynomial.constant(self.progress.now)
+            self._session.add(*(self._not_earlier(event, now) for event in self.progress.frontier))
+            self._told = True
+
+    def _not_earlier(self, event: str, moment: Polynomial[str], environment: Guard = frozenset()) -> Formula:
+        guard = self.progress.structure.guards[event] | environment
+        return self._semantics.unless(guard, self._terms.at_least(self._semantics.time_of(event) - moment))
+
+    def _ours(self, event: str) -> Formula:
+        """That the event is activated, and the executive's to execute."""
+        guard = self.progress.structure.guards[event]
+        return self._terms.conjunction(
+            (
+                self._semantics.guard(guard),
+                *(
+                    self._terms.negation(self._semantics.guard(label))
+                    for label in self.progress.external(event)
+                    if self.progress.compatible(label)
+                ),
+            )
+        )
+
+    def _externals_after(self, moment: Polynomial[str]) -> Iterator[Formula]:
+        """That what is not the executive's to execute is later than a moment before which nothing pending is."""
+        pending, before = self.progress.pending, self.progress.structure.before
+        for event in pending:
+            if not any(earlier in pending for earlier in before[event]):
+                for label in self.progress.external(event):
+                    if self.progress.compatible(label):
+                        yield self._not_earlier(event, moment + self._epsilon, label)
+
+    def _earliest_execution(self, deadline: Deadline) -> Fraction | None:
+        """The least time after now at which an event is executable if nothing happens before."""
+        candidates = [event for event in self.progress.frontier if self.progress.ours(event)]
+        soonest = self.progress.now + self._epsilon
+        floor = max(soonest, min((self.progress.earliest(event) or soonest for event in candidates), default=soonest))
+        hypothesis = [
+            self._terms.disjunction(
+                self._terms.conjunction(
+                    (self._ours(event), self._terms.equal(self._semantics.time_of(event) - self._first))
+                )
+                for event in candidates
+            ),
+            *(self._not_earlier(event, self._first) for event in self.progress.frontier),
+            *self._externals_after(self._first),
+            self._terms.at_least(self._first - floor),
+        ]
+        with self._session.frame(*hypothesis):
+            return self._best(floor, deadline, sign=1)
+
+    def _latest(self, deadline: Deadline) -> Fraction | None:
+        """The greatest time before which nothing need be executed; None if there is none."""
+        hypothesis = [self._not_earlier(event, self._first) for event in self.progress.frontier]
+        ceiling = self.progress.latest()
+        with self._session.frame(*hypothesis):
+            if ceiling is None:
+                ceiling = self._horizon()
+                with self._session.frame(self._terms.at_least(self._first - ceiling)):
+                    if self._check(deadline):
+                        return None
+            return self._best(ceiling, deadline, sign=-1)
+
+    def _horizon(self) -> Fraction:
+        """A time that no bound reaches which is made of the plan's numbers and the times so far."""
+        bounds = (
+            abs(bound)
+            for constraint in self.progress.plan.network.temporal_constraints
+            for bound in (constraint.lower, constraint.upper)
+            if bound is not None
+        )
+        return self.progress.now + sum(bounds, self._epsilon * (len(self.progress.times) + 2))
+
+    def _best(self, bound: Fraction, deadline: Deadline, sign: int) -> Fraction | None:
+        """The least value (sign 1) or the greatest (sign −1) of the first time, of those that are not beyond a bound.
+
+        None if there is no value at all.
+        """
+        with self._session.frame(self._terms.equal(self._first - bound)):
+            if self._check(deadline):
+                return bound
+        if not self._check(deadline):
+            return None
+        best = self._value()
+        improvements = 0
+        while sign * (best - bound) > self._epsilon:
+            improvements += 1
+            aim = best - sign * self._epsilon
+            if improvements > _BISECTION:
+                aim = self._on_grid((best + bound) / 2, sign)
+            with self._session.frame(self._terms.at_least((self._first - aim).scaled(-sign))):
+                if self._check(deadline):
+                    best = self._value()
+                elif improvements > _BISECTION:
+                    bound = aim
+                else:
+                    break
+        return best
+
+    def _value(self) -> Fraction:
+        values = self._session.values([self._terms.real(_FIRST)])
+        return Fraction(values[_FIRST])
+
+    def _on_grid(self, time: Fraction, sign: int) -> Fraction:
+        """The nearest time on the grid on the side of the bound."""
+        steps = time / self._epsilon
+        return (steps.__floor__() if sign > 0 else steps.__ceil__()) * self._epsilon

@@ -1,0 +1,137 @@
+"""Simulated humans and worlds for executives: seeded, and on the grid of the plan's ε.
+
+A world decides uncontrollable choices, how long activities take, and what goes wrong with the state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+from heapq import heappop, heappush
+from math import ceil, floor
+from random import Random
+
+from robust.pike_bridge.model import Literal, TeamPlan
+from robust.pike_bridge.online.executive import PlanExecutive
+from robust.pike_bridge.online.messages import Completion, Decision, Dispatched, Estimate, Message, Outcome
+
+
+class Human(Enum):
+    """How uncontrollable choices are made: among what remains correct, or anyhow."""
+
+    RATIONAL = "rational"
+    CARELESS = "careless"
+
+
+class Pace(Enum):
+    """How long activities take, between their bounds."""
+
+    LEAST = "least"
+    RANDOM = "random"
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbance:
+    """From a time on, until an effect says otherwise, the literal holds, whatever was planned."""
+
+    time: Fraction
+    literal: Literal
+
+
+@dataclass(frozen=True, slots=True)
+class Story:
+    """What is known beforehand of an execution; the seed decides the rest.
+
+    Attributes:
+        outcomes: values of uncontrollable choices, and when they are made known; the time None leaves that open.
+        disturbances: what goes wrong.
+        slack: how much longer than its least duration an activity without an upper bound takes at most.
+        delay: how long after a choice is possible it is made at most.
+    """
+
+    human: Human = Human.RATIONAL
+    pace: Pace = Pace.RANDOM
+    outcomes: Mapping[str, tuple[str, Fraction | None]] | None = None
+    disturbances: tuple[Disturbance, ...] = ()
+    slack: Fraction = Fraction(5)
+    delay: Fraction = Fraction(0)
+
+
+class SimulatedTeam:
+    """The world of one execution, a :class:`robust.execute.drive.World`.
+
+    An uncontrollable choice is made once all events before its own have been executed. Rational humans choose among the
+    values that the executive's reasoner still allows; that is asked only when a choice is made.
+    """
+
+    def __init__(self, plan: TeamPlan, executive: PlanExecutive, story: Story = Story(), *, seed: int = 0) -> None:
+        self._plan = plan
+        self._executive = executive
+        self._story = story
+        self._random = Random(seed)  # noqa: S311 - reproducible
+        self._agenda: list[tuple[Fraction, int, Callable[[], Message | None]]] = []
+        self._due: set[str] = set()
+        self._number = 0
+        for disturbance in story.disturbances:
+            self._plan_for(disturbance.time, lambda literal=disturbance.literal: _seen(literal))
+        for name, (value, time) in (story.outcomes or {}).items():
+            if time is not None:
+                self._due.add(name)
+                self._plan_for(time, lambda name=name, value=value: Outcome(name, value))
+
+    def receive(self, now: Fraction, decisions: Sequence[Decision]) -> None:
+        """Begin what was dispatched, and make choices whose time has come."""
+        for decision in decisions:
+            if isinstance(decision, Dispatched):
+                self._begin(now, decision)
+        progress = self._executive.progress
+        for choice in self._plan.network.choices:
+            if choice.controllable or choice.name in self._due or choice.event is None:
+                continue
+            if choice.event in progress.pending and not any(
+                earlier in progress.pending for earlier in progress.structure.not_before[choice.event]
+            ):
+                self._due.add(choice.name)
+                self._plan_for(now + self._drawn(self._story.delay), lambda name=choice.name: self._choose(name))
+
+    @property
+    def next_time(self) -> Fraction | None:
+        return self._agenda[0][0] if self._agenda else None
+
+    def messages(self, now: Fraction) -> Sequence[Message]:
+        found: list[Message] = []
+        while self._agenda and self._agenda[0][0] <= now:
+            message = heappop(self._agenda)[2]()
+            if message is not None:
+                found.append(message)
+        return found
+
+    def _begin(self, now: Fraction, activity: Dispatched) -> None:
+        longest = activity.lower + self._story.slack if activity.upper is None else activity.upper
+        extra = Fraction(0) if self._story.pace is Pace.LEAST else self._drawn(longest - activity.lower)
+        self._plan_for(now + activity.lower + extra, lambda: Completion(activity.action, activity.end))
+
+    def _choose(self, choice: str) -> Message | None:
+        wanted = (self._story.outcomes or {}).get(choice)
+        if wanted is not None:
+            return Outcome(choice, wanted[0])
+        values: Sequence[str] = self._plan.network.domains[choice]
+        if self._story.human is Human.RATIONAL:
+            values = self._executive.possible_values(choice)
+        return Outcome(choice, self._random.choice(values)) if values else None
+
+    def _drawn(self, greatest: Fraction) -> Fraction:
+        """A random time on the grid, from 0 to the greatest."""
+        return self._random.randint(0, floor(greatest / self._plan.epsilon)) * self._plan.epsilon
+
+    def _plan_for(self, time: Fraction, message: Callable[[], Message | None]) -> None:
+        self._number += 1
+        on_grid = ceil(time / self._plan.epsilon) * self._plan.epsilon
+        heappush(self._agenda, (on_grid, self._number, message))
+
+
+def _seen(literal: Literal) -> Estimate:
+    atoms = frozenset({literal.atom})
+    return Estimate(true=atoms) if literal.positive else Estimate(false=atoms)
