@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from itertools import combinations
+from types import MappingProxyType
 
 from robust.pike_bridge.model import Condition, TeamPlan
 from tests.pike_bridge.networks import Stn, candidate_subplan, holds, scenarios
+
+NO_TIMES: Mapping[str, Fraction] = MappingProxyType({})
 
 
 def correct_scenarios(plan: TeamPlan) -> set[frozenset[tuple[str, str]]]:
@@ -23,17 +26,29 @@ def admits_correct_execution(plan: TeamPlan, scenario: Mapping[str, str]) -> boo
     return next(correct_orders(plan, scenario), None) is not None
 
 
-def correct_orders(plan: TeamPlan, scenario: Mapping[str, str]) -> Iterator[Stn]:
+def correct_orders(
+    plan: TeamPlan, scenario: Mapping[str, str], fixed: Mapping[str, Fraction] = NO_TIMES
+) -> Iterator[Stn]:
     """The network of the scenario under each weak order of its events that meets all conditions."""
-    subplan = candidate_subplan(plan.network, scenario)
-    if not subplan.consistent:
-        return
     conditions = [condition for condition in plan.conditions if holds(condition.guard, scenario)]
-    mentioned = {event for each in conditions for event in (each.first, each.last)}
-    mentioned |= {effect.event for effect in plan.effects if holds(effect.guard, scenario)}
-    for ranks, ordered in _weak_orders(frozenset(mentioned), {}, frozenset(), subplan):
+    for ranks, ordered in weak_orders(plan, scenario, fixed):
         if all(is_met(plan, scenario, condition, ranks) for condition in conditions):
             yield ordered
+
+
+def weak_orders(
+    plan: TeamPlan, scenario: Mapping[str, str], fixed: Mapping[str, Fraction] = NO_TIMES
+) -> Iterator[tuple[dict[str, int], Stn]]:
+    """Each consistent weak order of the events that have effects or conditions, with the network that it leaves.
+
+    Some events may have fixed times; all of them must be activated.
+    """
+    subplan = candidate_subplan(plan.network, scenario).at_times(fixed)
+    if subplan.consistent:
+        conditions = [condition for condition in plan.conditions if holds(condition.guard, scenario)]
+        mentioned = {event for each in conditions for event in (each.first, each.last)}
+        mentioned |= {effect.event for effect in plan.effects if holds(effect.guard, scenario)}
+        yield from _weak_orders(frozenset(mentioned), {}, frozenset(), subplan)
 
 
 def _weak_orders(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 from typing import TypeAlias
 
 from robust.pike_bridge.environment import Environment, Vocabulary
@@ -48,6 +48,12 @@ class Stn:
 
     def same(self, one: str, other: str) -> Stn:
         return self.at_most(one, other, ZERO).at_most(other, one, ZERO)
+
+    def at_times(self, times: Mapping[str, Fraction]) -> Stn:
+        """Add that these events are as far apart as their times are."""
+        for (one, first), (other, second) in pairwise(times.items()):
+            self.at_most(one, other, (second - first, 0)).at_most(other, one, (first - second, 0))
+        return self
 
     def add(self, constraints: Iterable[Constraint]) -> Stn:
         for constraint in constraints:
