@@ -6,7 +6,7 @@ Bounds are multiples of 1/2 and drawn times of 1/8: what can be strictly before 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations, permutations
 from random import Random
@@ -33,56 +33,82 @@ STEP = Fraction(1, 8)
 HALF = Fraction(1, 2)
 
 
-def random_plan(random: Random, *, events: int = 5, ordered: bool = False) -> TeamPlan:
+@dataclass(frozen=True)
+class Style:
+    """What random plans are like."""
+
+    literals: tuple[Literal, ...]
+    """What effects are about."""
+    guarded: float = 0.35
+    """How many events have a guard, or have effects with more of one than they have."""
+    densities: tuple[float, ...] = (0.3, 0.5, 0.9)
+    """How many pairs of events have a constraint."""
+    certain: float = 0.0
+    """How many pairs of events are ordered by their numbers."""
+    effects: tuple[int, ...] = (0, 1, 1, 1, 2)
+    """How many effects an event may have."""
+    choices: tuple[int, ...] = (1, 2, 2, 3)
+    """How many choices there may be."""
+
+
+MIXED = Style((P, P, P, P.negation, P.negation, Q, Q.negation))
+ORDERED = Style((P, P, P, P, P.negation, Q), certain=0.85, densities=(0.1, 0.3))
+"""There are many producers, and one dominates another."""
+CONTESTED = Style((P, P, P.negation), guarded=0.1, densities=(0.1, 0.3, 0.4), effects=(0, 1, 1, 1), choices=(1, 1, 2))
+"""Threats may come on either side of links."""
+
+
+def random_plan(random: Random, *, events: int = 5, style: Style | None = None) -> TeamPlan:
     """Events that make an atom or two true or false, and activities that need them, rather late than early."""
-    create = _line if ordered else random_network
-    network = create(random, events=events, contradictory=0.05)
-    literals = (P, P, P, P, P.negation, Q) if ordered else (P, P, P, P.negation, P.negation, Q, Q.negation)
-    activities, conditions, effects = [], [], []
-    pairs = [(one, other) for one in network.events for other in network.events if _may_be_before(one, other)]
+    style = style or random.choice((MIXED, ORDERED, CONTESTED, CONTESTED))
+    network = random_network(random, events=events, contradictory=0.05, style=style)
+    effects = [
+        Effect(
+            random.choice(style.literals), each.name, _refined(random, each.guard, network.choices, style.guarded), None
+        )
+        for each in network.events
+        for _ in range(random.choice(style.effects))
+    ]
+    activities, conditions = [], []
+    pairs = [(one, other) for one, other in combinations(network.events, 2) if _consistent(one.guard | other.guard)]
     for at in range(random.choice((1, 2, 2)) if pairs else 0):
         start, end = max(random.choice(pairs), random.choice(pairs), key=lambda pair: pair[0].name)
-        label = _refined(random, start.guard | end.guard, network.choices)
+        label = _refined(random, start.guard | end.guard, network.choices, style.guarded)
         activities.append(Activity(f"(use{at})", start.name, end.name, HALF, None, guard=label))
         first, last = random.choice(((start, start), (end, end), (start, end)))
-        wanted = P if ordered else random.choice((P, P, P, P.negation, Q))
+        known = [each.literal for each in effects if each.event not in {first.name, last.name}]
+        wanted = random.choice(known if known and random.random() < 0.9 else style.literals)
         conditions.append(Condition(wanted, first.name, last.name, label, at))
         if random.random() < 0.4:
-            effects.append(Effect(random.choice(literals), random.choice((start, end)).name, label, at))
-    for event in network.events:
-        for _ in range(random.choice((0, 1, 1, 1, 2))):
-            effects.append(
-                Effect(random.choice(literals), event.name, _refined(random, event.guard, network.choices), None)
-            )
-    whole = Tpnu(network.name, network.choices, network.events, network.constraints, tuple(activities))
+            effects.append(Effect(random.choice(style.literals), random.choice((start, end)).name, label, at))
+    whole = replace(network, activities=tuple(activities))
     return TeamPlan(whole, tuple(conditions), tuple(dict.fromkeys(effects)))
 
 
-def random_network(random: Random, *, events: int = 5, contradictory: float) -> Tpnu:
-    """Up to three choices; events with random guards around a reference schedule, which some bounds contradict.
-
-    In some networks nearly all events are ordered, in others few.
-    """
-    density, tight = random.choice((0.3, 0.5, 0.9)), random.choice((0.1, 0.3, 0.9))
+def random_network(random: Random, *, events: int = 5, contradictory: float, style: Style = MIXED) -> Tpnu:
+    """Up to three choices; events with random guards around a reference schedule, which some bounds contradict."""
+    density, tight = random.choice(style.densities), random.choice((0.1, 0.3, 0.9))
     choices = tuple(
         Choice(name, ("1", "2", "3")[: random.choice((2, 2, 2, 3))], random.random() < 0.5, None)
-        for name in "xyz"[: random.choice((1, 2, 2, 3))]
+        for name in "xyz"[: random.choice(style.choices)]
     )
     names = [f"e{at}" for at in range(1, random.randint(3, events) + 1)]
-    points = [Event(name, _refined(random, ALWAYS, choices)) for name in names]
-    ordered = random.random() < 0.6
-    places = {name: Fraction(at if ordered else random.randint(0, 6), 2) for at, name in enumerate(names)}
+    points = [Event(name, _refined(random, ALWAYS, choices, style.guarded)) for name in names]
+    by_number = random.random() < 0.6
+    places = {name: Fraction(at if by_number else random.randint(0, 6), 2) for at, name in enumerate(names)}
     constraints = []
-    for one in points:
-        for other in points:
-            if _may_be_before(one, other) and random.random() < density:
-                span = places[other.name] - places[one.name]
-                if random.random() < contradictory:
-                    span += random.choice((-2, -HALF, HALF, 2))
-                bounds = ((span, None), (HALF, None), (span, span + 1), (span, span), (None, span))
-                lower, upper = random.choice(bounds if random.random() < tight else bounds[:2])
-                label = _refined(random, one.guard | other.guard, choices)
-                constraints.append(Constraint(one.name, other.name, lower, upper, label))
+    for one, other in combinations(points, 2):
+        both = one.guard | other.guard
+        if _consistent(both) and random.random() < style.certain:
+            constraints.append(Constraint(one.name, other.name, HALF, None, both))
+        if _consistent(both) and random.random() < density:
+            span = places[other.name] - places[one.name]
+            if random.random() < contradictory:
+                span += random.choice((-2, -HALF, HALF, 2))
+            bounds = ((span, None), (HALF, None), (span, span + 1), (span, span), (None, span))
+            lower, upper = random.choice(bounds if random.random() < tight else bounds[:2])
+            label = _refined(random, both, choices, style.guarded)
+            constraints.append(Constraint(one.name, other.name, lower, upper, label))
     return Tpnu("random", choices, tuple(points), tuple(constraints), ())
 
 
@@ -95,21 +121,9 @@ def random_differences(random: Random) -> Tpnu:
         one, other = random.choice(pairs)
         number = Fraction(random.randint(-4, 6), 2)
         lower, upper = random.choice(((number, None), (None, number), (number, number + 1)))
-        label = _refined(random, one.guard | other.guard, network.choices)
+        label = _refined(random, one.guard | other.guard, network.choices, 0.35)
         constraints.append(Constraint(one.name, other.name, lower, upper, label))
     return replace(network, constraints=tuple(constraints))
-
-
-def _line(random: Random, *, events: int, contradictory: float) -> Tpnu:
-    """A network whose events are mostly one after the other, if they are activated."""
-    network = random_network(random, events=events, contradictory=contradictory)
-    order = [
-        Constraint(one.name, other.name, HALF, None, one.guard | other.guard)
-        for one, other in combinations(network.events, 2)
-        if _may_be_before(one, other) and random.random() < 0.85
-    ]
-    kept = tuple(each for each in network.constraints if random.random() < 0.3)
-    return replace(network, constraints=(*order, *kept))
 
 
 def random_schedule(stn: Stn, random: Random) -> dict[str, Fraction] | None:
@@ -151,17 +165,13 @@ def _room(back: Bound | None, forth: Bound | None, random: Random) -> Iterator[F
         number += STEP
 
 
-def _may_be_before(one: Event, other: Event) -> bool:
-    return one.name < other.name and _consistent(one.guard | other.guard)
-
-
 def _consistent(guard: Guard) -> bool:
     return len({variable for variable, _ in guard}) == len(guard)
 
 
-def _refined(random: Random, label: Guard, choices: tuple[Choice, ...]) -> Guard:
-    """The guard, every third time with an assignment more, if it has none to that choice."""
+def _refined(random: Random, label: Guard, choices: tuple[Choice, ...], share: float) -> Guard:
+    """The guard, sometimes with an assignment more, if it has none to that choice."""
     choice = random.choice(choices)
-    if random.random() < 0.65 or any(choice.name == each.variable for each in label):
+    if random.random() > share or any(choice.name == each.variable for each in label):
         return label
     return label | {Assignment(choice.name, random.choice(choice.domain))}

@@ -22,7 +22,7 @@ from tests.pike_bridge.lemmas import (
     labels_are_prime_implicants,
 )
 from tests.pike_bridge.plans import contested_plans, networks, team_plans, tiny_plans
-from tests.pike_bridge.sweeps import random_differences, random_plan
+from tests.pike_bridge.sweeps import ORDERED, random_differences, random_plan
 from tests.pike_bridge.theorems import (
     consistent_executions_are_correct,
     dominated_links_are_irrelevant,
@@ -46,25 +46,23 @@ class Sweep:
 
 SWEEPS = {
     "theorem 4.1": Sweep(
-        lambda random: temporal_conflicts_are_inconsistency(random_differences(random)), 60, 4000, 0.3
+        lambda random: temporal_conflicts_are_inconsistency(random_differences(random)), 60, 2000, 0.3
     ),
     "theorem 4.2": Sweep(
-        lambda random: dominated_links_are_irrelevant(random_plan(random, ordered=True)), 120, 20000, 0.07
+        lambda random: dominated_links_are_irrelevant(random_plan(random, style=ORDERED)), 120, 6000, 0.07
     ),
-    "theorem 4.3": Sweep(lambda random: executions_correspond(random_plan(random), random), 25, 3000, 0.3),
-    "theorem 4.4": Sweep(lambda random: partial_executions_correspond(random_plan(random), random), 30, 3000, 0.6),
+    "theorem 4.3": Sweep(lambda random: executions_correspond(random_plan(random), random), 60, 2000, 0.3),
+    "theorem 4.4": Sweep(lambda random: partial_executions_correspond(random_plan(random), random), 50, 2000, 0.6),
     "theorem 4.5": Sweep(
-        lambda random: consistent_executions_are_correct(random_plan(random), random), 200, 15000, 0.06
+        lambda random: consistent_executions_are_correct(random_plan(random), random), 200, 10000, 0.06
     ),
-    "theorem 4.6": Sweep(
-        lambda random: models_are_correct_scenarios(random_plan(random, events=4), random), 40, 4000, 0.4
-    ),
-    "lemma 5.1": Sweep(consensus_gives_implicants, 500, 50000, 0.5),
-    "invariant 5.2": Sweep(labels_are_prime_implicants, 200, 10000, 0.3),
+    "theorem 4.6": Sweep(lambda random: models_are_correct_scenarios(random_plan(random), random), 80, 2500, 0.3),
+    "lemma 5.1": Sweep(consensus_gives_implicants, 500, 20000, 0.5),
+    "invariant 5.2": Sweep(labels_are_prime_implicants, 200, 5000, 0.3),
     "invariant 5.2 of plans": Sweep(
-        lambda random: implicants_of_plans(random_plan(random, events=4), random), 40, 4000, 0.2
+        lambda random: implicants_of_plans(random_plan(random, events=4), random), 40, 2000, 0.15
     ),
-    "theorem C.1": Sweep(completions_follow, 80, 8000, 0.3),
+    "theorem C.1": Sweep(completions_follow, 80, 4000, 0.3),
 }
 
 

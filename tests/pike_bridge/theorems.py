@@ -124,7 +124,7 @@ def augmented(plan: TeamPlan, random: Random) -> AugmentedPlan:
     return augment(plan, precedence, encoding)
 
 
-def executions_correspond(plan: TeamPlan, random: Random, *, most: int = 6) -> Counter[str]:
+def executions_correspond(plan: TeamPlan, random: Random, *, most: int = 4) -> Counter[str]:
     """Theorem 4.3: an execution is correct if and only if it extends to a model of KB that the same times satisfy."""
     result = augmented(plan, random)
     models, oracle = AugmentedModels(result), Oracle(plan)
@@ -145,7 +145,7 @@ def executions_correspond(plan: TeamPlan, random: Random, *, most: int = 6) -> C
     return seen
 
 
-def partial_executions_correspond(plan: TeamPlan, random: Random, *, most: int = 6) -> Counter[str]:
+def partial_executions_correspond(plan: TeamPlan, random: Random, *, most: int = 4) -> Counter[str]:
     """Theorem 4.4: a partial execution extends to a correct one of the plan if and only if to one of the other."""
     result = augmented(plan, random)
     models, oracle = AugmentedModels(result), Oracle(plan)
