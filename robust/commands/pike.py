@@ -135,7 +135,7 @@ def compile_(
             "--shortcut/--no-shortcut", help="whether a solver may find that there is no correct execution at all"
         ),
     ] = True,
-    implicants: Annotated[bool, typer.Option("--implicants", help="list the prime implicants (pitms)")] = False,
+    implicants: Annotated[bool, typer.Option("--implicants", help="list the prime implicants (pitms, bdd)")] = False,
     models: Annotated[bool, typer.Option("--models/--no-models", help="whether models are counted")] = True,
     epsilon: Epsilon = "1/1000",
     solver: SolverOption = Solver.Z3,

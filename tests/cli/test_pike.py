@@ -48,7 +48,21 @@ def test_compile():
     assert set(answer["seconds"]) == {"precedence", "links", "conflicts", "knowledge"}
     text = command("pike", "compile", KITCHEN, "--backend", "bdd", "--temporal", "apsp")
     assert text.out.startswith("Compiled: a correct execution exists.\n")
-    assert command("pike", "compile", KITCHEN, "--backend", "sat", "--implicants").code == 4
+    assert "\n  prime implicants: 3\n" in text.out
+
+
+def test_every_back_end_that_knows_implicants_reports_the_same():
+    found = [
+        answer_of(command("pike", "compile", KITCHEN, "--backend", backend, "--implicants", "--json"), "compile")
+        for backend in ("pitms", "bdd")
+    ]
+    assert [answer["prime_implicants"] for answer in found] == [3, 3]
+    assert sorted(map(str, found[0]["implicants"])) == sorted(map(str, found[1]["implicants"]))
+    for backend in ("atms", "sat"):
+        assert answer_of(command("pike", "compile", KITCHEN, "--backend", backend, "--json"), "compile")["models"] >= 3
+        refused = command("pike", "compile", KITCHEN, "--backend", backend, "--implicants")
+        assert (refused.code, refused.out) == (4, "")
+        assert "expected --backend pitms or bdd" in refused.err
 
 
 def test_unsatisfiable_and_empty_plans(tmp_path):

@@ -1,5 +1,5 @@
 (define (domain kitchen)
-  (:requirements :typing :negative-preconditions :durative-actions)
+  (:requirements :typing :negative-preconditions :durative-actions :duration-inequalities)
   (:types agent item)
   (:constants human robot - agent mug glass grounds juice bagel cereal cream-cheese milk toaster - item)
   (:predicates

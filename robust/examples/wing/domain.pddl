@@ -1,5 +1,5 @@
 (define (domain wing)
-  (:requirements :typing :negative-preconditions :durative-actions)
+  (:requirements :typing :negative-preconditions :durative-actions :duration-inequalities)
   (:types agent item)
   (:constants human baxter left right - agent pliers cleco1 cleco2 - item)
   (:predicates

@@ -26,7 +26,8 @@ def domain_text(
     name: str, predicates: Iterable[str], actions: Iterable[ActionText], *, extra: Sequence[str] = ()
 ) -> str:
     """A domain; `extra` are whole declarations, such as types and constants, to come before the predicates."""
-    lines = [f"(define (domain {name})", "  (:requirements :typing :negative-preconditions :durative-actions)"]
+    requirements = ":typing :negative-preconditions :durative-actions :duration-inequalities"
+    lines = [f"(define (domain {name})", f"  (:requirements {requirements})"]
     lines += [f"  {line}" for line in extra]
     lines += ["  (:predicates", *(f"    {predicate}" for predicate in predicates), "  )"]
     lines += [_action(action) for action in actions]

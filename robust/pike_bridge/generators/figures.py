@@ -2,6 +2,11 @@
 
 Activities are P (they make the proposition p true at their end), T (they make it false at their end) and C (they need
 it at their start). Unless the figure says otherwise, each takes between 1 and 3 time units.
+
+The captions of Figures 6, 7 and 11 give [0, ∞] to temporal constraints without label; here they are [ε, ∞], as in
+Figures 1 and 5. With 0, an event that ends a producer does not precede the start of the consumer after it, since
+precedence is strict [PIKE, Definition 4.2]: then nothing is dominated in Figure 7a, and the augmented plan of Figure 13
+has two orderings more than the three that the paper lists.
 """
 
 from __future__ import annotations

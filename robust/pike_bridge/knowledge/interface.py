@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 from robust.pike_bridge.model import Guard
 from robust.smt.limits import Deadline
@@ -72,3 +72,16 @@ class KnowledgeBase(ABC):
     @abstractmethod
     def models(self, deadline: Deadline = ...) -> Iterator[Mapping[str, str]]:
         """Every model that is left, once, in any order."""
+
+
+@runtime_checkable
+class HasImplicants(Protocol):
+    """A knowledge base that knows all prime implicants of what is left of its theory [PIKE §5.1.2]."""
+
+    def implicant_count(self, deadline: Deadline = ...) -> int:
+        """How many there are; OutOfTimeError if the deadline passes."""
+        ...
+
+    def prime_implicants(self, deadline: Deadline = ...) -> Iterator[Guard]:
+        """Every one, once; there may be very many. OutOfTimeError if the deadline passes."""
+        ...

@@ -25,15 +25,22 @@ class Registration:
     """Whether it reasons about time itself, so that temporal conflicts need not be known."""
     takes_solver: bool = False
     takes_shortcut: bool = False
+    knows_implicants: bool = False
+    """Whether it counts and lists all prime implicants: `HasImplicants`."""
 
 
 _HOME = "robust.pike_bridge.knowledge"
 _REGISTRY: dict[str, Registration] = {
     "pitms": Registration(
-        f"{_HOME}.pitms", "PiTms", "labels of prime implicants", takes_solver=True, takes_shortcut=True
+        f"{_HOME}.pitms",
+        "PiTms",
+        "labels of prime implicants",
+        takes_solver=True,
+        takes_shortcut=True,
+        knows_implicants=True,
     ),
     "atms": Registration(f"{_HOME}.atms", "Atms", "minimal labels", takes_solver=True, takes_shortcut=True),
-    "bdd": Registration(f"{_HOME}.bdd", "BddKnowledgeBase", "a binary decision diagram"),
+    "bdd": Registration(f"{_HOME}.bdd", "BddKnowledgeBase", "a binary decision diagram", knows_implicants=True),
     "sat": Registration(
         f"{_HOME}.sat",
         "SatKnowledgeBase",

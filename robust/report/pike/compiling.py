@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from robust.pike_bridge.compilation import Compiling
-    from robust.pike_bridge.knowledge.pitms import PiTms
+    from robust.pike_bridge.knowledge.interface import HasImplicants, KnowledgeBase
 
 SCHEMA = "robust/pike-compile/1"
 STAGES = ("precedence", "links", "conflicts", "knowledge")
@@ -79,13 +79,16 @@ class _Run:
 
     def compile(self) -> Compiled:
         from robust.pike_bridge.compilation import Compiling, Temporal  # noqa: PLC0415 - imports solvers
+        from robust.pike_bridge.knowledge import knowledge_bases  # noqa: PLC0415
         from robust.pike_bridge.load import load_team_plan  # noqa: PLC0415 - imports the grammar
         from robust.pike_bridge.scenarios import candidate_subplans  # noqa: PLC0415
 
         request = self.request
-        if request.implicants and request.backend != PITMS:
+        able = [name for name, registration in knowledge_bases().items() if registration.knows_implicants]
+        if request.implicants and request.backend not in able:
             raise UnsupportedError(
-                f"--implicants: back end {request.backend} has no prime implicants; expected --backend pitms"
+                f"--implicants: back end {request.backend} has no prime implicants; "
+                f"expected --backend {' or '.join(able)}"
             )
         plan = load_team_plan(request.file, epsilon=self.epsilon)
         compiled = self.compiled = Compiled(request.backend, request.temporal, request.solver)
@@ -110,19 +113,28 @@ class _Run:
         return compiled
 
     def _ask(self, compiled: Compiled, deadline: Deadline) -> None:
-        from robust.pike_bridge.knowledge.pitms import PiTms  # noqa: PLC0415 - imports solvers
-
         knowledge = self.compiling.knowledge if self.compiling is not None else None
         if knowledge is None:
             return
         compiled.satisfiable = knowledge.satisfiable(deadline)
-        if isinstance(knowledge, PiTms):
-            compiled.prime_implicants = knowledge.implicant_count()
-            if self.request.implicants:
-                compiled.implicants = _listed(knowledge, compiled.prime_implicants)
+        questions = (self._ask_models, self._ask_implicants)
+        # Labels hold the prime implicants already, so that these are known even if there is no time to count models.
+        for question in reversed(questions) if compiled.backend == PITMS else questions:
+            question(compiled, knowledge, deadline)
+
+    def _ask_models(self, compiled: Compiled, knowledge: KnowledgeBase, deadline: Deadline) -> None:
         if self.request.models:
             self.display.say("counting models")
             compiled.models = knowledge.count_models(deadline)
+
+    def _ask_implicants(self, compiled: Compiled, knowledge: KnowledgeBase, deadline: Deadline) -> None:
+        from robust.pike_bridge.knowledge.interface import HasImplicants  # noqa: PLC0415 - imports solvers
+
+        if isinstance(knowledge, HasImplicants):
+            self.display.say("counting prime implicants")
+            compiled.prime_implicants = knowledge.implicant_count(deadline)
+            if self.request.implicants:
+                compiled.implicants = _listed(knowledge, compiled.prime_implicants, deadline)
 
     def _count(self, compiled: Compiled) -> None:
         """What the stages that ended have made."""
@@ -180,10 +192,10 @@ def run_pike_compile(request: PikeCompileRequest, guard: Guard) -> int:
     return 0 if compiled.status == "complete" else 3
 
 
-def _listed(knowledge: PiTms, count: int) -> list[dict[str, str]]:
+def _listed(knowledge: HasImplicants, count: int, deadline: Deadline) -> list[dict[str, str]]:
     if count > LONGEST_LISTING:
         raise UnsupportedError(f"--implicants: there are {count}; expected at most {LONGEST_LISTING}")
-    return [dict(sorted(implicant)) for implicant in knowledge.prime_implicants()]
+    return [dict(sorted(implicant)) for implicant in knowledge.prime_implicants(deadline)]
 
 
 def compile_answer(compiled: Compiled) -> dict[str, Any]:

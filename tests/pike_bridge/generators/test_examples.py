@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
@@ -12,12 +12,16 @@ import z3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust.pike_bridge.generators.figures import figure_9
+from robust.pike_bridge.causal.augment import augment
+from robust.pike_bridge.generators.figures import figure_6a, figure_7a, figure_9, figure_13
 from robust.pike_bridge.generators.kitchen import kitchen
 from robust.pike_bridge.generators.sat_reduction import assignment, sat_plan, satisfies
 from robust.pike_bridge.instance import Instance
+from robust.pike_bridge.model import EPSILON, GOAL, INITIAL
 from robust.pike_bridge.oracle import Existence, Oracle
+from robust.pike_bridge.temporal.labeled_apsp import labeled_distances
 
+ENDS = {INITIAL, GOAL}
 literals = st.sampled_from([sign * variable for variable in (1, 2, 3) for sign in (1, -1)])
 formulas = st.lists(st.lists(literals, max_size=4), max_size=6)
 
@@ -62,6 +66,23 @@ def test_figure_9_bounds_the_time_from_producer_to_consumer(
     }
     # Times are relative: what comes before may be negative.
     assert Oracle(plan).decide(schedule=executed).verdict is expected
+
+
+@pytest.mark.parametrize(("example", "dominated", "further"), [(figure_6a, 0, 2), (figure_7a, 1, 1), (figure_13, 0, 2)])
+def test_orders_between_elements_must_be_strict(example: Callable[[], Instance], dominated: int, further: int) -> None:
+    """With [0, ∞] for [ε, ∞], fewer links are dominated and more orderings are added than the paper says."""
+    plan = example().plan()
+    # The events of the initial state and of the goal stay before and after all others.
+    loose = tuple(
+        replace(one, lower=Fraction(0)) if one.lower == EPSILON and {one.source, one.target}.isdisjoint(ENDS) else one
+        for one in plan.network.constraints
+    )
+    found = []
+    for network in (plan.network, replace(plan.network, constraints=loose)):
+        augmented = augment(replace(plan, network=network), labeled_distances(network))
+        found.append((len(augmented.links), len(augmented.network.constraints) - len(network.constraints)))
+    (strict_links, strict_orderings), (loose_links, loose_orderings) = found
+    assert (loose_links - strict_links, loose_orderings - strict_orderings) == (dominated, further)
 
 
 @settings(max_examples=60, deadline=None)
