@@ -207,10 +207,15 @@ class _Checks:
                 choice = self._choices[variable]
                 if choice.event is None or one.event is None or order.may_follow(choice.event, one.event, one.guard):
                     continue
-                remedy = f"add a constraint from {choice.event} to {one.event} with lower bound 0"
-                message = f"found choice {variable} in the guard of {one.name}, which may come before the choice"
-                message += f", expected event {choice.event} first: {remedy}"
-                raise self._fault(message, *one.path, "guard", variable)
+                if order.may_follow(one.event, choice.event, one.guard):
+                    when, remedy = "is ordered before", f"let the constraints put {choice.event} before {one.event}"
+                else:
+                    when = "may come before"
+                    remedy = f"add a constraint from {choice.event} to {one.event} with lower bound 0"
+                message = f"found choice {variable} in the guard of {one.name}, which {when} the choice"
+                raise self._fault(
+                    f"{message}, expected event {choice.event} first: {remedy}", *one.path, "guard", variable
+                )
 
     def _fault(self, message: str, *path: Key) -> InputError:
         return InputError(message, self._places.of(*path))

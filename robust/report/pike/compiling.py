@@ -194,7 +194,10 @@ def run_pike_compile(request: PikeCompileRequest, guard: Guard) -> int:
 
 def _listed(knowledge: HasImplicants, count: int, deadline: Deadline) -> list[dict[str, str]]:
     if count > LONGEST_LISTING:
-        raise UnsupportedError(f"--implicants: there are {count}; expected at most {LONGEST_LISTING}")
+        raise UnsupportedError(
+            f"--implicants: found {count:,} to list, expected at most {LONGEST_LISTING:,}; "
+            "without the option they are counted only"
+        )
     return [dict(sorted(implicant)) for implicant in knowledge.prime_implicants(deadline)]
 
 

@@ -61,7 +61,7 @@ def test_label_of_the_goal_after_a_conflict():
 
 def test_consensus_example():
     """[PIKE §5.4]: of four environments, two are replaced by their consensus."""
-    domains = {"x": ("1", "2", "3"), "y": ("1", "2", "3"), "z": ("1", "2")}
+    domains = dict.fromkeys("xyz", ("1", "2", "3"))
     label = ({"x": "1", "y": "1", "z": "1"}, {"x": "2", "y": "1", "z": "1"}, {"x": "2", "y": "3"}, {"x": "3"})
     formula = Some(tuple(All(tuple(Is(each) for each in guard(environment))) for environment in label))
     assert set(PiTms(Theory(domains, (formula,))).prime_implicants()) == environments(
