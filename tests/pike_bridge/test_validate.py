@@ -84,7 +84,7 @@ BROKEN = [
         {**with_event(Event("g", A)), **with_constraint("c", "g", Fraction(-1), None, A)},
         "add a constraint from c to g with lower bound 0",
     ),
-    (with_activity("(run)", "f", "c", ONE, None, label=A), "found choice x in the guard of activity (run), which is ord"),
+    (with_activity("(run)", "f", "c", ONE, None, label=A), "found choice x in the guard of activity (run), which is"),
     (
         {**with_event(Event("g", A)), **with_constraint("g", "c", ONE, None, A)},
         "which is ordered before the choice, expected event c first: let the constraints put c before g",
