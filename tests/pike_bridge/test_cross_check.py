@@ -28,12 +28,12 @@ def assert_agreement(seed, count, samples):
         plan = random_plan(seed, index, SMALL).plan()
         outcome = cross_check(plan, tuple(subjects(BACKENDS)), samples=samples, limit=60)
         assert outcome.agree, (seed, index, [str(one) for one in outcome.disagreements])
-        # Labels of the ATMS are not closed under consensus, and may become too many: then it has not been asked.
-        assert {one.split()[0] for one in outcome.out_of_time} <= {"atms"}
+        # Labels may become too large for the time limit; then their back end has not been asked, or not everything.
+        assert {one.split()[0] for one in outcome.out_of_time} <= {"atms", "pitms"}
         late += bool(outcome.out_of_time)
         asked += sum(outcome.questions.values())
         scenarios += outcome.scenarios
-    assert late <= count // 10
+    assert late <= count // 30
     assert asked > 100 * count
     assert scenarios > count
 
