@@ -1,1 +1,1 @@
-"""The executive of plans with choices: recognising intent and adapting to it while the plan is carried out [PIKE §3]."""
+"""The executive of plans with choices: recognise intent and adapt to it while the plan is carried out [PIKE §3]."""

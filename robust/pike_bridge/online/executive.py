@@ -1,7 +1,7 @@
 """The executive: carries a plan with choices out, one step after the other [PIKE, Algorithms 1 to 3].
 
-It is an :class:`robust.execute.drive.Executive`: told what has happened and how late it is, it decides what is done now
-and when to look again. Whatever it decides, a correct execution remains possible; when none is left, it says so at once.
+It is an :class:`robust.execute.drive.Executive`: told what has happened and how late it is, it decides what is done
+now and when to look again. Whatever it decides, a correct execution remains possible; when none is left, it says so.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import assert_never
 
-from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, TeamPlan
+from robust.pike_bridge.model import Activity, Assignment, TeamPlan
 from robust.pike_bridge.online.messages import (
     Chosen,
     Completion,

@@ -1,8 +1,9 @@
 """Execution monitoring by causal links: what is seen against what is needed later [PIKE §3, CheckActivatedCausalLinks].
 
-A link from an effect to a condition is active from when the effect happens until the condition has been met for good.
-It is violated if the state is seen to be otherwise, while the latest effect on the atom says that it should be so. Then
-all effects so far that had made it so have lost their worth; what is due to other effects, planned for, is no violation.
+A link from an effect to a condition is active from when the effect happens until the condition has been met for
+good. It is violated if the state is seen to be otherwise, while the latest effect on the atom says that it should be
+so. Then all effects so far that had made it so have lost their worth. What planned effects
+bring about is no violation.
 """
 
 from __future__ import annotations

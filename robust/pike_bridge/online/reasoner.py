@@ -82,7 +82,7 @@ class WitnessedReasoner(Reasoner):
         if self._witness and self._witness.schedule.get(event) != self.progress.now:
             self._witness = None
 
-    def voided(self, effect: Effect, condition: Condition) -> None:  # noqa: ARG002 - part of the interface
+    def voided(self, effect: Effect, condition: Condition) -> None:
         self._witness = None
 
     def advanced(self) -> None:

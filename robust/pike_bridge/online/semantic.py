@@ -98,6 +98,33 @@ class SemanticReasoner(WitnessedReasoner):
         last = self._latest(deadline)
         return None if last is None else last + self._epsilon
 
+    def allows(self, moment: Fraction, environment: Guard, event: str | None, deadline: Deadline) -> bool:
+        """Whether some continuation in the environment has nothing before a moment, and then the event, if given."""
+        with self._session.frame(*self._from(moment, environment)):
+            if event is None:
+                return self._check(deadline)
+            with self._session.frame(self._semantics.at(event, moment)):
+                return self._check(deadline)
+
+    def times_of(self, event: str, moment: Fraction, deadline: Deadline) -> tuple[Fraction, Fraction | None] | None:
+        """The least and the greatest time (None: any later one) that a pending event has in continuations which have
+        nothing before a moment; None if there is none that has the event."""
+        guard = self.progress.structure.guards[event]
+        same = self._terms.equal(self._semantics.time_of(event) - self._first)
+        with self._session.frame(same, *self._from(moment, guard)):
+            least = self._best(moment, deadline, sign=1)
+            if least is None:
+                return None
+            horizon = self._horizon()
+            greatest = self._best(horizon, deadline, sign=-1)
+        return least, None if greatest == horizon else greatest
+
+    def _from(self, moment: Fraction, environment: Guard) -> Iterator[Formula]:
+        self._tell_time()
+        yield self._semantics.guard(environment)
+        for event in self.progress.frontier:
+            yield self._not_earlier(event, Polynomial.constant(moment))
+
     def _find_continuation(self, environment: Guard, deadline: Deadline) -> bool:
         self._tell_time()
         return self._ask([self._semantics.guard(environment)], deadline)
@@ -209,7 +236,7 @@ class SemanticReasoner(WitnessedReasoner):
         return self.progress.now + sum(bounds, self._epsilon * (len(self.progress.times) + 2))
 
     def _best(self, bound: Fraction, deadline: Deadline, sign: int) -> Fraction | None:
-        """The least value (sign 1) or the greatest (sign −1) of the first time, of those that are not beyond a bound.
+        """The least value (sign 1) or the greatest (sign −1) of the first time, none being beyond the bound in the end.
 
         None if there is no value at all.
         """
@@ -218,7 +245,7 @@ class SemanticReasoner(WitnessedReasoner):
                 return bound
         if not self._check(deadline):
             return None
-        best = self._value()
+        best = self._on_grid(self._value(), sign)
         improvements = 0
         while sign * (best - bound) > self._epsilon:
             improvements += 1
@@ -227,7 +254,7 @@ class SemanticReasoner(WitnessedReasoner):
                 aim = self._on_grid((best + bound) / 2, sign)
             with self._session.frame(self._terms.at_least((self._first - aim).scaled(-sign))):
                 if self._check(deadline):
-                    best = self._value()
+                    best = self._on_grid(self._value(), sign)
                 elif improvements > _BISECTION:
                     bound = aim
                 else:
@@ -239,6 +266,6 @@ class SemanticReasoner(WitnessedReasoner):
         return Fraction(values[_FIRST])
 
     def _on_grid(self, time: Fraction, sign: int) -> Fraction:
-        """The nearest time on the grid on the side of the bound."""
+        """The nearest time on the grid towards the bound, which is possible if the time is: bounds are on the grid."""
         steps = time / self._epsilon
         return (steps.__floor__() if sign > 0 else steps.__ceil__()) * self._epsilon

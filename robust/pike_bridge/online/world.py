@@ -9,13 +9,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from functools import partial
 from heapq import heappop, heappush
 from math import ceil, floor
 from random import Random
 
-from robust.pike_bridge.model import Literal, TeamPlan
+from robust.pike_bridge.model import Assignment, Literal, TeamPlan
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.messages import Completion, Decision, Dispatched, Estimate, Message, Outcome
+from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.smt.limits import Deadline
+
+NEVER = Deadline()
 
 
 class Human(Enum):
@@ -26,8 +31,13 @@ class Human(Enum):
 
 
 class Pace(Enum):
-    """How long activities take, between their bounds."""
+    """How long activities take, between their bounds.
 
+    Agents that cooperate end their activities while that leaves a correct execution, if there is such a time; PIKE
+    counts on them [PIKE, Definition 2.8].
+    """
+
+    COOPERATIVE = "cooperative"
     LEAST = "least"
     RANDOM = "random"
 
@@ -52,7 +62,7 @@ class Story:
     """
 
     human: Human = Human.RATIONAL
-    pace: Pace = Pace.RANDOM
+    pace: Pace = Pace.COOPERATIVE
     outcomes: Mapping[str, tuple[str, Fraction | None]] | None = None
     disturbances: tuple[Disturbance, ...] = ()
     slack: Fraction = Fraction(5)
@@ -62,24 +72,33 @@ class Story:
 class SimulatedTeam:
     """The world of one execution, a :class:`robust.execute.drive.World`.
 
-    An uncontrollable choice is made once all events before its own have been executed. Rational humans choose among the
-    values that the executive's reasoner still allows; that is asked only when a choice is made.
+    An uncontrollable choice is made once all events before its own have been executed. Rational humans and cooperative
+    agents are advised by `judge`, a reasoner that the executive tells what happens; it is asked only when they act.
     """
 
-    def __init__(self, plan: TeamPlan, executive: PlanExecutive, story: Story = Story(), *, seed: int = 0) -> None:
+    def __init__(
+        self,
+        plan: TeamPlan,
+        executive: PlanExecutive,
+        judge: SemanticReasoner,
+        story: Story = Story(),
+        *,
+        seed: int = 0,
+    ) -> None:
         self._plan = plan
         self._executive = executive
+        self._judge = judge
         self._story = story
         self._random = Random(seed)  # noqa: S311 - reproducible
-        self._agenda: list[tuple[Fraction, int, Callable[[], Message | None]]] = []
+        self._agenda: list[tuple[Fraction, int, Callable[[Fraction], Message | None]]] = []
         self._due: set[str] = set()
         self._number = 0
         for disturbance in story.disturbances:
-            self._plan_for(disturbance.time, lambda literal=disturbance.literal: _seen(literal))
+            self._plan_for(disturbance.time, partial(_seen, disturbance.literal))
         for name, (value, time) in (story.outcomes or {}).items():
             if time is not None:
                 self._due.add(name)
-                self._plan_for(time, lambda name=name, value=value: Outcome(name, value))
+                self._plan_for(time, partial(_announced, name, value))
 
     def receive(self, now: Fraction, decisions: Sequence[Decision]) -> None:
         """Begin what was dispatched, and make choices whose time has come."""
@@ -94,7 +113,7 @@ class SimulatedTeam:
                 earlier in progress.pending for earlier in progress.structure.not_before[choice.event]
             ):
                 self._due.add(choice.name)
-                self._plan_for(now + self._drawn(self._story.delay), lambda name=choice.name: self._choose(name))
+                self._plan_for(now + self._drawn(self._story.delay), partial(self._choose, choice.name))
 
     @property
     def next_time(self) -> Fraction | None:
@@ -103,35 +122,62 @@ class SimulatedTeam:
     def messages(self, now: Fraction) -> Sequence[Message]:
         found: list[Message] = []
         while self._agenda and self._agenda[0][0] <= now:
-            message = heappop(self._agenda)[2]()
+            message = heappop(self._agenda)[2](now)
             if message is not None:
                 found.append(message)
         return found
 
     def _begin(self, now: Fraction, activity: Dispatched) -> None:
-        longest = activity.lower + self._story.slack if activity.upper is None else activity.upper
-        extra = Fraction(0) if self._story.pace is Pace.LEAST else self._drawn(longest - activity.lower)
-        self._plan_for(now + activity.lower + extra, lambda: Completion(activity.action, activity.end))
+        completion = Completion(activity.action, activity.end)
+        first = now + activity.lower
+        last = first + self._story.slack if activity.upper is None else now + activity.upper
+        match self._story.pace:
+            case Pace.LEAST:
+                self._plan_for(first, lambda _: completion)
+            case Pace.RANDOM:
+                self._plan_for(first + self._drawn(last - first), lambda _: completion)
+            case Pace.COOPERATIVE:
+                found = self._judge.times_of(activity.end, now, NEVER)
+                if found is not None:
+                    first, last = found[0], min(last, found[1] or last)
+                time = first + self._drawn(max(last - first, Fraction(0)))
+                self._plan_for(time, partial(self._complete, completion, activity.end))
 
-    def _choose(self, choice: str) -> Message | None:
+    def _complete(self, completion: Completion, end: str, now: Fraction) -> Message | None:
+        """End an activity, unless that is better done later."""
+        if not self._judge.allows(now, frozenset(), end, NEVER):
+            found = self._judge.times_of(end, now, NEVER)
+            if found is not None:
+                self._plan_for(found[0], partial(self._complete, completion, end))
+                return None
+        return completion
+
+    def _choose(self, choice: str, now: Fraction) -> Message:
         wanted = (self._story.outcomes or {}).get(choice)
         if wanted is not None:
             return Outcome(choice, wanted[0])
         values: Sequence[str] = self._plan.network.domains[choice]
         if self._story.human is Human.RATIONAL:
-            values = self._executive.possible_values(choice)
-        return Outcome(choice, self._random.choice(values)) if values else None
+            correct = [
+                each for each in values if self._judge.allows(now, frozenset({Assignment(choice, each)}), None, NEVER)
+            ]
+            values = correct or values
+        return Outcome(choice, self._random.choice(values))
 
     def _drawn(self, greatest: Fraction) -> Fraction:
         """A random time on the grid, from 0 to the greatest."""
         return self._random.randint(0, floor(greatest / self._plan.epsilon)) * self._plan.epsilon
 
-    def _plan_for(self, time: Fraction, message: Callable[[], Message | None]) -> None:
+    def _plan_for(self, time: Fraction, message: Callable[[Fraction], Message | None]) -> None:
         self._number += 1
         on_grid = ceil(time / self._plan.epsilon) * self._plan.epsilon
         heappush(self._agenda, (on_grid, self._number, message))
 
 
-def _seen(literal: Literal) -> Estimate:
+def _announced(choice: str, value: str, _now: Fraction) -> Outcome:
+    return Outcome(choice, value)
+
+
+def _seen(literal: Literal, _now: Fraction) -> Estimate:
     atoms = frozenset({literal.atom})
     return Estimate(true=atoms) if literal.positive else Estimate(false=atoms)
