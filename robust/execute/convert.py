@@ -41,7 +41,8 @@ class Conversion:
     `stn` is the plan to write, and `plan` what reading it gives. `beside` are the parameters that the plan file cannot
     hold by itself: initial values of fluents, and durations that the domain fixes. `schedule` is that of the
     time-triggered plan, `check` the verdict about all schedules at nominal values; PROVED in mode CAUSAL. `tightened`
-    says which bounds were needed beyond what keeps atoms true, and `redundant` how many edges the others implied.
+    says which bounds were needed beyond what keeps atoms true, and `redundant` how many edges the others implied, or
+    the proof did not need.
     """
 
     mode: Mode
@@ -121,15 +122,20 @@ class _Network:
 
 
 def _causal(original: Original, chosen: Parametrization, tightener: Tightener) -> _Network:
-    """The least constrained network: causal edges, then bounds, without what the others imply for all durations."""
+    """The least constrained network: causal edges, then bounds, without what the others imply for all parameters.
+
+    What the proof does not need goes as well, unless there are parameters: other values of them might need it.
+    """
     causal = causal_network(original, chosen.pinned_durations)
     fixed = (*causal.durations, *chosen.pinned_starts(original.times))
     needed = irredundant(causal.points, causal.certain, causal.edges)
     tightened = tightener.tighten((*fixed, *needed))
     bounds = [one.edge for one in tightened]
     edges = irredundant(causal.points, causal.certain, (*needed, *bounds))
+    if not (chosen.parameters or chosen.beside):
+        edges = tightener.without_removable(fixed, edges, {*causal.links, *bounds})
     redundant = len({*causal.edges, *bounds}) - len(edges)
-    return _Network((*fixed, *edges), tightened, redundant)
+    return _Network((*fixed, *edges), tuple(one for one in tightened if one.edge in edges), redundant)
 
 
 def _written(original: Original, chosen: Parametrization, network: _Network) -> STNPlan:

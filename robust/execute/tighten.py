@@ -13,7 +13,7 @@ one by one, and the others are loosened together: each bound becomes a parameter
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
@@ -76,6 +76,23 @@ class Tightener:
         found = less._without_needless(edges, found)
         self.say("loosening bounds")
         return tuple(less._loosened(edges, found))
+
+    def without_removable(
+        self, fixed: Sequence[Edge], edges: Sequence[Edge], candidates: Collection[Edge]
+    ) -> list[Edge]:
+        """The edges without those candidates, latest first, that the proof does not need; all if time is short.
+
+        Together with the `fixed` edges they are valid.
+        """
+        less = replace(self, deadline=self._half())
+        kept = list(edges)
+        for one in reversed(edges):
+            if one in candidates:
+                self.say("dropping edges")
+                rest = [other for other in kept if other != one]
+                if less.check((*fixed, *rest)).answer is Answer.PROVED:
+                    kept = rest
+        return kept
 
     def _half(self) -> Deadline:
         """Half of the time that is left: what is loosened has to be proved once more afterwards."""
