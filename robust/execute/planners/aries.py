@@ -29,6 +29,9 @@ from robust.smt.limits import Deadline
 _SEPARATION = Fraction(1, 10)
 """The least time between two dependent time points of Aries, in its units."""
 
+HORIZON = 10**5
+"""Time units; no plan is longer. Aries itself would stop at 10,000 ticks, and counts their tenths in 32 bits."""
+
 
 @dataclass(frozen=True, slots=True)
 class AriesPlanner:
@@ -52,7 +55,8 @@ class AriesPlanner:
             folder = Path(name)
             (folder / "problem.bin").write_bytes(message)
             command = (self.executable, "--log-level", "error", "solve", "problem.bin")
-            ended = run(command, folder, deadline, memory_mb=self.memory_mb)
+            variables = {"ARIES_PLANNING_HORIZON": str(HORIZON * self.ticks)}
+            ended = run(command, folder, deadline, memory_mb=self.memory_mb, variables=variables)
         answer = judged(self.name, ended, self._plan(ended.stdout, domain, problem), _verdict)
         return replace(answer, seconds=time.monotonic() - start)
 
@@ -74,10 +78,10 @@ def aries_planner(*, epsilon: Fraction = EPSILON) -> AriesPlanner:
 
     Raises:
         UnsupportedError: if the package is not installed, or not for this machine.
-        InputError: if `epsilon` is more than a tenth.
+        InputError: if `epsilon` is not between 1/20,000 and 1/10: a tick has to fit into 32 bits.
     """
-    if not 0 < epsilon <= _SEPARATION:
-        raise InputError(f"found ε = {format_number(epsilon)}, expected more than 0 and at most 1/10 for aries")
+    if not Fraction(1, 20_000) <= epsilon <= _SEPARATION:
+        raise InputError(f"found ε = {format_number(epsilon)}, expected 1/20000 to 1/10 for aries")
     try:
         solver = importlib.import_module("up_aries.solver")
         executable: str = solver._find_executable()
@@ -99,7 +103,7 @@ def _serialized(domain: Domain, problem: Problem, ticks: int) -> bytes:
     from robust.execute.planners.aries_problem import unified_problem  # noqa: PLC0415 - needs unified-planning
 
     writer = importlib.import_module("unified_planning.grpc.proto_writer").ProtobufWriter()
-    message: _Message = writer.convert(unified_problem(domain, problem, ticks))
+    message: _Message = writer.convert(unified_problem(domain, problem, ticks, HORIZON))
     return message.SerializeToString()
 
 

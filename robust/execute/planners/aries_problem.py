@@ -30,14 +30,11 @@ from robust.plan.pddl.syntax import (
     WhenEffect,
 )
 
-_LONGEST = 10**5
-"""Time units; the upper bound of a duration that has none. Times in ticks have to fit into 32 bits."""
-
 Change = tuple[Timing, up.FNode, Any, Update]
 
 
-def unified_problem(domain: Domain, problem: Problem, ticks: int) -> up.Problem:
-    """The problem with `ticks` to a time unit.
+def unified_problem(domain: Domain, problem: Problem, ticks: int, horizon: int) -> up.Problem:
+    """The problem with `ticks` to a time unit; a duration without upper bound is at most `horizon` time units.
 
     Timed literals between two ticks are moved so that what holds for a shorter time does not come to hold for longer.
 
@@ -51,7 +48,9 @@ def unified_problem(domain: Domain, problem: Problem, ticks: int) -> up.Problem:
     for fluent in (*words.predicates.values(), *words.functions.values(), *words.ticked.values()):
         unified.add_fluent(fluent)
     for schema in domain.actions.values():
-        unified.add_action(_durative(schema, words) if schema.durative else _instantaneous(schema, words))
+        unified.add_action(
+            _durative(schema, words, horizon * ticks) if schema.durative else _instantaneous(schema, words)
+        )
     _set_initial_state(unified, problem, words)
     for literal in problem.timed_literals:
         _add_timed_literal(unified, literal, problem, words)
@@ -103,10 +102,10 @@ def _instantaneous(schema: ActionSchema, words: Vocabulary) -> up.InstantaneousA
     return action
 
 
-def _durative(schema: ActionSchema, words: Vocabulary) -> up.DurativeAction:
+def _durative(schema: ActionSchema, words: Vocabulary, longest: int) -> up.DurativeAction:
     action = up.DurativeAction(f"a_{schema.name}", _parameters(schema, words), words.environment)
     bindings = _bindings(schema, action, words)
-    action.set_duration_constraint(_duration(schema, bindings, words))
+    action.set_duration_constraint(_duration(schema, bindings, words, longest))
     for one in schema.conditions:
         action.add_condition(_interval(one.timing), words.condition(one.condition, bindings))
     for timing, target, value, update in _changes(schema.effects, bindings, words):
@@ -123,7 +122,7 @@ def _bindings(schema: ActionSchema, action: up.Action, words: Vocabulary) -> Bin
     return {one.name: make(action.parameter(f"v_{one.name}")) for one in schema.parameters}
 
 
-def _duration(schema: ActionSchema, bindings: Bindings, words: Vocabulary) -> up.DurationInterval:
+def _duration(schema: ActionSchema, bindings: Bindings, words: Vocabulary, longest: int) -> up.DurationInterval:
     """The bounds as a closed interval; strict ones are left to the check of the plan."""
     lower, upper = [], []
     for one in schema.durations:
@@ -137,9 +136,7 @@ def _duration(schema: ActionSchema, bindings: Bindings, words: Vocabulary) -> up
     if len(lower) > 1 or len(upper) > 1:
         raise unsupported(f"more than one bound on one side of the duration of {schema.name!r}", schema.location)
     make = words.environment.expression_manager.Int
-    return ups.ClosedDurationInterval(
-        lower[0] if lower else make(0), upper[0] if upper else make(_LONGEST * words.ticks)
-    )
+    return ups.ClosedDurationInterval(lower[0] if lower else make(0), upper[0] if upper else make(longest))
 
 
 def _changes(effects: tuple[LiftedEffect, ...], bindings: Bindings, words: Vocabulary) -> Iterator[Change]:

@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,8 +42,17 @@ class Ended:
         return "no message"
 
 
-def run(command: Sequence[str], folder: Path, deadline: Deadline, *, memory_mb: int = MEMORY_MB) -> Ended:
+def run(
+    command: Sequence[str],
+    folder: Path,
+    deadline: Deadline,
+    *,
+    memory_mb: int = MEMORY_MB,
+    variables: Mapping[str, str] | None = None,
+) -> Ended:
     """Run a command in a folder until it ends or the deadline passes; nothing of its process group is left.
+
+    `variables` are added to the environment.
 
     Output goes to files in `folder`, so that a child that keeps its standard output open is not waited for.
 
@@ -64,6 +73,7 @@ def run(command: Sequence[str], folder: Path, deadline: Deadline, *, memory_mb: 
             stdout=stdout,
             stderr=stderr,
             cwd=folder,
+            env={**os.environ, **(variables or {})},
             pass_fds=(report_out.fileno(), lifeline_in.fileno()),
             start_new_session=True,
         )
