@@ -8,13 +8,12 @@ of L. Hunsberger (2013), *A faster execution algorithm for dynamically controlla
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
 from robust.errors import InputError, RefutedError
 from robust.execute.controllability.dynamic import Case, DynamicAnswer, dynamic
-from robust.execute.controllability.stnu import ContingentLink, Stnu
+from robust.execute.controllability.stnu import ContingentLink, Stnu, bounds_text
 from robust.execute.controllability.walks import explain
 from robust.plan.model import ZERO, TimePoint
 
@@ -58,8 +57,8 @@ class DynamicDispatch:
         }
         self._times: dict[int, Fraction] = {}
         self._ended: set[int] = set()
-        self._earliest: dict[int, Fraction | None] | None = None
-        self.execute(ZERO, Fraction(0))
+        self._known: tuple[Fraction, dict[int, Fraction | None]] | None = None
+        self._happened(ZERO, Fraction(0))
 
     @property
     def times(self) -> dict[TimePoint, Fraction]:
@@ -81,15 +80,14 @@ class DynamicDispatch:
         )
 
     def earliest(self, point: TimePoint, now: Fraction = Fraction(0)) -> Fraction | None:
-        """When the time point may be executed if nothing is observed before, not before `now`.
+        """When the time point may be executed if nothing is observed before; what has not happened follows `now`.
 
         None if it has to wait for an observation, however long that takes. For the end of a contingent link it is when
         it will have happened at the latest.
         """
-        if self._earliest is None:
-            self._earliest = self._longest()
-        found = self._earliest[self._node[point]]
-        return None if found is None else max(found, now)
+        if self._known is None or self._known[0] != now:
+            self._known = (now, self._longest(now))
+        return self._known[1][self._node[point]]
 
     def latest(self, point: TimePoint) -> Fraction | None:
         """How long the time point can be put off, as far as is known by now; None is for ever."""
@@ -127,13 +125,12 @@ class DynamicDispatch:
         if point in self._ending and not self._ending[point][1].is_fixed:
             raise InputError(f"found {point} executed at {time}; expected it to be observed, for its time is nature's")
         self._require_new(point, time)
-        if self._times:
-            earliest, latest = self.earliest(point), self.latest(point)
-            if earliest is None or time < earliest or (latest is not None and time > latest):
-                raise InputError(
-                    f"found {point} executed at {time}; expected a time in "
-                    f"[{'inf' if earliest is None else earliest}, {'inf' if latest is None else latest}]"
-                )
+        earliest, latest = self.earliest(point, time), self.latest(point)
+        if earliest is None:
+            raise InputError(f"found {point} executed at {time}; expected an observation first")
+        if time < earliest or (latest is not None and time > latest):
+            window = bounds_text(earliest, latest)
+            raise InputError(f"found {point} executed at {time}; expected a time in {window}")
         self._happened(point, time)
 
     def observe(self, point: TimePoint, time: Fraction) -> None:
@@ -167,14 +164,14 @@ class DynamicDispatch:
             link = self.stnu.links[index]
             if link.source == point:
                 self._times[node] = time + (link.lower or 0)
-        self._earliest = None
+        self._known = None
 
     def _live(self) -> list[Bound]:
         return [bound for bound in self._bounds if bound.label not in self._ended]
 
-    def _longest(self) -> dict[int, Fraction | None]:
+    def _longest(self, now: Fraction) -> dict[int, Fraction | None]:
         """The earliest time of every node: the longest paths to what has happened; None is infinite."""
-        times: dict[int, Fraction | None] = dict.fromkeys(range(len(self._node) + len(self._begin)), Fraction(0))
+        times: dict[int, Fraction | None] = dict.fromkeys(range(len(self._node) + len(self._begin)), now)
         times.update(self._times)
         live = [bound for bound in self._live() if bound.source not in self._times]
         changed = True
@@ -203,49 +200,3 @@ def _bounds(answer: DynamicAnswer) -> tuple[Bound, ...]:
         length = answer.form.length(weight)
         found.append(Bound(source, target, None if length is None else -length, label))
     return tuple(found)
-
-
-@dataclass(frozen=True, slots=True)
-class Wait:
-    """The time point waits until `delay` after `activation`, or until `end` has happened, whichever comes first.
-
-    A delay of None waits for the end however long it takes.
-    """
-
-    point: TimePoint
-    activation: TimePoint
-    delay: Fraction | None
-    end: TimePoint
-
-
-def waits(answer: DynamicAnswer) -> Mapping[TimePoint, tuple[Wait, ...]]:
-    """The conditional waits with which a dispatcher satisfies a controllable network, by the time point that waits.
-
-    Left out are waits that other edges imply: those for links that have ended anyway, or for what another time point
-    that comes first waits for already.
-    """
-    stnu, form = answer.form.stnu, answer.form
-    link_of = {node: stnu.links[index] for index, node in form.start.items()}
-    every = [edge for edge in (*form.edges, *answer.derived) if edge.case is not Case.LOWER]
-    labelled = {(e.source, e.target): e for e in sorted(every, key=lambda e: -e.weight) if e.case is Case.UPPER}
-    distance = _distances(form.size, [e for e in every if e.case is Case.ORDINARY])
-    found: dict[TimePoint, list[Wait]] = {}
-    executable = set(stnu.executable)
-    for (source, target), edge in sorted(labelled.items()):
-        if source >= len(stnu.points) or stnu.points[source] not in executable:
-            continue
-        row = distance[source]
-        others = (
-            row[other] + beyond.weight
-            for (other, start), beyond in labelled.items()
-            if start == target and other != source and row.get(other) is not None
-        )
-        implied = row.get(target)
-        if (implied is not None and implied <= edge.weight) or any(length <= edge.weight for length in others):
-            del labelled[source, target]
-            continue
-    return {point: tuple(found[point]) for point in found}
-
-
-def _distances(size: int, edges: list[object]) -> list[dict[int, int]]:
-    return []
