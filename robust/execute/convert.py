@@ -131,10 +131,12 @@ def _causal(original: Original, chosen: Parametrization, tightener: Tightener) -
     needed = irredundant(causal.points, causal.certain, causal.edges)
     tightened = tightener.tighten((*fixed, *needed))
     bounds = [one.edge for one in tightened]
-    edges = irredundant(causal.points, causal.certain, (*needed, *bounds))
+    every = list(dict.fromkeys((*causal.edges, *bounds)))
+    kept = every
     if not (chosen.parameters or chosen.beside):
-        edges = tightener.without_removable(fixed, edges, {*causal.links, *bounds})
-    redundant = len({*causal.edges, *bounds}) - len(edges)
+        kept = tightener.without_removable(fixed, every, {*causal.links, *bounds})
+    edges = irredundant(causal.points, causal.certain, kept)
+    redundant = len(every) - len(edges)
     return _Network((*fixed, *edges), tuple(one for one in tightened if one.edge in edges), redundant)
 
 
