@@ -167,9 +167,8 @@ def dynamic_by_game(stnu, horizon):
                     return False
                 if link.upper is not None and target - source > link.upper:
                     return False
-            elif source is not None and link.upper is not None and now > source + link.upper:
-                return False
-            elif target is not None and link.lower is not None and now > target - link.lower:
+            late = source is not None and target is None and link.upper is not None and now > source + link.upper
+            if late or (target is not None and source is None and link.lower is not None and now > target - link.lower):
                 return False
         return True
 

@@ -51,9 +51,7 @@ class DynamicDispatch:
         self._begin = answer.form.start
         self._bounds = _bounds(answer)
         self._ending = {
-            link.target: (index, link)
-            for index, link in enumerate(self.stnu.links)
-            if isinstance(link, ContingentLink)
+            link.target: (index, link) for index, link in enumerate(self.stnu.links) if isinstance(link, ContingentLink)
         }
         self._times: dict[int, Fraction] = {}
         self._ended: set[int] = set()
@@ -137,8 +135,8 @@ class DynamicDispatch:
         """Say that a contingent link has ended.
 
         Raises:
-            InputError: if the time point is not the end of one, or has happened already, or the link has not started, or
-                its length is not one that the network allows.
+            InputError: if the time point is not the end of one, or has happened already, or the link has not started,
+                or its length is not one that the network allows.
         """
         if point not in self._ending:
             raise InputError(f"found {point} observed at {time}; expected the end of a contingent link")

@@ -242,7 +242,7 @@ def _closed_walk(stack: list[Search], node: int) -> list[Step]:
 
 
 def _path(search: Search, node: int) -> list[Edge]:
-    path = []
+    path: list[Edge] = []
     while not path or node != search.source:
         edge = search.next[node]
         path.append(edge)

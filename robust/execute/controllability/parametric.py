@@ -29,6 +29,8 @@ Ends = Mapping[Face, Fraction | None]
 """Where the faces of a box stand; None is infinitely far out. Whether an end belongs to the box makes no difference to
 controllability: constraints of networks include their bounds."""
 
+NOTHING = (Fraction(0), Fraction(0))
+"""Zero, as :func:`value` has it."""
 _NOTHING: Length = Polynomial({})
 
 
@@ -126,8 +128,8 @@ class ParametricStnu:
         """The network of a box.
 
         Raises:
-            InputError: if a contingent link may end before it starts (see :meth:`early`), or a requirement cannot be met
-                because a face is infinitely far out (see :meth:`endless`).
+            InputError: if a contingent link may end before it starts (see :meth:`early`), or a requirement cannot be
+                met because a face is infinitely far out (see :meth:`endless`).
         """
         endless = self.endless(ends)
         if endless:
@@ -143,7 +145,7 @@ class ParametricStnu:
         for index, link in enumerate(self.links):
             if link.is_contingent and link.lower is not None:
                 low, high = value(least(link.lower), ends), value(greatest(link.lower), ends)
-                if low < (0, 0) and low != high:
+                if low < NOTHING and low != high:
                     yield index, least(link.lower)
 
     def endless(self, ends: Ends) -> frozenset[Face]:
@@ -242,7 +244,7 @@ def _oriented(link: ParametricLink, duration: set[tuple[TimePoint, TimePoint]], 
     length = link.lower or _NOTHING
     turned = (link.target, link.source) in duration
     if (link.source, link.target) not in duration and not turned:
-        turned = value(greatest(length), ends_of(box)) <= (0, 0)
+        turned = value(greatest(length), ends_of(box)) <= NOTHING
     if turned:
         return ParametricLink(link.target, link.source, -length, -length, True, link.origin)
     return ParametricLink(link.source, link.target, length, length, True, link.origin)

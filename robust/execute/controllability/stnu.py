@@ -122,10 +122,10 @@ class Stnu:
             if isinstance(link, ContingentLink):
                 _check_contingent(link, before)
                 before[link.target] = link.source
-        for point in before:
-            seen = {point}
+        for end in before:
+            seen, point = {end}, end
             while point in before:
-                point = before[point]  # noqa: PLW2901 - the walk backwards
+                point = before[point]
                 if point in seen:
                     raise InputError(f"contingent links go round in a circle at {point}")
                 seen.add(point)

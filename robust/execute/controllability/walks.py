@@ -94,7 +94,7 @@ def _breaks(walk: Sequence[Step], at: int, length: int) -> bool:
 
 
 def _without_circle(walk: Sequence[Step], at: int) -> list[Step]:
-    """The walk without the part from a lower-case edge to the upper-case edge of the same link: from there it is back."""
+    """The walk without its part from a lower-case edge to the upper-case edge of the same link, a circle."""
     turned = [*walk[at:], *walk[:at]]
     back = turned.index(Step(turned[0].link, Way.LONGEST))
     return turned[back + 1 :]
