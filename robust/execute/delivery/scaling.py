@@ -1,4 +1,4 @@
-"""Instances with any number of uncertain preparation steps, with plans that need no planner [IRR §5, Figure 4]."""
+"""Instances with any number of uncertain durations, with plans that need no planner [IRR §5, Figure 4]."""
 
 from __future__ import annotations
 
@@ -38,6 +38,8 @@ from robust.plan.timed import TimedPlan, TimedStep, write_timed_plan
 
 MOST_PARAMETERS = 1000
 _MOST_ROBOTS = 3
+_MOVES = 4
+"""To the shelf, the base station, the ring station and the gate."""
 _PAUSE = Fraction(1, 100)
 """Seconds between an action and the next one that depends on it: more than ε, so that no time points coincide."""
 
@@ -52,10 +54,10 @@ class ScalingInstance(NamedTuple):
 
 
 def scaling_instance(parameters: int, seed: int) -> ScalingInstance:
-    """An instance with so many preparation steps, whose durations are the parameters.
+    """An instance with so many uncertain durations: of preparation steps, and beyond six of them also of all moves.
 
-    Each order has up to six of them and one to three rings. Up to three robots share the ring station and take orders
-    in turn. The windows close 10 to 60 percent of a plan after the plan fulfils the order.
+    Each order has up to six preparation steps, four moves and one to three rings. Up to three robots share the ring
+    station and take orders in turn. The windows close 10 to 60 percent of a plan after the plan fulfils the order.
 
     Raises:
         InputError: if `parameters` is not from 1 to 1000.
@@ -75,19 +77,24 @@ def scaling_instance(parameters: int, seed: int) -> ScalingInstance:
         for order, deadline in zip(orders, deadlines, strict=True)
     )
     options = DeliveryOptions(options.variant, timed, robots=robots, spindles=1, every_order=True)
-    used = list(PREPARATIONS)[: max(order.steps for order in orders)]
+    uncertain = [preparation_action(step) for step in list(PREPARATIONS)[: max(order.steps for order in orders)]]
+    if parameters > len(PREPARATIONS):
+        uncertain.append("move")
     return ScalingInstance(
         delivery_domain(options.variant),
         delivery_problem(options, place_seed),
         write_timed_plan(TimedPlan(tuple(sorted(schedule.steps, key=lambda step: step.time)))),
-        tuple(f"duration:{preparation_action(step)}" for step in used),
+        tuple(f"duration:{action}" for action in uncertain),
     )
 
 
 def _shares(parameters: int) -> Iterator[int]:
-    """The preparation steps of each order: as few orders as possible, as even as possible."""
-    orders = -(-parameters // len(PREPARATIONS))
-    return (parameters // orders + (i < parameters % orders) for i in range(orders))
+    """The preparation steps of each order: as few orders as possible, steps as even as possible."""
+    steps, orders = parameters, 1
+    if parameters > len(PREPARATIONS):
+        orders = -(-parameters // (len(PREPARATIONS) + _MOVES))
+        steps = parameters - _MOVES * orders
+    return (steps // orders + (i < steps % orders) for i in range(orders))
 
 
 @dataclass

@@ -1,9 +1,9 @@
 """The hundred problems of the papers' execution experiments [IRR §5, Tables 1 and 2].
 
-One robot, two orders, and the goal to fulfil one of them. The nearer order wants one ring, the other one three. Without
+One robot, two orders, and the goal to fulfil one of them. The nearer order wants one ring, the other three. Without
 delay the first is fulfilled after 414 seconds; if it is given up at the end of its preparation, the second is fulfilled
-after 729. The windows close at 416 and 731 seconds, each later by a quantile of a half-normal distribution: a delay that
-a preparation step does not exceed with the probability of the level.
+after 729. The windows close at 416 and 731 seconds, each later by a quantile of a half-normal distribution: a delay
+that a preparation step does not exceed with the probability of the level.
 """
 
 from __future__ import annotations
