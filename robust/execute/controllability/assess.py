@@ -146,7 +146,8 @@ class Controllability:
         if answer.endless:
             names = ", ".join(sorted({name for name, _ in answer.endless}))
             return Verdict.NOT_CONTROLLABLE, f"no time is late enough for all values of {names}: {needed}"
-        return Verdict.NOT_CONTROLLABLE, f"no schedule suits all values: {needed}"
+        names = ", ".join(sorted({name for one in answer.cycle for (name, _), _ in one.form.coefficients()}))
+        return Verdict.NOT_CONTROLLABLE, f"no schedule suits all values of {names or 'the parameters'}: {needed}"
 
     def _dynamic(self) -> tuple[Verdict, str | None]:
         ends = ends_of(self.box)
