@@ -1,9 +1,11 @@
-"""Time-triggered plans for the study of conversions: drawn at random, deterministic in their seed.
+"""Time-triggered plans, and problems for planners, for the study of conversions: deterministic in their seed.
 
-A domain is drawn first: durative and instantaneous actions over a few atoms and numeric fluents, with conditions and
-effects at start, over all and at end, continuous effects, disjunctions, duration inequalities and timed literals. Then
-steps are drawn one after another, and kept if the simulator finds that the plan is still valid. The goal is some of
-what holds at the end and did not hold in the beginning.
+Of drawn plans a domain is drawn first: durative and instantaneous actions over a few atoms and numeric fluents, with
+conditions and effects at start, over all and at end, continuous effects, disjunctions, duration inequalities and timed
+literals. Then steps are drawn one after another, and kept if the simulator finds that the plan is still valid. The goal
+is some of what holds at the end and did not hold in the beginning.
+
+Others are of the delivery domain (:mod:`robust.execute.delivery`).
 """
 
 from __future__ import annotations
@@ -13,6 +15,14 @@ from fractions import Fraction
 from random import Random
 
 from robust.encode.interface import EPSILON
+from robust.execute.delivery import (
+    DeliveryOptions,
+    DeliveryVariant,
+    Order,
+    delivery_domain,
+    delivery_problem,
+    scaling_instance,
+)
 from robust.execute.original import InvalidPlanError, Original, declarations, schedule_of, validated
 from robust.plan.load import assemble
 from robust.plan.pddl.reader import parse_domain, parse_problem
@@ -46,13 +56,35 @@ class PlanTexts:
 
 
 def drawn_plan(seed: int) -> PlanTexts:
-    """The plan of that seed; it has at least two steps."""
+    """The plan of that seed: at least two steps, and a goal that does not hold in the beginning."""
     random = Random(seed)  # noqa: S311 (not for secrets)
     while True:
         draft = _Draft(random)
         steps = draft.steps()
-        if len(steps) > 1:
-            return PlanTexts(draft.domain_text, draft.problem_text(draft.goal(steps)), _plan_text(steps))
+        goal = draft.goal(steps)
+        if len(steps) > 1 and goal:
+            return PlanTexts(draft.domain_text, draft.problem_text(goal), _plan_text(steps))
+
+
+def delivery_plan(seed: int) -> PlanTexts:
+    """A generated plan of robots that fulfil all orders, with up to eight preparation steps."""
+    instance = scaling_instance(1 + seed % 8, seed)
+    return PlanTexts(instance.domain, instance.problem, instance.plan)
+
+
+def delivery_order(seed: int) -> tuple[str, str]:
+    """Domain and problem of one or two orders, all of which are wanted, some before a deadline."""
+    random = Random(seed)  # noqa: S311 (not for secrets)
+    orders = tuple(_order(random) for _ in range(random.randint(1, 2)))
+    options = DeliveryOptions(
+        DeliveryVariant.DURATIONS, orders, robots=random.randint(1, 2), spindles=1, every_order=True
+    )
+    return delivery_domain(DeliveryVariant.DURATIONS), delivery_problem(options, seed)
+
+
+def _order(random: Random) -> Order:
+    deadline = Fraction(random.randint(1200, 2400)) if random.random() < 0.7 else None
+    return Order(random.randint(1, 2), deadline, random.randint(0, 4))
 
 
 class _Draft:
@@ -60,7 +92,7 @@ class _Draft:
 
     def __init__(self, random: Random) -> None:
         self._random = random
-        self._objects = OBJECTS[: random.randint(2, len(OBJECTS))]
+        self._objects = OBJECTS[: random.randint(1, len(OBJECTS))]
         durative = [self._durative(f"do-{i}") for i in range(random.randint(3, 6))]
         instantaneous = [self._instantaneous(f"set-{i}") for i in range(random.randint(1, 2))]
         self.domain_text = _HEAD + "".join((*durative, *instantaneous)) + ")\n"
@@ -72,11 +104,11 @@ class _Draft:
 
     def _durative(self, name: str) -> str:
         random = self._random
-        timings = ("at start", "at start", "over all", "over all", "at end")
+        timings = ("at start", "over all", "over all", "at end")
         conditions = [f"({random.choice(timings)} {self._condition()})" for _ in range(random.randint(1, 3))]
         effects = [f"({random.choice(('at start', 'at end', 'at end'))} {self._effect()})"]
         effects += [f"(at start {self._effect()})" for _ in range(random.randint(0, 1))]
-        if random.random() < 0.2:
+        if random.random() < 0.4:
             effects.append(f"({random.choice(('increase', 'decrease'))} (level) (* #t {random.randint(1, 2)}))")
         return (
             f"  (:durative-action {name} :parameters (?x ?y - thing)\n    :duration {self._duration()}\n"
@@ -107,16 +139,16 @@ class _Draft:
     def _condition(self, *variables: str) -> str:
         random = self._random
         kind = random.random()
-        if kind < 0.7:
+        if kind < 0.55:
             return self._literal(*variables)
-        if kind < 0.85:
+        if kind < 0.65:
             return f"(or {self._literal(*variables)} {self._literal(*variables)})"
         fluent = random.choice(("(level)", "(stock ?x)"))
         return f"({random.choice(('>=', '<='))} {fluent} {random.randint(4, 12)})"
 
     def _effect(self, *variables: str) -> str:
         random = self._random
-        if random.random() < 0.75:
+        if random.random() < 0.6:
             return self._literal(*variables)
         fluent = random.choice(("(level)", "(stock ?x)"))
         return f"({random.choice(('increase', 'decrease'))} {fluent} {random.randint(1, 3)})"
@@ -166,13 +198,13 @@ class _Draft:
         return TimedStep(start, action, arguments, Fraction(random.randint(1, LONGEST)))
 
     def goal(self, steps: list[TimedStep]) -> str:
-        """Some of the atoms that the plan made true, at least one if there are any."""
-        original = _valid(self._domain, self._problem, steps)
+        """Some of the atoms that the plan made true, empty if there are none."""
+        original = _valid(self._domain, self._problem, steps) if steps else None
         if original is None:
-            raise ValueError("the steps of a draft are a valid plan")
+            return ""
         final = original.execution.happenings[-1].after.atoms
         new = sorted(str(atom) for atom in final - original.plan.initial_atoms)
-        return " ".join(self._random.sample(new, self._random.randint(1, min(3, len(new))))) if new else ""
+        return " ".join(self._random.sample(new, self._random.randint(1, len(new)))) if new else ""
 
 
 def _valid(domain: Domain, problem: Problem, steps: list[TimedStep]) -> Original | None:

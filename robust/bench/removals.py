@@ -37,8 +37,8 @@ class Removal(Enum):
     """What becomes of the plan without a constraint."""
 
     NEEDED = "needed"
-    IMPLIED = "implied at nominal durations"
-    NEEDLESS = "needless"
+    IMPLIED = "implied by others"
+    NEEDLESS = "not needed"
     UNKNOWN = "unknown"
 
     @property
