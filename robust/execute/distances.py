@@ -144,6 +144,8 @@ def is_implied(one: Edge, others: Iterable[Edge]) -> bool:
     """Whether every schedule of the other edges satisfies the edge; they must have a schedule."""
     adjacency: dict[TimePoint, list[Edge]] = {}
     for other in others:
+        if other == one:
+            return True
         adjacency.setdefault(other.source, []).append(other)
         adjacency.setdefault(other.target, [])
     return one.source in adjacency and _reaches(one, adjacency)
