@@ -13,7 +13,6 @@ from rich.text import Text
 from robust.errors import RobustError
 from robust.execute.controllability.assess import Controllability, Finding, Kind, Verdict
 from robust.execute.controllability.shrink import HORIZON, Loss, Shrunk, loss
-from robust.execute.controllability.waits import waits
 from robust.irr.box import Box
 from robust.irr.faces import Face
 from robust.irr.result import Side
@@ -60,7 +59,7 @@ def assess(
     try:
         shrunk = asked.shrunk(kind)
         inside = Controllability(plan, shrunk.box, solver=solver, deadline=deadline)
-        strategy = waits(inside.dynamic_answer()) if kind is Kind.DYNAMIC else ()
+        strategy = inside.waits() if kind is Kind.DYNAMIC else ()
     except OutOfTimeError:
         return ControllabilityReport(kind, findings, box, None, None, "out of time", ())
     except RobustError as error:

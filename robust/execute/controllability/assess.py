@@ -8,7 +8,7 @@ obligations. Whether a dispatcher can find the schedule is a question about the 
   varies is (part of) the length of one contingent link and stands nowhere else in the network; parameters that the
   network does not mention, such as rates and levels, do not matter. A parameter that several links share, or that
   stands in a requirement's bound, is beyond networks with uncertainty: CONTROLLABLE is then proved with independent and
-  hidden values, NOT_CONTROLLABLE with values that are known beforehand, and UNKNOWN is what lies between.
+  hidden values or by one schedule, NOT_CONTROLLABLE with values that are known beforehand, and UNKNOWN is between.
 - strongly controllable: one schedule of what it executes suits all values. Exact, for all parameters.
 """
 
@@ -26,6 +26,7 @@ from robust.execute.controllability.parametric import Ends, ParametricStnu, ends
 from robust.execute.controllability.shrink import Dynamically, Shrunk, Strongly
 from robust.execute.controllability.shrink import shrink as shrink_to
 from robust.execute.controllability.strong import StrongAnswer, strong
+from robust.execute.controllability.waits import Wait, waits
 from robust.execute.controllability.walks import explain
 from robust.execute.controllability.weak import weak
 from robust.irr.box import Box, Interval
@@ -106,13 +107,14 @@ class Controllability:
     def shrunk(self, kind: Kind) -> Shrunk:
         """The max–min fair part of the box that is controllable: see :mod:`.shrink`.
 
-        Of a box with vague parameters, it is the part that is dynamically controllable without knowing them.
+        Of a box with vague parameters, it is the part that is dynamically controllable without knowing them, unless one
+        schedule suits the whole box.
 
         Raises:
             InputError: if not even the nominal values leave a schedule.
             OutOfTimeError: if the deadline passes first.
         """
-        if kind is Kind.WEAK:
+        if kind is Kind.WEAK or (kind is Kind.DYNAMIC and self._is_strong_only()):
             return Shrunk(self.box, (), 0)
         wanted = (Dynamically if kind is Kind.DYNAMIC else Strongly)(self.network, self._deadline)
         return shrink_to(self.plan.parameters, self.box, wanted)
@@ -125,6 +127,23 @@ class Controllability:
             OutOfTimeError: if the deadline passes first.
         """
         return dynamic(self.network.at(ends_of(self.box)), self._deadline)
+
+    def waits(self) -> tuple[Wait, ...]:
+        """Who waits for which end if the box is dynamically controllable; nobody where one schedule suits all values.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+        """
+        if self._is_strong_only():
+            return ()
+        answer = self.dynamic_answer()
+        return () if answer.cycle is not None else waits(answer)
+
+    def _is_strong_only(self) -> bool:
+        """Whether it takes a fixed schedule to know that the box is dynamically controllable."""
+        ends = ends_of(self.box)
+        exact = not self.network.vague and next(self.network.early(ends), None) is None
+        return not exact and self._obstacle(ends) is not None and self.strong_answer().is_controllable
 
     def strong_answer(self) -> StrongAnswer:
         """The one schedule that suits all values, or why there is none."""
@@ -157,6 +176,8 @@ class Controllability:
         vague = {name: why for name, why in self.network.vague.items() if name in self.box.intervals}
         if not vague and next(self.network.early(ends), None) is None:
             return Verdict.NOT_CONTROLLABLE, reason
+        if self.strong_answer().is_controllable:
+            return Verdict.CONTROLLABLE, None
         for known, part in self._corners(vague):
             network = parametric_stnu(self.plan, part)
             if not network.vague and next(network.early(ends_of(part)), None) is None:
