@@ -3,11 +3,12 @@
 Service robots collect a spindle from the shelf, have a base made around it at the base station in up to six preparation
 steps that can run at the same time, mount rings on it at the ring station, one after the other, and deliver it at the
 gate of its order before the order's window closes. A robot may dispose of what it holds at any time, and start another
-order from scratch. Travel takes as long as the distance.
+order from scratch.
 
-What the experiments make uncertain are fluents, so that each can become a parameter by itself: `(preparation_time S)`
-is the duration of step S; in the variant with a battery, `(battery_use T)` is what a task T takes from the battery of a
-robot when it starts, and it only starts if there is as much.
+What the experiments make uncertain can become a parameter by itself. Each preparation step is an action of its own, so
+`duration:prepare_S` is the duration of step S. In the variant with a battery, `fluent:(battery_use T)` is what a task T
+takes from the battery of a robot when it starts; it only starts if there is as much. Travel takes as long as the
+distance. (`fluent:(preparation_time S)` would vary what the model demands of the duration and leave that of the plan.)
 
 Preparation steps have no effects at their start: one that is given up has not happened, and can be started again.
 """
