@@ -55,7 +55,7 @@ class AriesPlanner:
             folder = Path(name)
             (folder / "problem.bin").write_bytes(message)
             command = (self.executable, "--log-level", "error", "solve", "problem.bin")
-            variables = {"ARIES_PLANNING_HORIZON": str(HORIZON * self.ticks)}
+            variables = {"ARIES_PLANNING_HORIZON": str(HORIZON * self.ticks), "RUST_BACKTRACE": "0"}
             ended = run(command, folder, deadline, memory_mb=self.memory_mb, variables=variables)
         answer = judged(self.name, ended, self._plan(ended.stdout, domain, problem), _verdict)
         return replace(answer, seconds=time.monotonic() - start)

@@ -34,9 +34,9 @@ class Ended:
 
     @property
     def last_line(self) -> str:
-        """The last line on stderr, else on stdout, else what is known without one."""
+        """The last line on stderr, else on stdout; programs in Rust add a note, which says nothing."""
         for text in (self.stderr, self.stdout):
-            lines = [line.strip() for line in text.splitlines() if line.strip()]
+            lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("note: ")]
             if lines:
                 return lines[-1]
         return "no message"
