@@ -8,6 +8,7 @@ of L. Hunsberger (2013), *A faster execution algorithm for dynamically controlla
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -49,12 +50,16 @@ class DynamicDispatch:
             raise RefutedError(f"the network is not dynamically controllable: {explain(self.stnu, answer.cycle)}")
         self._node = {point: number for number, point in enumerate(self.stnu.points)}
         self._begin = answer.form.start
-        self._bounds = _bounds(answer)
+        self._from: list[list[Bound]] = [[] for _ in range(answer.form.size)]
+        for bound in _bounds(answer):
+            self._from[bound.source].append(bound)
         self._ending = {
             link.target: (index, link) for index, link in enumerate(self.stnu.links) if isinstance(link, ContingentLink)
         }
         self._times: dict[int, Fraction] = {}
         self._ended: set[int] = set()
+        after = {node: self._node[self.stnu.links[index].source] for index, node in self._begin.items()}
+        self._order = sorted(range(answer.form.size), key=lambda node: (after.get(node, node), node))
         self._known: tuple[Fraction, dict[int, Fraction | None]] | None = None
         self._happened(ZERO, Fraction(0))
 
@@ -89,19 +94,18 @@ class DynamicDispatch:
 
     def latest(self, point: TimePoint) -> Fraction | None:
         """How long the time point can be put off, as far as is known by now; None is for ever."""
-        node, least = self._node[point], dict[int, Fraction](self._times)
-        for _ in range(len(self._bounds) + 1):
-            changed = False
-            for bound in self._live():
+        times: dict[int, Fraction] = dict(self._times)
+        queue = deque(self._times)
+        while queue:
+            node = queue.popleft()
+            for bound in self._from[node]:
                 # t_target ≤ t_source − delay
-                begin = least.get(bound.source)
-                if begin is not None and bound.delay is not None and bound.target not in self._times:
-                    known = least.get(bound.target)
-                    if known is None or begin - bound.delay < known:
-                        least[bound.target], changed = begin - bound.delay, True
-            if not changed:
-                break
-        return least.get(node)
+                if bound.delay is not None and bound.target not in self._times and bound.label not in self._ended:
+                    time = times[node] - bound.delay
+                    if bound.target not in times or time < times[bound.target]:
+                        times[bound.target] = time
+                        queue.append(bound.target)
+        return times.get(self._node[point])
 
     def next_decision(self, now: Fraction = Fraction(0)) -> tuple[Fraction, tuple[TimePoint, ...]] | None:
         """The next moment at which time points are to be executed unless an observation comes first, and which.
@@ -164,26 +168,41 @@ class DynamicDispatch:
                 self._times[node] = time + (link.lower or 0)
         self._known = None
 
-    def _live(self) -> list[Bound]:
-        return [bound for bound in self._bounds if bound.label not in self._ended]
-
     def _longest(self, now: Fraction) -> dict[int, Fraction | None]:
-        """The earliest time of every node: the longest paths to what has happened; None is infinite."""
-        times: dict[int, Fraction | None] = dict.fromkeys(range(len(self._node) + len(self._begin)), now)
+        """The earliest time of every node: the longest paths to what has happened; None is infinite.
+
+        Nodes are visited in the order of the last answer, so that mostly one round is enough, and one to see that.
+        """
+        times: dict[int, Fraction | None] = dict.fromkeys(range(len(self._from)), now)
         times.update(self._times)
-        live = [bound for bound in self._live() if bound.source not in self._times]
+        left = [node for node in self._order if node not in self._times]
         changed = True
         while changed:
             changed = False
-            for bound in live:
-                known, after = times[bound.source], times[bound.target]
-                if known is None:
-                    continue
-                if after is None or bound.delay is None:
-                    times[bound.source], changed = None, True
-                elif after + bound.delay > known:
-                    times[bound.source], changed = after + bound.delay, True
+            for node in left:
+                time = self._pushed(node, times)
+                if time != times[node]:
+                    times[node], changed = time, True
+        self._order = sorted(self._order, key=lambda node: _infinite_last(times[node]))
         return times
+
+    def _pushed(self, node: int, times: dict[int, Fraction | None]) -> Fraction | None:
+        """The time of a node, or a later one if one of its bounds says so."""
+        known = times[node]
+        for bound in self._from[node]:
+            if known is None:
+                break
+            if bound.label not in self._ended:
+                after = times[bound.target]
+                if after is None or bound.delay is None:
+                    known = None
+                elif after + bound.delay > known:
+                    known = after + bound.delay
+        return known
+
+
+def _infinite_last(time: Fraction | None) -> tuple[bool, Fraction]:
+    return time is None, time or Fraction(0)
 
 
 def _bounds(answer: DynamicAnswer) -> tuple[Bound, ...]:
