@@ -142,6 +142,72 @@ def encodings(
     return bench_encodings(request, guard_of(context))
 
 
+Cluster = Annotated[
+    str | None,
+    typer.Option("--cluster", metavar="ADDRESS", help="run on the workers of this Dask scheduler (extra cluster)"),
+]
+Store = Annotated[
+    Path | None,
+    typer.Option("--store", metavar="FILE", help="keep results as they arrive; a run with the same FILE resumes"),
+]
+
+
+@bench_app.command(short_help="Time over the parameters of delivery plans, by every method.")
+def figure4(
+    context: typer.Context,
+    *,
+    suite: Annotated[Path | None, typer.Option("--suite", metavar="DIR", help="a data set with recorded plans")] = None,
+    jobs: Jobs = 1,
+    cluster: Cluster = None,
+    store: Store = None,
+    limit: Limit = "10",
+    baseline_limit: Annotated[
+        str, typer.Option("--baseline-limit", metavar="S", help="the same for all but IRR and exact widening")
+    ] = "10",
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Run every method on delivery plans of 1 to 33 parameters, and ask whether the boxes are controllable."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, bench_figure4  # noqa: PLC0415 - heavy
+
+    shown = not (quiet or verbose)
+    request = BenchRequest(jobs, limit, plot, json, shown, cluster, store)
+    return bench_figure4(suite, baseline_limit, request, guard_of(context))
+
+
+@bench_app.command(short_help="Converted plans: proved, and what they could do without.")
+def conversions(
+    context: typer.Context,
+    *,
+    drawn: Annotated[int, typer.Option("--drawn", metavar="N", help="how many plans are drawn at random")] = 150,
+    delivery: Annotated[int, typer.Option("--delivery", metavar="N", help="how many delivery plans")] = 50,
+    planned: Annotated[int, typer.Option("--planned", metavar="N", help="how many plans a planner makes")] = 100,
+    planner: Annotated[str, typer.Option("--planner", metavar="NAME", help="which planner")] = "aries",
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="which plans and problems")] = 0,
+    jobs: Jobs = 1,
+    cluster: Cluster = None,
+    store: Store = None,
+    limit: Annotated[
+        str | None, typer.Option("--limit", metavar="S", help="seconds to convert a plan, and as many to judge it")
+    ] = "60",
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Convert time-triggered plans, and remove each constraint in turn: is the plan still proved valid without it?"""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, bench_conversions  # noqa: PLC0415 - heavy
+
+    shown = not (quiet or verbose)
+    request = BenchRequest(jobs, limit, None, json, shown, cluster, store)
+    return bench_conversions(drawn, delivery, planned, planner, seed, request, guard_of(context))
+
+
 Instances = Annotated[int, typer.Option("--instances", metavar="N", help="how many random plans")]
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="which random plans")]
 Backends = Annotated[
