@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from fractions import Fraction
 from math import hypot
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import robust
 from robust.api import envelope
 from robust.errors import InputError
 from robust.execute.convert import convert
@@ -27,11 +29,14 @@ from robust.execute.delivery.domain import preparation_action
 from robust.execute.delivery.problem import distance, places
 from robust.execute.original import InvalidPlanError
 from robust.execute.planners.output import check, checked_plan
+from robust.execute.tighten import check_plan
 from robust.irr.check import Answer
+from robust.plan.load import load_plan
 from robust.plan.model import Fluent
 from robust.plan.parametrize import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.timed import TimedPlan, parse_timed_plan
+from robust.smt.limits import Deadline
 from tests.execute.planner_delivery import FIRST_ORDER, SECOND_ORDER
 
 EPSILON = Fraction(1, 1000)
@@ -168,6 +173,18 @@ def test_the_same_seed_gives_the_same_instance():
     assert scaling_instance(20, 3) == scaling_instance(20, 3) != scaling_instance(20, 4)
     options = DeliveryOptions(DeliveryVariant.BATTERY, (Order(2, Fraction(900)), Order(1)), robots=2)
     assert delivery_problem(options, 5) == delivery_problem(options, 5) != delivery_problem(options, 6)
+
+
+def test_the_shipped_example_is_generated_and_proved():
+    folder = Path(robust.__file__).parent / "examples/delivery"
+    first = table_problems()[0]
+    assert (folder / "domain.pddl").read_text(encoding="utf-8") == delivery_domain(DeliveryVariant.DURATIONS)
+    assert (folder / "problem.pddl").read_text(encoding="utf-8") == first.text
+    assert (folder / "steps.plan").read_text(encoding="utf-8") == FIRST_ORDER
+    parameters = folder / "plan.toml"
+    plan = load_plan(folder / "domain.pddl", folder / "problem.pddl", folder / "plan.stn", parameter_file=parameters)
+    assert len(plan.parameters) == 6
+    assert check_plan(plan, EPSILON, "z3", Deadline()).answer is Answer.PROVED
 
 
 # -- options -----------------------------------------------------------------------------------------------------------

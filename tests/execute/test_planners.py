@@ -380,6 +380,14 @@ def test_no_plan_before_the_window_closes(planner):
     assert answer.status in (PlannerStatus.NO_PLAN, PlannerStatus.TIMEOUT)
 
 
+def test_kairos_proves_that_there_is_no_plan():
+    pytest.importorskip("kairos")
+    domain = "(define (domain d) (:predicates (p) (q)) (:action a :parameters () :precondition (q) :effect (p)))"
+    answer = solve(create_planner("kairos"), domain, "(define (problem x) (:domain d) (:init) (:goal (p)))")
+    assert (answer.status, answer.plan) == (PlannerStatus.NO_PLAN, None)
+    assert "unsolvable" in answer.message
+
+
 def test_long_times(planner):
     """Beyond the horizon that Aries has by itself."""
     problem = PROBLEM.replace("7.5)", "40000.25)").replace("(at 20 ", "(at 50000 ")
