@@ -46,7 +46,7 @@ def table_problems(
 ) -> tuple[TableProblem, ...]:
     """All hundred, by the level of the nearer order and then by that of the farther one.
 
-    `battery` is the charge at the start in the variant that has one; fulfilling the first order takes 298 of it.
+    `battery` is the charge at the start in the variant that has one; fulfilling the first order takes 293 of it.
     """
     return tuple(_problem(variant, battery, near, far) for near in LEVELS for far in LEVELS)
 
