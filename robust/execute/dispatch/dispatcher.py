@@ -25,6 +25,7 @@ from robust.execute.dispatch.messages import (
     LeftBox,
     Message,
     Missed,
+    Observation,
     Observed,
     Rejected,
     Started,
@@ -65,6 +66,10 @@ class Dispatcher:
         """Why the plan was given up."""
         self.observed: dict[str, Fraction] = {}
         """The first value that was observed of each parameter."""
+        self.observations: list[Observation] = []
+        """All values that were taken note of."""
+        self.rejected: list[Rejected] = []
+        """All messages that changed nothing, although they should have."""
         self._patience = dispatchable.epsilon if patience is None else patience
         self._drain = drain
         self._windows = Windows(dispatchable.network)
@@ -143,7 +148,8 @@ class Dispatcher:
                     if wrong is None and (self._estimate is None or self._estimate.time <= time):
                         self._estimate = message
         if wrong is not None:
-            decisions.append(Rejected(str(message), wrong, self._now))
+            self.rejected.append(Rejected(str(message), wrong, self._now))
+            decisions.append(self.rejected[-1])
 
     def _future(self, time: Fraction) -> str | None:
         return f"found time {format_number(time)}, which is yet to come" if time > self._now else None
@@ -193,16 +199,19 @@ class Dispatcher:
         if name is not None:
             self.observed.setdefault(name, value)
             self._seen[name, link.target.instance] = value
-        if length not in link.allowed:
+        inside = length in link.allowed
+        what = name or f"the time from {link.source} to {link.target}"
+        if name is not None or not inside:
+            self.observations.append(Observation(time, what, value, inside))
+        if not inside:
             interval = link.allowed if name is None else self.dispatchable.box[name]
-            what = name or f"the time from {link.source} to {link.target}"
             self._give_up(LeftBox(name, what, value, interval, time), decisions)
         elif name is not None:
             self._tighten(name)
 
     def _fail(self, message: Failed, decisions: list[Decision]) -> str | None:
         instance = self.dispatchable.plan.instance[message.instance]
-        if self._is_done(instance):
+        if instance.durative and self._is_done(instance):
             return f"{message.instance} has ended already"
         if message.time > self._now:
             return self._future(message.time)
@@ -226,7 +235,9 @@ class Dispatcher:
         self._due.pop(key, None)
         self._seen[key] = value
         self.observed.setdefault(name, value)
-        if value not in self.dispatchable.box[name]:
+        inside = value in self.dispatchable.box[name]
+        self.observations.append(Observation(self._now, name, value, inside))
+        if not inside:
             self._give_up(LeftBox(name, name, value, self.dispatchable.box[name], self._now), decisions)
         else:
             self._tighten(name)

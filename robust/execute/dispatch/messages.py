@@ -58,6 +58,22 @@ class StateEstimate:
 
 Message = Started | Completed | Failed | Observed | StateEstimate
 
+# -- what is kept of them ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """A value that was taken note of at `time`: of a parameter, or of a duration that is not as planned.
+
+    `inside` says whether the box allows it.
+    """
+
+    time: Fraction
+    what: str
+    value: Fraction
+    inside: bool
+
+
 # -- decisions ---------------------------------------------------------------------------------------------------------
 
 

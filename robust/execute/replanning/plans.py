@@ -1,0 +1,104 @@
+"""From a planner's answer to a plan ready for dispatch: convert, make parameters, compute the box [IRR, Figure 1]."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from fractions import Fraction
+from time import monotonic
+
+from robust.api import envelope
+from robust.encode.interface import EPSILON
+from robust.errors import RefutedError, SolverError
+from robust.execute.convert import convert
+from robust.execute.dispatch.executors import Dreex, Executor
+from robust.execute.dispatch.prepare import Dispatchable, make_dispatchable
+from robust.execute.worlds.world import Setting
+from robust.irr.box import Box
+from robust.irr.result import Status
+from robust.plan.model import ParametrizedPlan
+from robust.plan.parametrize import ParameterSpec, Target
+from robust.plan.pddl.syntax import Domain, Problem
+from robust.plan.timed import TimedPlan
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How plans are made ready: which executor, which parameters, how the box is computed, and how long that may take.
+
+    `timeout` limits conversion and box, each, in seconds; out of time, a box is as large as it has become.
+    """
+
+    executor: Executor = field(default_factory=Dreex)
+    specs: tuple[ParameterSpec, ...] = ()
+    method: str = "widen"
+    epsilon: Fraction = EPSILON
+    solver: str = "z3"
+    timeout: float | None = None
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A plan ready to be executed, in any number of simulated runs; `seconds` is what it took to get there."""
+
+    dispatchable: Dispatchable
+    setting: Setting
+    seconds: float
+
+
+def prepare_timed(domain: Domain, problem: Problem, timed: TimedPlan, options: Options) -> Prepared:
+    """A time-triggered plan, converted to the least constrained network, with its box.
+
+    Specifications of instances and actions that the plan does not have are passed over: another plan may have them.
+
+    Raises:
+        RobustError: if the plan is invalid, cannot be converted or has no box.
+    """
+    begun = monotonic()
+    conversion = convert(
+        domain,
+        problem,
+        timed,
+        specs=fitting(options.specs, timed),
+        epsilon=options.epsilon,
+        solver=options.solver,
+        timeout=options.timeout,
+    )
+    return prepare_plan(conversion.plan, options, begun=begun)
+
+
+def prepare_plan(
+    plan: ParametrizedPlan, options: Options, *, box: Box | None = None, begun: float | None = None
+) -> Prepared:
+    """A plan with its box, which is computed unless it is given.
+
+    Raises:
+        RefutedError: if the plan is not valid at its nominal point.
+        SolverError: if no box was proved in time.
+        InputError: if there is no schedule.
+        UnsupportedError: for an expression that is not linear.
+    """
+    begun = monotonic() if begun is None else begun
+    if box is None and isinstance(options.executor, Dreex):
+        box = computed_box(plan, options)
+    dispatchable = make_dispatchable(plan, box, options.executor, epsilon=options.epsilon)
+    return Prepared(dispatchable, Setting(dispatchable), monotonic() - begun)
+
+
+def computed_box(plan: ParametrizedPlan, options: Options) -> Box:
+    """The box of a plan; errors as for :func:`prepare_plan`."""
+    found = envelope(
+        plan, method=options.method, epsilon=options.epsilon, solver=options.solver, timeout=options.timeout
+    )
+    if found.status is Status.INVALID:
+        raise RefutedError(f"invalid plan: {found.reason}")
+    if not found.verified:
+        raise SolverError("no box was proved in time; expected one, allow more time")
+    return found.box
+
+
+def fitting(specs: Iterable[ParameterSpec], timed: TimedPlan) -> tuple[ParameterSpec, ...]:
+    """The specifications that are about fluents, or about instances and actions that a plan has."""
+    known = {f"n{number}" for number in range(len(timed.steps))} | {step.action for step in timed.steps}
+    durations = {Target.DURATION, Target.START}
+    return tuple(spec for spec in specs if spec.target not in durations or spec.subject in known)
