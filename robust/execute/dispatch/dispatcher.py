@@ -77,6 +77,8 @@ class Dispatcher:
         self._left = list(dispatchable.ours)
         self._literals = list(dispatchable.literals)
         self._open = {link.target: link for link in dispatchable.network.natural.values()}
+        self._limits: dict[TimePoint, Fraction] = {}
+        """By when what is waited for should have been reported."""
         self._seen: dict[tuple[str, str | None], Fraction] = {}
         self._due: dict[tuple[str, str | None], Fraction] = {}
         self._estimate: StateEstimate | None = None
@@ -217,6 +219,7 @@ class Dispatcher:
             return self._future(message.time)
         self._failed.add(message.instance)
         self._open.pop(instance.end, None)
+        self._limits.pop(instance.end, None)
         self._give_up(Contradicted(message.instance, message.reason, message.time), decisions)
         return None
 
@@ -252,7 +255,7 @@ class Dispatcher:
             self._give_up(ending, decisions)
             return
         while self.phase is Phase.DISPATCHING:
-            number = self._next_ready()
+            number = self._windows.first_ready(self._left, self._now)
             if number is None:
                 break
             self._execute(number, decisions)
@@ -272,33 +275,19 @@ class Dispatcher:
 
     def _overdue(self) -> Ending | None:
         """What should have happened by now and has not."""
-        for link in self._open.values():
-            limit = self._limit(link)
-            if limit is not None and self._now > limit:
+        for target, limit in self._limits.items():
+            if self._now > limit:
+                link = self._open[target]
                 name = link.parameter
                 interval = link.allowed if name is None else self.dispatchable.box[name]
                 what = name or f"the time from {link.source} to {link.target}"
                 return LeftBox(name, what, None, interval, self._now)
-        for number in self._left:
-            if self._windows.is_late(number, self._now):
-                return Missed(self._points[number], self._why(number, None), self._now)
+        late = self._windows.first_late(self._left, self._now)
+        if late is not None:
+            return Missed(self._points[late], self._why(late, None), self._now)
         for (name, _), due in self._due.items():
             if self._now > due + self._patience:
                 return Unobserved(name, due, self._now)
-        return None
-
-    def _limit(self, link: NaturalLink) -> Fraction | None:
-        """By when a natural time point should have been reported."""
-        begin = self._windows.time(self.dispatchable.network.index[link.source])
-        if begin is None or link.allowed.upper is None:
-            return None
-        return begin + link.allowed.upper + self._patience
-
-    def _next_ready(self) -> int | None:
-        for number in self._left:
-            ready = self._windows.ready(number)
-            if ready is not None and ready <= self._now:
-                return number
         return None
 
     def _execute(self, number: int, decisions: list[Decision]) -> None:
@@ -328,10 +317,8 @@ class Dispatcher:
         """A time point that no schedule allows any more; BLEX finds out when its time has come."""
         if not self.dispatchable.network.closed:
             return None
-        for number in self._left:
-            if self._windows.is_empty(number):
-                return Missed(self._points[number], self._why(number, None), self._now)
-        return None
+        number = self._windows.first_empty(self._left)
+        return None if number is None else Missed(self._points[number], self._why(number, None), self._now)
 
     def _why(self, number: int, time: Fraction | None) -> str:
         lower, upper = self._windows.window(number)
@@ -367,6 +354,10 @@ class Dispatcher:
         number = self.dispatchable.network.index[point]
         self._windows.happened(number, time)
         self._open.pop(point, None)
+        self._limits.pop(point, None)
+        for link in self.dispatchable.followers.get(point, ()):
+            if link.allowed.upper is not None and link.target in self._open:
+                self._limits[link.target] = time + link.allowed.upper + self._patience
         self._last_change = max(self._last_change, time)
         for one in self.dispatchable.expected.get(point, ()):
             if (one.parameter, one.instance) not in self._seen:
@@ -398,15 +389,11 @@ class Dispatcher:
         if self.phase is Phase.DRAINING:
             moments = [self._windows.window(number)[0] for number in self._left if self._ends_running(number)]
             return min((moment for moment in moments if moment > self._now), default=None)
-        found = [limit for limit in map(self._limit, self._open.values()) if limit is not None]
-        found += [due + self._patience for due in self._due.values()]
-        for number in self._left:
-            ready, (_, upper) = self._windows.ready(number), self._windows.window(number)
-            found += [] if ready is None else [ready]
-            found += [] if upper is None else [upper + self._patience]
+        found = [*self._limits.values(), *(due + self._patience for due in self._due.values())]
         found += [time for time, _ in self._literals[:1]]
         later = [moment for moment in found if moment > self._now]
-        return min(later, default=None)
+        moment = self._windows.next_moment(self._left, self._now, self._patience)
+        return min(later if moment is None else [*later, moment], default=None)
 
     def _ends_running(self, number: int) -> bool:
         point = self._points[number]

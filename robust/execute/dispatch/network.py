@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from functools import cached_property
 from math import lcm
 
 from robust.errors import InputError
@@ -123,7 +124,7 @@ class DispatchNetwork:
         """`(x, y)` to the strongest known w with t_y − t_x ≤ w."""
         return self._edges
 
-    @property
+    @cached_property
     def blockers(self) -> tuple[frozenset[int], ...]:
         """For each time point those that must have happened first.
 

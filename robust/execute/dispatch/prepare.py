@@ -11,7 +11,7 @@ from robust.encode.interface import EPSILON
 from robust.errors import InputError, did_you_mean
 from robust.execute.controllability.parametric import ParametricLink, ParametricStnu, parametric_stnu
 from robust.execute.dispatch.executors import Blex, Dreex, Executor
-from robust.execute.dispatch.network import DispatchNetwork, Guarantee, dispatch_network
+from robust.execute.dispatch.network import DispatchNetwork, Guarantee, NaturalLink, dispatch_network
 from robust.execute.dispatch.observability import Observability, Revelation, observability
 from robust.irr.box import Box
 from robust.plan.model import ParametrizedPlan, TimePoint, TimePointKind
@@ -43,6 +43,14 @@ class Dispatchable:
             for number, point in enumerate(self.network.points)
             if point.kind not in fixed and point not in self.network.natural
         )
+
+    @cached_property
+    def followers(self) -> Mapping[TimePoint, tuple[NaturalLink, ...]]:
+        """The natural links that begin with a time point."""
+        found: dict[TimePoint, list[NaturalLink]] = {}
+        for link in self.network.natural.values():
+            found.setdefault(link.source, []).append(link)
+        return {point: tuple(links) for point, links in found.items()}
 
     @cached_property
     def literals(self) -> tuple[tuple[Fraction, int], ...]:

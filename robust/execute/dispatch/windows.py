@@ -70,22 +70,54 @@ class Windows:
         scale = self._tables.scale
         return Fraction(self._lower[point], scale), None if upper is None else Fraction(upper, scale)
 
-    def is_empty(self, point: int) -> bool:
-        upper = self._upper[point]
-        return upper is not None and upper < self._lower[point]
-
     def is_late(self, point: int, now: Fraction) -> bool:
         """Whether its greatest time has passed."""
-        ticks = self._ticks(now)
-        upper = self._upper[point]
-        return upper is not None and upper < ticks
+        return self.first_late((point,), now) is not None
 
-    def is_blocked(self, point: int) -> bool:
-        """Whether something else has to happen first."""
-        return bool(self._blockers[point])
+    def first_late(self, points: Iterable[int], now: Fraction) -> int | None:
+        """The first of these whose greatest time has passed."""
+        ticks = self._ticks(now)
+        for point in points:
+            upper = self._upper[point]
+            if upper is not None and upper < ticks:
+                return point
+        return None
+
+    def first_empty(self, points: Iterable[int]) -> int | None:
+        """The first of these that no time is left for."""
+        for point in points:
+            upper = self._upper[point]
+            if upper is not None and upper < self._lower[point]:
+                return point
+        return None
+
+    def first_ready(self, points: Iterable[int], now: Fraction) -> int | None:
+        """The first of these that can be dispatched."""
+        ticks = self._ticks(now)
+        for point in points:
+            ready = self._ready(point)
+            if ready is not None and ready <= ticks:
+                return point
+        return None
+
+    def next_moment(self, points: Iterable[int], now: Fraction, patience: Fraction) -> Fraction | None:
+        """When the first of these becomes ready, or its greatest time plus `patience` comes, after now."""
+        ticks, grace = self._ticks(now), self._ticks(patience)
+        ticks = self._ticks(now)  # in the units that patience may have asked for
+        found: int | None = None
+        for point in points:
+            ready, upper = self._ready(point), self._upper[point]
+            for moment in (ready, None if upper is None else upper + grace):
+                if moment is not None and moment > ticks and (found is None or moment < found):
+                    found = moment
+        return None if found is None else Fraction(found, self._tables.scale)
 
     def ready(self, point: int) -> Fraction | None:
         """From when on a time point can be dispatched, if nothing else happens; None if it waits for something."""
+        ready = self._ready(point)
+        return None if ready is None else Fraction(ready, self._tables.scale)
+
+    def _ready(self, point: int) -> int | None:
         if self._blockers[point]:
             return None
         ready = self._lower[point]
@@ -96,7 +128,7 @@ class Windows:
             if wait.delay is None:
                 return None
             ready = max(ready, self._times[wait.activation] + wait.delay)
-        return Fraction(ready, self._tables.scale)
+        return ready
 
     def cause(self, point: int) -> int | None:
         """What its greatest time follows from."""

@@ -8,7 +8,7 @@ later, it ends there and then, without its effects at the end. Conditions over a
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -82,12 +82,14 @@ class Setting:
     dispatchable: Dispatchable
 
     @cached_property
-    def natural(self) -> dict[TimePoint, tuple[NaturalLink, ...]]:
+    def natural(self) -> Mapping[TimePoint, tuple[NaturalLink, ...]]:
         """What happens by itself once a time point has happened."""
-        found: dict[TimePoint, list[NaturalLink]] = {}
-        for link in self.dispatchable.network.natural.values():
-            found.setdefault(link.source, []).append(link)
-        return {point: tuple(links) for point, links in found.items()}
+        return self.dispatchable.followers
+
+    @cached_property
+    def reads(self) -> dict[str, frozenset[NumericVariable]]:
+        """The variables that each instance reads."""
+        return {one.identifier: variables_of(one) for one in self.dispatchable.plan.instances}
 
     @cached_property
     def varying(self) -> dict[str, tuple[Fluent, ...]]:
@@ -106,8 +108,8 @@ class Setting:
     def parameters_of(self) -> dict[str, tuple[ParameterReference, ...]]:
         """The parameters that each instance reads."""
         return {
-            one.identifier: tuple(sorted(v for v in variables_of(one) if isinstance(v, ParameterReference)))
-            for one in self.dispatchable.plan.instances
+            identifier: tuple(sorted(v for v in read if isinstance(v, ParameterReference)))
+            for identifier, read in self.reads.items()
         }
 
     @cached_property
@@ -327,6 +329,8 @@ class SimulatedWorld:
                 self._consumed[instance.identifier, fluent] = drawn
         if duration is not None:
             values[Duration()] = duration
+        if self.setting.reads[instance.identifier].isdisjoint(values):
+            return instance
         return with_values(instance, values)
 
     def _reveal(self, point: TimePoint) -> None:
