@@ -55,7 +55,8 @@ class Dispatcher:
 
     Args:
         dispatchable: the plan and its box.
-        patience: how long after it is due an observation may arrive; the separation of mutex time points if None.
+        patience: how long after it is due an observation may arrive, above 0; by default the separation of mutex time
+            points.
         drain: whether to wait for running actions when the plan is given up.
     """
 
@@ -70,7 +71,7 @@ class Dispatcher:
         """All values that were taken note of."""
         self.rejected: list[Rejected] = []
         """All messages that changed nothing, although they should have."""
-        self._patience = dispatchable.epsilon if patience is None else patience
+        self._patience = patience or dispatchable.epsilon or Fraction(1, 1000)
         self._drain = drain
         self._windows = Windows(dispatchable.network)
         self._points = dispatchable.network.points
@@ -276,7 +277,7 @@ class Dispatcher:
     def _overdue(self) -> Ending | None:
         """What should have happened by now and has not."""
         for target, limit in self._limits.items():
-            if self._now > limit:
+            if self._now >= limit:
                 link = self._open[target]
                 name = link.parameter
                 interval = link.allowed if name is None else self.dispatchable.box[name]
@@ -286,7 +287,7 @@ class Dispatcher:
         if late is not None:
             return Missed(self._points[late], self._why(late, None), self._now)
         for (name, _), due in self._due.items():
-            if self._now > due + self._patience:
+            if self._now >= due + self._patience:
                 return Unobserved(name, due, self._now)
         return None
 

@@ -10,6 +10,8 @@ from time import monotonic
 from robust.api import envelope
 from robust.encode.interface import EPSILON
 from robust.errors import RefutedError, SolverError
+from robust.execute.controllability.parametric import parametric_stnu
+from robust.execute.controllability.shrink import Dynamically, Strongly, shrink
 from robust.execute.convert import convert
 from robust.execute.dispatch.executors import Dreex, Executor
 from robust.execute.dispatch.prepare import Dispatchable, make_dispatchable
@@ -20,6 +22,7 @@ from robust.plan.model import ParametrizedPlan
 from robust.plan.parametrize import ParameterSpec, Target
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.timed import TimedPlan
+from robust.smt.limits import Deadline, OutOfTimeError
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +30,7 @@ class Options:
     """How plans are made ready: which executor, which parameters, how the box is computed, and how long that may take.
 
     `timeout` limits conversion and box, each, in seconds; out of time, a box is as large as it has become.
+    `controllability` is `dynamic` or `strong` if the box is to be shrunk to its part that is so; None leaves it.
     """
 
     executor: Executor = field(default_factory=Dreex)
@@ -35,6 +39,7 @@ class Options:
     epsilon: Fraction = EPSILON
     solver: str = "z3"
     timeout: float | None = None
+    controllability: str | None = None
 
 
 @dataclass(frozen=True)
@@ -94,7 +99,18 @@ def computed_box(plan: ParametrizedPlan, options: Options) -> Box:
         raise RefutedError(f"invalid plan: {found.reason}")
     if not found.verified:
         raise SolverError("no box was proved in time; expected one, allow more time")
-    return found.box
+    return found.box if options.controllability is None else _shrunk(plan, found.box, options)
+
+
+def _shrunk(plan: ParametrizedPlan, box: Box, options: Options) -> Box:
+    """The part of a box in which a strategy is certain to find the schedules that the box promises."""
+    network = parametric_stnu(plan, box)
+    deadline = Deadline.after(options.timeout)
+    wanted = Dynamically(network, deadline) if options.controllability == "dynamic" else Strongly(network, deadline)
+    try:
+        return shrink(plan.parameters, box, wanted).box
+    except OutOfTimeError:
+        raise SolverError("no controllable part of the box was found in time; expected one, allow more time") from None
 
 
 def fitting(specs: Iterable[ParameterSpec], timed: TimedPlan) -> tuple[ParameterSpec, ...]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from time import monotonic
 
-from robust.errors import RobustError
+from robust.errors import InputError, RobustError
 from robust.execute.dispatch.dispatcher import Dispatcher
 from robust.execute.drive import simulate
 from robust.execute.planners.interface import Planner
@@ -25,7 +25,7 @@ from robust.execute.worlds.actual import condition_with
 from robust.execute.worlds.luck import Luck
 from robust.execute.worlds.rules import Rules
 from robust.execute.worlds.world import Executed, Outcome, SimulatedWorld
-from robust.plan.model import GoalCondition
+from robust.plan.model import GoalCondition, TimePointKind
 from robust.plan.numerals import format_number
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.smt.limits import Deadline
@@ -103,6 +103,9 @@ def execute(
         What happened. The run has succeeded only if the simulator, told all that was executed and drawn, finds the
         goal reached and nothing broken. That a planner finds nothing, or that a plan cannot be made ready, ends the run
         as failed.
+
+    Raises:
+        InputError: for a rule about a duration that the dispatcher chooses.
     """
     return _Running(mission, seed, on_segment or _silent).run(prepared)
 
@@ -126,6 +129,7 @@ class _Running:
                     prepared, planner_seconds = _planned(self._mission, problem)
             except _NoPlanError as error:
                 return self._result(RunStatus.FAILED, self._because(str(error)))
+            check_rules(prepared, self._mission.rules)
             dispatcher = Dispatcher(prepared.dispatchable, drain=self._mission.drain)
             world = SimulatedWorld(prepared.setting, self._luck, levels_known=bool(self._segments))
             self._begin(prepared, world)
@@ -200,6 +204,18 @@ class _Running:
 
     def _result(self, status: RunStatus, reason: str) -> Run:
         return Run(status, reason, tuple(self._segments), monotonic() - self._begun, self._seed)
+
+
+def check_rules(prepared: Prepared, rules: Rules) -> None:
+    """InputError for a rule about a duration that the dispatcher chooses: nature has no say in it."""
+    dispatchable = prepared.dispatchable
+    for number in dispatchable.ours:
+        point = dispatchable.network.points[number]
+        instance = dispatchable.plan.instance[point.instance or ""]
+        if point.kind is TimePointKind.END and rules.duration(instance) is not None:
+            found = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
+            message = f"{found}; expected one that is fixed or a parameter: --parametrize duration:{instance.action}"
+            raise InputError(message)
 
 
 def _moved(one: Executed, origin: Fraction) -> Executed:
