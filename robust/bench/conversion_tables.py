@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from statistics import median
 from typing import TYPE_CHECKING
 
+from rich.markup import escape
 from rich.table import Table
 
 from robust.bench.removals import Kind, Removal
@@ -39,7 +40,7 @@ def _plans(report: ConversionReport) -> Table:
         table.add_row(label, *(fact(report.rows_of(source)) for source in report.sources))
     if report.failures:
         table.add_row("[red]failed[/red]", f"{len(report.failures)} in all")
-    table.caption = "\n".join(report.notes)
+    table.caption = escape("\n".join(report.notes))
     return table
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rich.markup import escape
 from rich.table import Table
 
 from robust.bench.tables import NOTHING, figure
@@ -21,7 +22,7 @@ def _coverage(report: ExecutionReport) -> Table:
     design = report.design
     title = f"Table {design.number}, {design.title}: coverage [95 %] and re-plans, ours / the paper's"
     table = Table(title=title, title_justify="left", caption_justify="left")
-    table.caption = "\n".join(report.notes)
+    table.caption = escape("\n".join(report.notes))
     table.add_column("executor", no_wrap=True)
     for column in design.columns:
         table.add_column(column, justify="right")

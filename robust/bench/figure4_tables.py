@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from robust.bench.run import Outcome
@@ -23,7 +24,7 @@ def figure4_tables(report: Figure4Report) -> list[Table]:
 
 def _times(report: Figure4Report) -> Table:
     table = Table(title="Seconds by plan", title_justify="left", caption_justify="left")
-    table.caption = "\n".join(report.notes)
+    table.caption = escape("\n".join(report.notes))
     table.add_column("plan", no_wrap=True)
     table.add_column("parameters", justify="right")
     for contender in report.contenders:
