@@ -30,7 +30,7 @@ class WorldState:
         self.atoms = set(atoms)
         self.fluents = dict(fluents)
         self.time = time
-        self._flows: dict[str, tuple[tuple[Fluent, Fraction], ...]] = {}
+        self.flows: dict[str, tuple[tuple[Fluent, Fraction], ...]] = {}
 
     def snapshot(self) -> State:
         """A copy that does not change any more."""
@@ -38,8 +38,8 @@ class WorldState:
 
     def advance(self, time: Fraction) -> None:
         """Let time pass: fluents change continuously."""
-        if self._flows and time > self.time:
-            for flow in self._flows.values():
+        if self.flows and time > self.time:
+            for flow in self.flows.values():
                 for fluent, rate in flow:
                     self.fluents[fluent] += rate * (time - self.time)
         self.time = max(self.time, time)
@@ -81,10 +81,10 @@ class WorldState:
         if instance.continuous_effects:
             reading = self._reading(duration)
             flow = tuple((one.fluent, reading.expression(one.rate)) for one in instance.continuous_effects)
-            self._flows[instance.identifier] = flow
+            self.flows[instance.identifier] = flow
 
     def end_flows(self, instance: ActionInstance) -> None:
-        self._flows.pop(instance.identifier, None)
+        self.flows.pop(instance.identifier, None)
 
     def pass_literal(self, literal: TimedLiteral) -> None:
         """A timed initial literal takes effect."""

@@ -2,7 +2,8 @@
 
 How long actions take, how much they consume and when things happen that nobody decides is drawn (:mod:`.luck`); all
 else is as the model says. An action whose condition does not hold fails: at its start, it does not happen at all;
-later, it ends there and then, without its effects at the end. Conditions over all are looked at when something happens.
+later, it ends there and then, without its effects at the end. Conditions over all are looked at when something happens,
+and once between any two such moments.
 """
 
 from __future__ import annotations
@@ -142,6 +143,9 @@ class SimulatedWorld:
         self._luck = luck
         self._values = {one.name: self._drawn(one, levels_known=levels_known) for one in plan.parameters}
         self._consumed: dict[tuple[str, Fluent], Fraction] = {}
+        self._due: dict[str, Fraction] = {}
+        """When what is running will end, where that is known."""
+        self._changed = True
         self._given_up = False
         self._messages: list[Message] = []
         self._agenda: list[tuple[Fraction, int, Callable[[Fraction], None]]] = []
@@ -187,11 +191,11 @@ class SimulatedWorld:
         """Let everything happen that happens by itself up to a moment, and let time pass."""
         while self._agenda and self._agenda[0][0] <= now:
             time, _, act = heapq.heappop(self._agenda)
-            self.state.advance(time)
-            self._check_over_all(time)
+            self._pass(time)
+            self._check_at(time)
             act(time)
-            self._check_over_all(time)
-        self.state.advance(now)
+            self._check_at(time)
+        self._pass(now)
 
     def stop(self, now: Fraction) -> None:
         """End what is running, there and then."""
@@ -203,7 +207,7 @@ class SimulatedWorld:
     # -- instances ---------------------------------------------------------------------------------------------------
 
     def _start(self, point: TimePoint, now: Fraction) -> None:
-        self.state.advance(now)
+        self._pass(now)
         identifier = point.instance or ""
         planned = self.setting.dispatchable.plan.instance[identifier]
         ending = next((link for link in self.setting.natural.get(point, ()) if link.target == planned.end), None)
@@ -219,9 +223,10 @@ class SimulatedWorld:
         self.executed[identifier] = Executed(instance, now, now if done else None, outcome, duration is not None)
         if not done:
             self.state.begin_flows(instance, duration)
-        self._check_over_all(now)
+        self._check_at(now)
         self._reveal(point)
         if duration is not None:
+            self._due[identifier] = now + duration
             self._plan_for(now + duration, lambda time: self._complete(identifier, time))
         self._follow(point, now)
 
@@ -234,7 +239,7 @@ class SimulatedWorld:
         one = self.executed.get(identifier)
         if one is None or one.outcome is not Outcome.RUNNING:
             return False
-        self.state.advance(now)
+        self._pass(now)
         duration = now - one.start
         unmet = self.state.unmet(one.instance, Timing.AT_END, duration)
         if unmet is not None:
@@ -242,7 +247,7 @@ class SimulatedWorld:
             return False
         self._finish(one, now, Outcome.DONE)
         self.state.apply(one.instance, Timing.AT_END, duration)
-        self._check_over_all(now)
+        self._check_at(now)
         point = self.setting.dispatchable.plan.instance[identifier].end
         self._reveal(point)
         self._follow(point, now)
@@ -256,12 +261,34 @@ class SimulatedWorld:
         self._finish(one, now, Outcome.FAILED)
         self._messages.append(Failed(one.instance.identifier, now, f"{condition} does not hold"))
 
-    def _check_over_all(self, now: Fraction) -> None:
-        for one in self.executed.values():
-            if one.outcome is Outcome.RUNNING and one.start < now:
-                unmet = self.state.unmet(one.instance, Timing.OVER_ALL, None)
-                if unmet is not None:
-                    self._fail(one, now, unmet.text)
+    # -- conditions over all -----------------------------------------------------------------------------------------
+
+    def _pass(self, time: Fraction) -> None:
+        """Let time pass. What is running has conditions in between, wherever it ends."""
+        begin = self.state.time
+        if time <= begin:
+            return
+        if self._changed or self.state.flows:
+            self.state.advance((begin + time) / 2)
+            broken = self._broken([one for one in self.executed.values() if one.outcome is Outcome.RUNNING])
+            self.state.advance(time)
+            self._changed = False
+            for one, condition in broken:
+                self._fail(one, time, condition)
+        self.state.advance(time)
+
+    def _check_at(self, now: Fraction) -> None:
+        """What is known to be running before and after a moment has its conditions at that moment."""
+        self._changed = True
+        inside = [one for one in self.executed.values() if one.outcome is Outcome.RUNNING and one.start < now]
+        for one, condition in self._broken(
+            [one for one in inside if self._due.get(one.instance.identifier, now) > now]
+        ):
+            self._fail(one, now, condition)
+
+    def _broken(self, running: Sequence[Executed]) -> list[tuple[Executed, str]]:
+        found = [(one, self.state.unmet(one.instance, Timing.OVER_ALL)) for one in running]
+        return [(one, unmet.text) for one, unmet in found if unmet is not None]
 
     # -- what nobody decides -----------------------------------------------------------------------------------------
 
