@@ -208,6 +208,82 @@ def conversions(
     return bench_conversions(drawn, delivery, planned, planner, seed, request, guard_of(context))
 
 
+Problems = Annotated[int, typer.Option("--problems", metavar="N", help="how many of the hundred problems")]
+Runs = Annotated[int, typer.Option("--runs", metavar="N", help="simulated worlds for each problem")]
+PlannerName = Annotated[
+    str | None, typer.Option("--planner", metavar="NAME", help="who plans; else aries for table 1, kairos for table 2")
+]
+PlannerLimit = Annotated[str, typer.Option("--planner-limit", metavar="S", help="seconds for each plan")]
+Drain = Annotated[
+    bool | None,
+    typer.Option(
+        "--drain/--stop", help="wait for what runs when a plan is given up (else for table 2), or stop it (for table 1)"
+    ),
+]
+Worlds = Annotated[int, typer.Option("--seed", metavar="N", help="which simulated worlds")]
+
+
+@bench_app.command(short_help="Executors under uncertain durations.")
+def table1(
+    context: typer.Context,
+    *,
+    problems: Problems = 100,
+    runs: Runs = 1,
+    parameters: Annotated[
+        list[int] | None,
+        typer.Option("--parameters", metavar="N", help="only with N uncertain durations, 1 to 5; may be repeated"),
+    ] = None,
+    planner: PlannerName = None,
+    planner_limit: PlannerLimit = "7",
+    drain: Drain = None,
+    seed: Worlds = 0,
+    jobs: Jobs = 1,
+    cluster: Cluster = None,
+    store: Store = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Execute delivery plans whose durations are uncertain: coverage and re-plans, and the paper's."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, Cases, bench_table  # noqa: PLC0415 - heavy
+
+    cases = Cases(problems, runs, tuple(parameters or ()), planner, drain, seed)
+    request = BenchRequest(jobs, planner_limit, None, json, not (quiet or verbose), cluster, store)
+    return bench_table(1, cases, request, guard_of(context))
+
+
+@bench_app.command(short_help="Executors under uncertain consumption.")
+def table2(
+    context: typer.Context,
+    *,
+    problems: Problems = 100,
+    runs: Runs = 1,
+    planner: PlannerName = None,
+    planner_limit: PlannerLimit = "7",
+    drain: Drain = None,
+    battery: Annotated[
+        str | None, typer.Option("--battery", metavar="B", help="the charge at the beginning; else 520")
+    ] = None,
+    seed: Worlds = 0,
+    jobs: Jobs = 1,
+    cluster: Cluster = None,
+    store: Store = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Execute delivery plans whose consumption is uncertain: coverage and re-plans, and the paper's."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, Cases, bench_table  # noqa: PLC0415 - heavy
+
+    cases = Cases(problems, runs, (), planner, drain, seed, battery)
+    request = BenchRequest(jobs, planner_limit, None, json, not (quiet or verbose), cluster, store)
+    return bench_table(2, cases, request, guard_of(context))
+
+
 Instances = Annotated[int, typer.Option("--instances", metavar="N", help="how many random plans")]
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="which random plans")]
 Backends = Annotated[
