@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from fractions import Fraction
-from importlib import import_module
 from pathlib import Path
 
 import jsonschema
@@ -227,11 +226,11 @@ def test_wrong_options(options, message):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "module", "function", "expected"),
+    ("arguments", "driver", "expected"),
     [
-        (("table1", "--parameters", "2", "--stop"), "execution_runs", "run_table", {"columns": (2,), "drain": False}),
-        (("table2", "--battery", "400.5"), "execution_runs", "run_table", {"battery": Fraction(801, 2), "drain": None}),
-        (("figure4", "--baseline-limit", "1/2"), "figure4", "run_figure4", {"baseline_limit": 0.5, "limit": 10.0}),
+        (("table1", "--parameters", "2", "--stop"), "execution_runs.run_table", {"columns": (2,), "drain": False}),
+        (("table2", "--battery", "400.5"), "execution_runs.run_table", {"battery": Fraction(801, 2), "drain": None}),
+        (("figure4", "--baseline-limit", "1/2"), "figure4.run_figure4", {"baseline_limit": 0.5, "limit": 10.0}),
         (
             ("conversions", "--drawn", "3"),
             "conversions",
@@ -240,15 +239,15 @@ def test_wrong_options(options, message):
         ),
     ],
 )
-def test_options_reach_the_drivers(arguments, module, function, expected, monkeypatch, tmp_path):
+def test_options_reach_the_drivers(arguments, driver, expected, monkeypatch, tmp_path):
     seen = {}
 
-    def driver(*_arguments, on_result, **options):
+    def stand_in(*_arguments, on_result, **options):
         on_result(1, 1, "one")
         seen.update(options)
         return report(row(DREEX, "a", True), row("blex:0", "a", options["jobs"] == 2))
 
-    monkeypatch.setattr(import_module(f"robust.bench.{module}"), function, driver)
+    monkeypatch.setattr(f"robust.bench.{driver}", stand_in)
     store = tmp_path / "store"
     ended = command("bench", *arguments, "--store", store, "--cluster", "tcp://here:1", "--json")
     assert (ended.code, ended.err) == (0, "")
