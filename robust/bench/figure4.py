@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "robust/bench-figure4/1"
 LIMIT = 10.0
-_RUN = ("status", "seconds", "cpu_s", "memory_mb", "search_s", "message", "box", "unbounded", "polyhedra")
+_RUN = ("status", "seconds", "cpu_s", "memory_mb", "search_s", "message", "box", "unbounded", "capped", "polyhedra")
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ def _times(report: Figure4Report) -> Table:
     table.add_column("parameters", justify="right")
     for contender in report.contenders:
         table.add_column(contender.name, justify="right")
-    table.add_column("unbounded", justify="right")
+    table.add_column("unbounded + capped", justify="right")
     for origin in report.origins:
         for row in report.rows_of(origin):
             cells = [_time(row, contender.name) for contender in report.contenders]
@@ -46,11 +46,11 @@ def _time(row: Figure4Row, method: str) -> str:
 
 
 def _unbounded(row: Figure4Row) -> str:
-    """Unbounded directions of the box of exact widening, of how many; a dash without such a box."""
+    """Directions in which the widened box has no end, and those that only the domain's own number ends, of how many."""
     run = row.runs.get("widen")
     if run is None or run["box"] is None:
         return NOTHING
-    return f"{len(run['unbounded'])} of {2 * len(run['box'])}"
+    return f"{len(run['unbounded'])} + {len(run['capped'])} of {2 * len(run['box'])}"
 
 
 def _solved(report: Figure4Report) -> Table:

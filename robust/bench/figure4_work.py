@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -19,6 +19,8 @@ from robust.execute.controllability.assess import Controllability, Kind
 from robust.irr.box import Box
 from robust.irr.result import Side
 from robust.plan.load import load_plan
+from robust.plan.model import ActionInstance, Duration, ParameterReference, ParametrizedPlan, Relation
+from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline, OutOfTimeError
 
 OURS = (IRR, WIDEN)
@@ -53,18 +55,25 @@ def do(task: Figure4Task) -> dict[str, Any]:
         if task.method == CONTROLLABILITY:
             return _controllability(files, task.instance.options, task.limit)
         run = _BY_NAME[task.method].run(Processes(), files, limit=task.limit, extra=task.instance.options)
-    facts: dict[str, Any] = {**cost_as_dict(run), "box": None, "unbounded": [], "polyhedra": None}
-    match run:
-        case EnvelopeRun():
-            facts["box"] = box_as_dict(run.box) or None
-            facts["unbounded"] = unbounded(Box(run.box))
-        case RegionRun():
-            facts["polyhedra"] = run.polyhedra
-        case CheckRun():
-            pass
-        case _:
-            assert_never(run)
-    return facts
+        facts: dict[str, Any] = {**cost_as_dict(run), "box": None, "unbounded": [], "capped": [], "polyhedra": None}
+        match run:
+            case EnvelopeRun() if run.box:
+                box = Box(run.box)
+                facts |= {"box": box_as_dict(run.box), "unbounded": unbounded(box)}
+                facts["capped"] = only_capped(_plan(files, task.instance.options), box)
+            case EnvelopeRun():
+                pass
+            case RegionRun():
+                facts["polyhedra"] = run.polyhedra
+            case CheckRun():
+                pass
+            case _:
+                assert_never(run)
+        return facts
+
+
+def _plan(files: tuple[Path, Path, Path], options: tuple[str, ...]) -> ParametrizedPlan:
+    return load_plan(*files, parameters=[one.removeprefix("--parameter=") for one in options])
 
 
 def unbounded(box: Box) -> list[str]:
@@ -73,10 +82,33 @@ def unbounded(box: Box) -> list[str]:
     return above + [f"below {name}" for name, interval in box.intervals.items() if interval.lower is None]
 
 
+def only_capped(plan: ParametrizedPlan, box: Box) -> list[str]:
+    """Parameters that are durations, and that nothing but a number in their own duration constraint bounds above."""
+    caps: dict[str, set[Fraction]] = {}
+    for constraint in plan.constraints:
+        instance = plan.instance.get(constraint.target.instance or "")
+        if instance is None or constraint.source.instance != instance.identifier or constraint.lower is None:
+            continue
+        for name in box.intervals:
+            if constraint.lower == constraint.upper == Polynomial.variable(ParameterReference(name)):
+                caps.setdefault(name, set()).update(_greatest_durations(instance))
+    return [f"above {name}" for name, values in caps.items() if values and box[name].upper == min(values)]
+
+
+def _greatest_durations(instance: ActionInstance) -> Iterator[Fraction]:
+    """The numbers in constraints `(<= ?duration number)`, which are kept as `number − ?duration ≥ 0`."""
+    for part in instance.durations:
+        expression = part.condition.expression
+        number = expression.constant_term
+        shape = Polynomial.constant(number) - Polynomial.variable(Duration())
+        if part.condition.relation is Relation.AT_LEAST and expression == shape:
+            yield number
+
+
 def _controllability(files: tuple[Path, Path, Path], options: tuple[str, ...], limit: float | None) -> dict[str, Any]:
     """Is the box of exact widening dynamically controllable, and what is left of it once it is?"""
     deadline = Deadline.after(limit)
-    plan = load_plan(*files, parameters=[one.removeprefix("--parameter=") for one in options])
+    plan = _plan(files, options)
     found = envelope(plan, timeout=limit)
     facts = {"status": found.status.value, **dict.fromkeys(("dynamic", "strong", "kept", "bounded", "cut", "reason"))}
     if not found.verified:

@@ -233,8 +233,7 @@ def test_wrong_options(options, message):
         (("figure4", "--baseline-limit", "1/2"), "figure4.run_figure4", {"baseline_limit": 0.5, "limit": 10.0}),
         (
             ("conversions", "--drawn", "3"),
-            "conversions",
-            "run_conversions",
+            "conversions.run_conversions",
             {"drawn": 3, "delivery": 50, "limit": 60.0},
         ),
     ],

@@ -95,7 +95,7 @@ def test_all_methods_by_the_real_command(tmp_path):
     value = checked(report)
     assert value["solved"][0]["methods"]["widen"] == 1
     shown = rendered(report.tables())
-    assert "0 of 4" in shown
+    assert "0 + 0 of 4" in shown
     assert "100.0 %" in shown
     assert plot.stat().st_size > 0
     again = run_figure4(tmp_path, **options)
@@ -183,6 +183,29 @@ def test_losses():
     assert _loss(box, part, {"c"}) == {"kept": 0.75, "bounded": 1, "cut": 1}
     assert unbounded(box) == ["above b", "above c"]
     assert unbounded(Box({"a": Interval(None, Fraction(1))})) == ["below a"]
+
+
+def test_faces_that_only_the_domain_bounds(tmp_path):
+    """x may be as long as the domain says, y only as long as the window is open."""
+    domain = """(define (domain two) (:requirements :durative-actions :duration-inequalities :timed-initial-literals)
+      (:predicates (done-a) (done-b) (window))
+      (:durative-action a :parameters () :duration (<= ?duration 100) :condition (and) :effect (at end (done-a)))
+      (:durative-action b :parameters () :duration (<= ?duration 100) :condition (over all (window))
+        :effect (at end (done-b))))"""
+    problem = """(define (problem p) (:domain two) (:init (window) (at 50 (not (window))))
+      (:goal (and (done-a) (done-b))))"""
+    plan = """parameter x default 10 lb 5;
+parameter y default 10 lb 5;
+durative-action instance a : (a);
+durative-action instance b : (b);
+c: a.end - a.start in [x, x];
+c: b.end - b.start in [y, y];
+c: b.start - .zero in [0, 0];
+"""
+    instance = Instance("two", Origin.OWN, 2, (domain, problem, plan))
+    found = do(Figure4Task(instance, "widen", 60))
+    assert found["box"] == {"x": ["5", "100"], "y": ["5", "50"]}
+    assert (found["unbounded"], found["capped"]) == ([], ["above x"])
 
 
 def test_wrong_options(tmp_path):
