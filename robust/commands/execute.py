@@ -39,7 +39,7 @@ class Shrink(StrEnum):
     STRONG = "strong"
 
 
-@app.command(epilog=EPILOG, short_help="Execute in simulated worlds, re-planning when an observation leaves the box.")
+@app.command(epilog=EPILOG, short_help="Execute in simulated worlds, and plan anew when needed.")
 def execute(
     context: typer.Context,
     domain: Domain,

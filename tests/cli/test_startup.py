@@ -30,6 +30,7 @@ Commands:
   region    All parameter values for which a plan is valid.
   compare   The exact region beside the boxes of all methods.
   convert   Make a flexible plan of a planner's output.
+  execute   Execute in simulated worlds, and plan anew when needed.
   demo      Take a tour on shipped examples.
   pike      Plans with choices: which still lead to a correct execution?
   bench     Measure: recorded data sets, the figures of the paper,...
@@ -49,6 +50,9 @@ OPTIONS = {
     "--json --quiet --verbose",
     ("demo",): "",
     ("convert",): "--output --mode --parametrize --epsilon --solver --timeout --json --quiet --verbose",
+    ("execute",): "--executor --planner --world --seed --runs --parametrize --parameters --method --controllability "
+    "--replans --planner-limit --planning-time --stop-running --epsilon --solver --timeout --plot --json --quiet "
+    "--verbose",
     ("bench", "recorded"): "--suite --jobs --limit --plot --json --quiet --verbose",
     ("bench", "scaling"): "--jobs --limit --plot --json --quiet --verbose",
 }
