@@ -28,13 +28,13 @@ def test_nothing_overlaps_and_everything_is_drawn(seed, count, tmp_path):
     drawn = chart(seed, count)
     drawing = _Drawing(drawn)
     rows = {}
-    for placed in drawing._placed:  # noqa: SLF001 - what the drawing is made of
-        left, right, _ = drawing._extent(placed.item)  # noqa: SLF001 - likewise
-        assert right <= drawing._room + 1e-6  # noqa: SLF001 - likewise
+    for placed in drawing._placed:
+        left, right, _ = drawing._extent(placed.item)
+        assert right <= drawing._room + 1e-6
         for other_left, other_right in rows.setdefault(placed.row, []):
             assert right <= other_left or other_right <= left
         rows[placed.row].append((left, right))
-    assert len(drawing._placed) == count + sum(1 for mark in drawn.marks if mark.lane)  # noqa: SLF001 - likewise
+    assert len(drawing._placed) == count + sum(1 for mark in drawn.marks if mark.lane)
     file = tmp_path / "chart.svg"
     draw_chart(drawn, file)
     text = file.read_text(encoding="utf-8")
