@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
@@ -10,7 +10,7 @@ from fractions import Fraction
 from robust.encode.interface import EPSILON
 from robust.errors import Location, SolverError
 from robust.execute.causal import causal_network
-from robust.execute.distances import Edge, constraints_of, irredundant
+from robust.execute.distances import Edge, constraints_of, irredundant, is_implied
 from robust.execute.esterel import esterel_edges
 from robust.execute.original import Original, declarations, schedule_of, validated
 from robust.execute.parametrization import Parametrization, parametrization
@@ -136,8 +136,20 @@ def _causal(original: Original, chosen: Parametrization, tightener: Tightener) -
     if not (chosen.parameters or chosen.beside):
         kept = tightener.without_removable(fixed, every, {*causal.links, *bounds})
     edges = irredundant(causal.points, causal.certain, kept)
+    if not (chosen.parameters or chosen.beside):
+        fixed = _without_implied_ranges(fixed, edges)
     redundant = len(every) - len(edges)
     return _Network((*fixed, *edges), tuple(one for one in tightened if one.edge in edges), redundant)
+
+
+def _without_implied_ranges(durations: tuple[Edge, ...], edges: Sequence[Edge]) -> tuple[Edge, ...]:
+    """The bounds of durations without those of ranges that all the others imply; a fixed duration keeps both."""
+    kept = list(durations)
+    for one in durations:
+        others = [other for other in kept if other != one]
+        if Edge(one.target, one.source, -one.weight) not in kept and is_implied(one, (*others, *edges)):
+            kept = others
+    return tuple(kept)
 
 
 def _written(original: Original, chosen: Parametrization, network: _Network) -> STNPlan:

@@ -136,6 +136,23 @@ def test_what_durations_imply_is_left_out_unless_they_are_parameters():
     assert "n2 - n0 in [1/1000, None]" in lines(converted(DOMAIN, problem(), steps, "duration:read"))
 
 
+def test_a_least_duration_that_others_imply_is_left_out():
+    # It starts while it is open, before 4, and ends once it is open again, after 30.
+    domain = DOMAIN.replace("(<= ?duration 9)", "(<= ?duration 90)").replace(
+        ":condition (over all (lit)) :effect", ":condition (and (at start (open)) (at end (open))) :effect"
+    )
+    initial = problem("(open) (at 4 (not (open))) (at 30 (open))")
+    found = converted(domain, initial, "1: (read) [40]")
+    assert {(str(one.lower), str(one.upper)) for one in found.plan.constraints} == {
+        ("None", "90"),
+        ("None", "3999/1000"),
+        ("30001/1000", "None"),
+    }
+    assert found.check.answer is Answer.PROVED
+    with_parameter = converted(domain, initial, "1: (read) [40]", "fluent:(water)")
+    assert "2" in {str(one.lower) for one in with_parameter.plan.constraints}
+
+
 def test_what_is_true_anyway_is_not_protected():
     domain = DOMAIN.replace("(over all (or (lit) (open)))", "(over all (or (lit) (not (lit))))")
     assert domain != DOMAIN
