@@ -42,8 +42,8 @@ Commands:
 OPTIONS = {
     ("check",): "--at --all --parameter --parameters --epsilon --encoding --solver --timeout --smt2 "
     "--json --quiet --verbose",
-    ("envelope",): "--method --beta --doubling --contain-nominal --encoding --order --controllability --parameter --parameters "
-    "--epsilon --solver --timeout --plot --smt2 --json --quiet --verbose",
+    ("envelope",): "--method --beta --doubling --contain-nominal --encoding --order --controllability "
+    "--parameter --parameters --epsilon --solver --timeout --plot --smt2 --json --quiet --verbose",
     ("region",): "--backend --splitting --learning --no-learning --form --latex --parameter --parameters --epsilon "
     "--encoding --solver --timeout --plot --axes --json --quiet --verbose",
     ("compare",): "--beta --parameter --parameters --epsilon --encoding --solver --timeout --plot --axes --html "

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from time import monotonic
 
-from robust.api import envelope
-from robust.encode.interface import EPSILON
+from robust.encode.interface import EPSILON, create_encoding
 from robust.errors import RefutedError, SolverError
 from robust.execute.controllability.parametric import parametric_stnu
 from robust.execute.controllability.shrink import Dynamically, Strongly, shrink
@@ -17,11 +16,15 @@ from robust.execute.dispatch.executors import Dreex, Executor
 from robust.execute.dispatch.prepare import Dispatchable, make_dispatchable
 from robust.execute.worlds.world import Setting
 from robust.irr.box import Box
-from robust.irr.result import Status
+from robust.irr.containment import Containment
+from robust.irr.irr import IncrementalRobustification
+from robust.irr.methods import ExactSearch
+from robust.irr.result import EnvelopeResult, Status
 from robust.plan.model import ParametrizedPlan
 from robust.plan.parametrize import ParameterSpec, Target
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.timed import TimedPlan
+from robust.smt.interrupts import noticing_interrupts
 from robust.smt.limits import Deadline, OutOfTimeError
 
 
@@ -29,6 +32,7 @@ from robust.smt.limits import Deadline, OutOfTimeError
 class Options:
     """How plans are made ready: which executor, which parameters, how the box is computed, and how long that may take.
 
+    `method` is `widen`, `irr` (with β = 1) or `optimal` (of the boxes that contain the nominal point).
     `timeout` limits conversion and box, each, in seconds; out of time, a box is as large as it has become.
     `controllability` is `dynamic` or `strong` if the box is to be shrunk to its part that is so; None leaves it.
     """
@@ -92,14 +96,23 @@ def prepare_plan(
 
 def computed_box(plan: ParametrizedPlan, options: Options) -> Box:
     """The box of a plan; errors as for :func:`prepare_plan`."""
-    found = envelope(
-        plan, method=options.method, epsilon=options.epsilon, solver=options.solver, timeout=options.timeout
-    )
+    found = _search(plan, options)
     if found.status is Status.INVALID:
         raise RefutedError(f"invalid plan: {found.reason}")
     if not found.verified:
         raise SolverError("no box was proved in time; expected one, allow more time")
     return found.box if options.controllability is None else _shrunk(plan, found.box, options)
+
+
+@noticing_interrupts()
+def _search(plan: ParametrizedPlan, options: Options) -> EnvelopeResult:
+    deadline = Deadline.after(options.timeout)
+    formulas = create_encoding("relational", plan, options.epsilon, deadline)
+    if options.method == "irr":
+        containment = Containment(formulas, solver=options.solver)
+        return IncrementalRobustification(containment, deadline=deadline).run()
+    search = ExactSearch(formulas, solver=options.solver, deadline=deadline)
+    return search.optimal(contain_nominal=True) if options.method == "optimal" else search.widen(())
 
 
 def _shrunk(plan: ParametrizedPlan, box: Box, options: Options) -> Box:
