@@ -34,18 +34,15 @@ def in_processes(tasks: list[Numbered], work: Work, jobs: int, deadline: Deadlin
     suspects: deque[Numbered] = deque()
     lost: dict[int, int] = {}
     while (waiting or suspects) and not deadline.passed:
-        alone = bool(suspects)
+        alone = deque([suspects.popleft()]) if suspects else None
         running: dict[int, Task] = {}
-        source = _started(suspects if alone else waiting, running, deadline)
-        broken = yield from _until_broken(source, running, work, jobs, alone)
-        if broken and alone:  # of tasks that run one at a time, the one that was started last is the one
-            number, task = running.popitem()
-            lost[number] = lost.get(number, 0) + 1
+        broken = yield from _until_broken(_started(alone or waiting, running, deadline), running, work, jobs)
+        for number, task in running.items() if broken else ():
+            lost[number] = lost.get(number, 0) + (alone is not None)
             if lost[number] < ATTEMPTS:
                 suspects.append((number, task))
             else:
                 yield number, Outcome(f"its process was killed {ATTEMPTS} times", failed=True)
-        suspects.extend(running.items() if broken else ())
 
 
 def _started(queue: deque[Numbered], running: dict[int, Task], deadline: Deadline) -> Iterator[Numbered]:
@@ -56,20 +53,13 @@ def _started(queue: deque[Numbered], running: dict[int, Task], deadline: Deadlin
 
 
 def _until_broken(
-    source: Iterator[Numbered], running: dict[int, Task], work: Work, jobs: int, alone: bool
+    source: Iterator[Numbered], running: dict[int, Task], work: Work, jobs: int
 ) -> Generator[tuple[int, Outcome], None, bool]:
     """Outcomes until the source is empty or a worker was killed; returns whether one was."""
     from joblib import Parallel, delayed  # noqa: PLC0415 - not needed for one job
     from joblib.externals.loky.process_executor import TerminatedWorkerError  # noqa: PLC0415
 
-    # With one job joblib would use no process at all, so that alone means one task at a time of two workers.
-    pool = Parallel(
-        n_jobs=max(2, jobs),
-        backend="loky",
-        return_as="generator_unordered",
-        batch_size=1,
-        pre_dispatch=1 if alone else jobs,
-    )
+    pool = Parallel(n_jobs=jobs, backend="loky", return_as="generator_unordered", batch_size=1, pre_dispatch=jobs)
     try:
         with closing(pool(delayed(_numbered)(work, number, task) for number, task in source)) as outcomes:
             for number, outcome in outcomes:
