@@ -28,6 +28,14 @@ from robust.commands.options import (
 )
 
 
+class Controllability(StrEnum):
+    """What a dispatcher may know of the values in the box."""
+
+    WEAK = "weak"
+    DYNAMIC = "dynamic"
+    STRONG = "strong"
+
+
 class Method(StrEnum):
     """How the box is searched."""
 
@@ -72,6 +80,14 @@ def envelope(
             help="parameters in the order in which they take turns (irr), or are widened one after the other (widen)",
         ),
     ] = None,
+    controllability: Annotated[
+        Controllability | None,
+        typer.Option(
+            "--controllability",
+            help="also tell whether values may be unknown until they are observed (dynamic), or for ever (strong), and "
+            "shrink the box to the part where they may",
+        ),
+    ] = None,
     parameter: Parameter = None,
     parameters: Parameters = None,
     epsilon: Epsilon = "1/1000",
@@ -96,6 +112,7 @@ def envelope(
         doubling=doubling,
         contain_nominal=contain_nominal,
         order=order,
+        controllability=None if controllability is None else controllability.value,
         specs=tuple(parameter or ()),
         parameter_file=parameters,
         epsilon=epsilon,

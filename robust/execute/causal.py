@@ -19,7 +19,8 @@ One that comes before the start anyway costs none; else the most recent is taken
 where the transformer's network is valid, this one then allows all of its schedules.
 
 What depends on numbers that vary with the schedule, and over-all conditions that different literals keep true in
-turn, is left to :mod:`robust.execute.tighten`.
+turn, is left to :mod:`robust.execute.tighten`; so is finding the edges of over-all conditions that are true without
+them, because their literals are true by turns whatever the order is.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from fractions import Fraction
 from functools import partial
 
 from robust.execute.distances import Edge, Paths, edge
-from robust.execute.durations import certain_duration, duration_edges
+from robust.execute.durations import certain_duration, duration_edges, settled_durations
 from robust.execute.original import Original, Write
 from robust.plan.model import (
     ZERO,
@@ -50,14 +51,16 @@ from robust.plan.model import (
 class CausalNetwork:
     """A network in parts; the original schedule satisfies all of them.
 
-    `points` are zero and the time points of instances; `certain` holds whatever the durations are, `durations` are the
-    bounds of durations, and `edges` are all others.
+    `points` are zero and the time points of instances; `certain` holds whatever the parameters are, and may imply
+    others; `durations` are the bounds of durations, `links` are the edges that protect over-all conditions, and `edges`
+    are these and the separations of mutex pairs.
     """
 
     points: tuple[TimePoint, ...]
     certain: tuple[Edge, ...]
     durations: tuple[Edge, ...]
     edges: tuple[Edge, ...]
+    links: frozenset[Edge]
 
 
 def causal_network(original: Original, pinned: Collection[str] = ()) -> CausalNetwork:
@@ -72,10 +75,13 @@ def causal_network(original: Original, pinned: Collection[str] = ()) -> CausalNe
         *(certain_duration(original, instance) for instance in durative),
     )
     durations = tuple(bound for instance in durative for bound in duration_edges(original, instance, pinned))
+    settled = settled_durations(original, pinned)
     orders = [edge(a, b, original.epsilon) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
     paths = Paths(points, (*certain, *orders))
     links = [link for instance in durative for link in _over_all_edges(original, instance, paths)]
-    return CausalNetwork(points, certain, durations, tuple(dict.fromkeys((*orders, *links))))
+    known = tuple(bound for bound in durations if bound.source.instance in settled)
+    edges = tuple(dict.fromkeys((*orders, *links)))
+    return CausalNetwork(points, (*certain, *known), durations, edges, frozenset(links) - frozenset(orders))
 
 
 def _over_all_edges(original: Original, instance: ActionInstance, paths: Paths) -> Iterator[Edge]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
@@ -10,7 +10,7 @@ from fractions import Fraction
 from robust.encode.interface import EPSILON
 from robust.errors import Location, SolverError
 from robust.execute.causal import causal_network
-from robust.execute.distances import Edge, constraints_of, irredundant
+from robust.execute.distances import Edge, constraints_of, irredundant, is_implied
 from robust.execute.esterel import esterel_edges
 from robust.execute.original import Original, declarations, schedule_of, validated
 from robust.execute.parametrization import Parametrization, parametrization
@@ -41,7 +41,8 @@ class Conversion:
     `stn` is the plan to write, and `plan` what reading it gives. `beside` are the parameters that the plan file cannot
     hold by itself: initial values of fluents, and durations that the domain fixes. `schedule` is that of the
     time-triggered plan, `check` the verdict about all schedules at nominal values; PROVED in mode CAUSAL. `tightened`
-    says which bounds were needed beyond what keeps atoms true, and `redundant` how many edges the others implied.
+    says which bounds were needed beyond what keeps atoms true, and `redundant` how many edges the others implied, or
+    the proof did not need.
     """
 
     mode: Mode
@@ -121,15 +122,34 @@ class _Network:
 
 
 def _causal(original: Original, chosen: Parametrization, tightener: Tightener) -> _Network:
-    """The least constrained network: causal edges, then bounds, without what the others imply for all durations."""
+    """The least constrained network: causal edges, then bounds, without what the others imply for all parameters.
+
+    What the proof does not need goes as well, unless there are parameters: other values of them might need it.
+    """
     causal = causal_network(original, chosen.pinned_durations)
     fixed = (*causal.durations, *chosen.pinned_starts(original.times))
     needed = irredundant(causal.points, causal.certain, causal.edges)
     tightened = tightener.tighten((*fixed, *needed))
     bounds = [one.edge for one in tightened]
-    edges = irredundant(causal.points, causal.certain, (*needed, *bounds))
-    redundant = len({*causal.edges, *bounds}) - len(edges)
-    return _Network((*fixed, *edges), tightened, redundant)
+    every = list(dict.fromkeys((*causal.edges, *bounds)))
+    kept = every
+    if not (chosen.parameters or chosen.beside):
+        kept = tightener.without_removable(fixed, every, {*causal.links, *bounds})
+    edges = irredundant(causal.points, causal.certain, kept)
+    if not (chosen.parameters or chosen.beside):
+        fixed = _without_implied_ranges(fixed, edges)
+    redundant = len(every) - len(edges)
+    return _Network((*fixed, *edges), tuple(one for one in tightened if one.edge in edges), redundant)
+
+
+def _without_implied_ranges(durations: tuple[Edge, ...], edges: Sequence[Edge]) -> tuple[Edge, ...]:
+    """The bounds of durations without those of ranges that all the others imply; a fixed duration keeps both."""
+    kept = list(durations)
+    for one in durations:
+        others = [other for other in kept if other != one]
+        if Edge(one.target, one.source, -one.weight) not in kept and is_implied(one, (*others, *edges)):
+            kept = others
+    return tuple(kept)
 
 
 def _written(original: Original, chosen: Parametrization, network: _Network) -> STNPlan:

@@ -94,6 +94,31 @@ class Paths:
         return None if found is None else Fraction(found, self._scale)
 
 
+def earliest(points: Sequence[TimePoint], edges: Iterable[Edge]) -> dict[TimePoint, Fraction] | None:
+    """The earliest schedule from zero that satisfies the edges; None if there is none."""
+    outgoing: dict[TimePoint, list[Edge]] = {point: [] for point in points}
+    for one in edges:
+        outgoing[one.source].append(one)
+    times = dict.fromkeys(points, Fraction(0))
+    queue, waiting = deque(points), set(points)
+    rounds = dict.fromkeys(points, 0)
+    while queue:
+        point = queue.popleft()
+        waiting.discard(point)
+        rounds[point] += 1
+        if rounds[point] > len(points):  # Bellman and Ford: there is a cycle that never gets late enough
+            return None
+        for one in outgoing[point]:
+            if times[one.target] < times[point] + one.weight:
+                times[one.target] = times[point] + one.weight
+                if one.target == ZERO:
+                    return None
+                if one.target not in waiting:
+                    waiting.add(one.target)
+                    queue.append(one.target)
+    return times
+
+
 def irredundant(points: Sequence[TimePoint], given: Sequence[Edge], edges: Sequence[Edge]) -> list[Edge]:
     """A subset of `edges` that with `given` implies all of them, and none of which the others imply.
 
@@ -113,6 +138,17 @@ def irredundant(points: Sequence[TimePoint], given: Sequence[Edge], edges: Seque
             adjacency[one.source].remove(one)
             kept.discard(one)
     return [one for one in tight if one in kept]
+
+
+def is_implied(one: Edge, others: Iterable[Edge]) -> bool:
+    """Whether every schedule of the other edges satisfies the edge; they must have a schedule."""
+    adjacency: dict[TimePoint, list[Edge]] = {}
+    for other in others:
+        if other == one:
+            return True
+        adjacency.setdefault(other.source, []).append(other)
+        adjacency.setdefault(other.target, [])
+    return one.source in adjacency and _reaches(one, adjacency)
 
 
 def _reaches(skipped: Edge, adjacency: Mapping[TimePoint, Sequence[Edge]]) -> bool:

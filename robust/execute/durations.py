@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from fractions import Fraction
+from typing import assert_never
 
 from robust.execute.distances import Edge
 from robust.execute.original import Original
-from robust.plan.model import ActionInstance, Duration, DurationConstraint, Relation
+from robust.plan.model import (
+    ActionInstance,
+    Duration,
+    DurationConstraint,
+    Fluent,
+    NumericVariable,
+    ParameterReference,
+    Relation,
+)
 
 
 def duration_edges(original: Original, instance: ActionInstance, pinned: Collection[str]) -> tuple[Edge, ...]:
@@ -30,6 +39,36 @@ def duration_edges(original: Original, instance: ActionInstance, pinned: Collect
             upper = bound if upper is None else min(upper, bound)
     edges = (Edge(instance.start, instance.end, lower),)
     return edges if upper is None else (*edges, Edge(instance.end, instance.start, -upper))
+
+
+def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[str]:
+    """The instances whose bounds of durations are the same for all schedules and parameter values.
+
+    Not those in `pinned`, nor those with a duration constraint that reads a parameter or a fluent that changes.
+    """
+    plan = original.plan
+    written = {literal.target for literal in plan.timed_literals}
+    for instance in plan.instances:
+        written |= {effect.fluent for effect in instance.numeric_effects}
+        written |= {effect.fluent for effect in instance.continuous_effects}
+
+    def is_settled(variable: NumericVariable) -> bool:
+        match variable:
+            case Duration():
+                return True
+            case ParameterReference():
+                return False
+            case Fluent():
+                return variable not in written and not plan.initial_fluents[variable].variables
+            case _:
+                assert_never(variable)
+
+    return frozenset(
+        one.identifier
+        for one in plan.instances
+        if one.identifier not in pinned
+        and all(is_settled(variable) for part in one.durations for variable in part.condition.expression.variables)
+    )
 
 
 def certain_duration(original: Original, instance: ActionInstance) -> Edge:

@@ -13,14 +13,14 @@ one by one, and the others are loosened together: each bound becomes a parameter
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 
 from robust.encode.interface import create_encoding
 from robust.errors import SolverError
-from robust.execute.distances import Edge, edge
+from robust.execute.distances import Edge, earliest, edge, is_implied
 from robust.execute.influence import influences
 from robust.execute.original import Original
 from robust.irr.box import Box, Interval
@@ -29,6 +29,7 @@ from robust.irr.methods import ExactSearch
 from robust.irr.result import Status
 from robust.plan.model import Parameter, ParameterReference, ParametrizedPlan, TemporalConstraint
 from robust.plan.polynomial import Polynomial
+from robust.plan.simulate import simulate
 from robust.smt.limits import Deadline
 
 
@@ -76,6 +77,38 @@ class Tightener:
         found = less._without_needless(edges, found)
         self.say("loosening bounds")
         return tuple(less._loosened(edges, found))
+
+    def without_removable(
+        self, fixed: Sequence[Edge], edges: Sequence[Edge], candidates: Collection[Edge]
+    ) -> list[Edge]:
+        """The edges without those candidates, latest first, that the proof does not need; all if time is short.
+
+        Together with the `fixed` edges they are valid.
+        """
+        less = replace(self, deadline=self._half())
+        kept = list(edges)
+        for one in reversed(edges):
+            if one in candidates:
+                self.say("dropping edges")
+                rest = [other for other in kept if other != one]
+                every = (*fixed, *rest)
+                if is_implied(one, every) or less._is_needless(one, every):
+                    kept = rest
+        return kept
+
+    def _is_needless(self, one: Edge, others: Sequence[Edge]) -> bool:
+        return not self._breaks_without(one, others) and self.check(others).answer is Answer.PROVED
+
+    def _breaks_without(self, one: Edge, others: Sequence[Edge]) -> bool:
+        """Whether one of two schedules that break this edge only breaks an obligation: mostly, and without a solver."""
+        plan, epsilon = self.original.plan, self.original.epsilon
+        literals = {point: point.time for point in plan.time_points if point.time is not None}
+        points = [point for point in plan.time_points if point.time is None]
+        for slack in (epsilon, Fraction(1)):
+            times = earliest(points, (*others, Edge(one.target, one.source, slack - one.weight)))
+            if times is not None and simulate(plan, plan.nominal, {**literals, **times}, epsilon=epsilon).violations:
+                return True
+        return False
 
     def _half(self) -> Deadline:
         """Half of the time that is left: what is loosened has to be proved once more afterwards."""

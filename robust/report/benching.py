@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from robust.errors import Location
+from robust.plan.numerals import parse_number
 from robust.report import options
 from robust.report.guard import UNDECIDED, Guard
 from robust.report.output import answering, print_json
@@ -37,6 +39,21 @@ class BenchRequest:
     plot: Path | None = None
     json: bool = False
     progress: bool = False
+    cluster: str | None = None
+    store: Path | None = None
+
+
+@dataclass(frozen=True)
+class Cases:
+    """Which cases of the execution experiments."""
+
+    problems: int
+    runs: int
+    columns: tuple[int, ...]
+    planner: str | None
+    drain: bool | None
+    seed: int
+    battery: str | None = None
 
 
 def bench_recorded(suite: Path, request: BenchRequest, guard: Guard) -> int:
@@ -137,6 +154,81 @@ def bench_team_plans(  # noqa: PLR0917 (what the commands were told)
             limit=limit,
             jobs=request.jobs,
             plot=plot,
+            on_result=display.batch,
+        ),
+    )
+
+
+def bench_figure4(suite: Path | None, baseline_limit: str | None, request: BenchRequest, guard: Guard) -> int:
+    """Run every method on the delivery plans."""
+    from robust.bench.figure4 import run_figure4  # noqa: PLC0415 - only what is asked for
+
+    limit = options.seconds(request.limit, "--limit")
+    others = options.seconds(baseline_limit, "--baseline-limit")
+    plot = options.plot_file(request.plot)
+    return _run(
+        request,
+        guard,
+        lambda display: run_figure4(
+            suite,
+            limit=limit,
+            baseline_limit=others,
+            jobs=request.jobs,
+            cluster=request.cluster,
+            store=request.store,
+            plot=plot,
+            on_result=display.batch,
+        ),
+    )
+
+
+def bench_conversions(  # noqa: PLR0917 (what the command was told)
+    drawn: int, delivery: int, planned: int, planner: str, seed: int, request: BenchRequest, guard: Guard
+) -> int:
+    """Convert plans and judge what is left in them."""
+    from robust.bench.conversions import run_conversions  # noqa: PLC0415 - only what is asked for
+
+    limit = options.seconds(request.limit, "--limit")
+    return _run(
+        request,
+        guard,
+        lambda display: run_conversions(
+            drawn=drawn,
+            delivery=delivery,
+            planned=planned,
+            planner=planner,
+            seed=seed,
+            limit=limit,
+            jobs=request.jobs,
+            cluster=request.cluster,
+            store=request.store,
+            on_result=display.batch,
+        ),
+    )
+
+
+def bench_table(table: int, cases: Cases, request: BenchRequest, guard: Guard) -> int:
+    """Run every executor on the delivery problems."""
+    from robust.bench.execution_runs import BATTERY, PLANNER_S, run_table  # noqa: PLC0415 - only what is asked for
+
+    planner_s = options.seconds(request.limit, "--planner-limit") or PLANNER_S
+    battery = BATTERY if cases.battery is None else parse_number(cases.battery, Location("--battery"))
+    return _run(
+        request,
+        guard,
+        lambda display: run_table(
+            table,
+            problems=cases.problems,
+            runs=cases.runs,
+            columns=cases.columns or None,
+            planner=cases.planner,
+            planner_s=planner_s,
+            drain=cases.drain,
+            battery=battery,
+            seed=cases.seed,
+            jobs=request.jobs,
+            cluster=request.cluster,
+            store=request.store,
             on_result=display.batch,
         ),
     )

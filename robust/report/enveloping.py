@@ -13,6 +13,7 @@ from robust.irr.result import EnvelopeResult, Status, Step
 from robust.plan.model import ParametrizedPlan
 from robust.report import options
 from robust.report.answers import envelope_answer
+from robust.report.controlling import ControllabilityReport, assess, controllability_answer, print_controllability
 from robust.report.guard import Cause, GivenUpError, Guard
 from robust.report.numbers import readable
 from robust.report.output import answering, print_json
@@ -34,6 +35,7 @@ class EnvelopeRequest:
     doubling: bool = False
     contain_nominal: bool = False
     order: str | None = None
+    controllability: str | None = None
     specs: tuple[str, ...] = ()
     parameter_file: Path | None = None
     epsilon: str = "1/1000"
@@ -138,13 +140,36 @@ class _Search:
         found = checked.counterexamples.values() if checked.answer is Answer.REFUTED else ()
         return next(iter(found), None)
 
-    def print(self, result: EnvelopeResult, counterexample: Counterexample | None = None) -> None:
+    def controllability(self, result: EnvelopeResult) -> ControllabilityReport | None:
+        """What a dispatcher may not know; None if that is not asked, there is no box, or it was interrupted."""
+        request, plan = self.request, self.plan
+        if request.controllability is None or plan is None or not result.verified:
+            return None
+        remaining = self.guard.remaining(self.limit)
+        try:
+            with self.guard.working(self.limit):
+                return assess(plan, result.box, request.controllability, solver=request.solver, timeout=remaining)
+        except KeyboardInterrupt:
+            return None
+
+    def print(
+        self,
+        result: EnvelopeResult,
+        counterexample: Counterexample | None = None,
+        controllability: ControllabilityReport | None = None,
+    ) -> None:
         if self.request.json:
-            print_json(envelope_answer(result, counterexample))
+            answer = envelope_answer(result, counterexample)
+            if self.request.controllability is not None:
+                answer["controllability"] = controllability and controllability_answer(controllability)
+            print_json(answer)
             return
         with answering():
+            out, quiet = console(), self.request.quiet
             promise = self.request.promise(self.beta)
-            print_envelope(console(), result, promise=promise, quiet=self.request.quiet, counterexample=counterexample)
+            print_envelope(out, result, promise=promise, quiet=quiet, counterexample=counterexample)
+            if controllability is not None:
+                print_controllability(out, controllability, quiet=quiet)
 
 
 def run_envelope(request: EnvelopeRequest, guard: Guard) -> int:
@@ -168,7 +193,9 @@ def run_envelope(request: EnvelopeRequest, guard: Guard) -> int:
         result = _search(search)
         display.say("looking for a schedule that fails")
         counterexample = search.counterexample(result)
-    search.print(result, counterexample)
+        display.say("asking whether the box is controllable")
+        controllability = search.controllability(result)
+    search.print(result, counterexample, controllability)
     if plot is not None and result.verified:
         from robust.report.plots import plot_envelope  # noqa: PLC0415 - imports matplotlib
 

@@ -30,6 +30,7 @@ Commands:
   region    All parameter values for which a plan is valid.
   compare   The exact region beside the boxes of all methods.
   convert   Make a flexible plan of a planner's output.
+  execute   Execute in simulated worlds, and plan anew when needed.
   demo      Take a tour on shipped examples.
   pike      Plans with choices: which still lead to a correct execution?
   bench     Measure: recorded data sets, the figures of the paper,...
@@ -41,14 +42,17 @@ Commands:
 OPTIONS = {
     ("check",): "--at --all --parameter --parameters --epsilon --encoding --solver --timeout --smt2 "
     "--json --quiet --verbose",
-    ("envelope",): "--method --beta --doubling --contain-nominal --encoding --order --parameter --parameters --epsilon "
-    "--solver --timeout --plot --smt2 --json --quiet --verbose",
+    ("envelope",): "--method --beta --doubling --contain-nominal --encoding --order --controllability "
+    "--parameter --parameters --epsilon --solver --timeout --plot --smt2 --json --quiet --verbose",
     ("region",): "--backend --splitting --learning --no-learning --form --latex --parameter --parameters --epsilon "
     "--encoding --solver --timeout --plot --axes --json --quiet --verbose",
     ("compare",): "--beta --parameter --parameters --epsilon --encoding --solver --timeout --plot --axes --html "
     "--json --quiet --verbose",
     ("demo",): "",
     ("convert",): "--output --mode --parametrize --epsilon --solver --timeout --json --quiet --verbose",
+    ("execute",): "--executor --planner --world --seed --runs --parametrize --parameters --method --controllability "
+    "--replans --planner-limit --planning-time --stop-running --epsilon --solver --timeout --plot --json --quiet "
+    "--verbose",
     ("bench", "recorded"): "--suite --jobs --limit --plot --json --quiet --verbose",
     ("bench", "scaling"): "--jobs --limit --plot --json --quiet --verbose",
 }

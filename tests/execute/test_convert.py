@@ -66,7 +66,7 @@ def test_a_condition_follows_its_achiever():
 
 def test_an_over_all_condition_is_protected():
     found = converted(DOMAIN, problem(), "1: (switch-on)\n2: (read) [5]\n9: (switch-off)")
-    assert lines(found) == {"n1.start - n0 in [0, None]", "n2 - n1.end in [0, None]", "n2 - n0 in [1/1000, None]"}
+    assert lines(found) == {"n1.start - n0 in [0, None]", "n2 - n1.end in [0, None]"}
     [duration] = [one for one in found.plan.constraints if one.source.instance == one.target.instance]
     assert (str(duration.lower), str(duration.upper)) == ("2", "9")
 
@@ -127,6 +127,39 @@ def test_what_others_imply_is_left_out():
     )
     assert "n3 - n0 in [1/1000, None]" not in lines(found)
     assert found.redundant > 0
+
+
+def test_what_durations_imply_is_left_out_unless_they_are_parameters():
+    # By the duration of at least 2, the light goes out more than ε after it was switched on.
+    steps = "1: (switch-on)\n2: (read) [5]\n9: (switch-off)"
+    assert "n2 - n0 in [1/1000, None]" not in lines(converted(DOMAIN, problem(), steps))
+    assert "n2 - n0 in [1/1000, None]" in lines(converted(DOMAIN, problem(), steps, "duration:read"))
+
+
+def test_a_least_duration_that_others_imply_is_left_out():
+    # It starts while it is open, before 4, and ends once it is open again, after 30.
+    domain = DOMAIN.replace("(<= ?duration 9)", "(<= ?duration 90)").replace(
+        ":condition (over all (lit)) :effect", ":condition (and (at start (open)) (at end (open))) :effect"
+    )
+    initial = problem("(open) (at 4 (not (open))) (at 30 (open))")
+    found = converted(domain, initial, "1: (read) [40]")
+    assert {(str(one.lower), str(one.upper)) for one in found.plan.constraints} == {
+        ("None", "90"),
+        ("None", "3999/1000"),
+        ("30001/1000", "None"),
+    }
+    assert found.check.answer is Answer.PROVED
+    with_parameter = converted(domain, initial, "1: (read) [40]", "fluent:(water)")
+    assert "2" in {str(one.lower) for one in with_parameter.plan.constraints}
+
+
+def test_what_is_true_anyway_is_not_protected():
+    domain = DOMAIN.replace("(over all (or (lit) (open)))", "(over all (or (lit) (not (lit))))")
+    assert domain != DOMAIN
+    steps = "1: (switch-on)\n2: (rest) [6]\n9: (switch-off)"
+    found = converted(domain, problem(), steps)
+    assert lines(found) == {"n2 - n0 in [1/1000, None]"}
+    assert found.check.answer is Answer.PROVED
 
 
 # -- the transformer's network ---------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from fractions import Fraction
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust.execute.distances import Edge, Paths, constraints_of, edge, irredundant
+from robust.execute.distances import Edge, Paths, constraints_of, earliest, edge, irredundant, is_implied
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 from robust.plan.stn import STNConstraint
 
@@ -52,6 +52,27 @@ def test_longest_paths(edges):
     for a in POINTS:
         for b in POINTS:
             assert paths.implied(a, b) == implied(edges, a, b)
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(networks(), st.integers(-2, 3))
+def test_implied_edges_and_earliest_schedules(edges, slack):
+    nonnegative = [Edge(ZERO, point, Fraction(0)) for point in POINTS[1:]]
+    times = earliest(POINTS, edges)
+    if any((implied([*edges, *nonnegative], point, ZERO) or Fraction(-1)) > 0 for point in POINTS):
+        assert times is None
+    else:
+        assert times == {point: implied([*edges, *nonnegative], ZERO, point) for point in POINTS}
+    for one in edges:
+        rest = [other for other in edges if other != one]
+        looser = Edge(one.source, one.target, one.weight - slack)
+        known = implied(rest, one.source, one.target)
+        assert is_implied(looser, rest) is (known is not None and known >= looser.weight)
+
+
+def test_contradictions_have_no_schedule():
+    assert earliest(POINTS, [Edge(A, B, Fraction(1)), Edge(B, A, Fraction(0))]) is None
+    assert earliest(POINTS, [Edge(A, ZERO, Fraction(0)), Edge(ZERO, A, Fraction(1))]) is None
 
 
 def test_the_times_of_timed_literals_go_into_the_weight():

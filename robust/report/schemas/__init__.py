@@ -13,6 +13,7 @@ FILES = {
     "robust/region/1": "region.schema.json",
     "robust/compare/1": "compare.schema.json",
     "robust/convert/1": "convert.schema.json",
+    "robust/execute/1": "execute.schema.json",
     "robust/pike-check/1": "pike-check.schema.json",
     "robust/pike-compile/1": "pike-compile.schema.json",
     "robust/pike-cross/1": "pike-cross.schema.json",

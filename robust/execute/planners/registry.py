@@ -1,0 +1,39 @@
+"""Planners by name, or by the command that starts them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+
+from robust.encode.interface import EPSILON
+from robust.errors import InputError, did_you_mean
+from robust.execute.planners.aries import aries_planner
+from robust.execute.planners.command import command_planner
+from robust.execute.planners.interface import Planner
+from robust.execute.planners.kairos import kairos_planner
+
+_COMMAND = "command:"
+_MAKERS: Mapping[str, Callable[..., Planner]] = {"aries": aries_planner, "kairos": kairos_planner}
+
+PLANNERS = tuple(sorted(_MAKERS))
+"""The planners with a name."""
+
+
+def create_planner(name_or_command: str, *, epsilon: Fraction = EPSILON) -> Planner:
+    """The planner `aries` or `kairos`, or the one that `command:TEMPLATE` starts.
+
+    In a template, `{domain}` and `{problem}` are PDDL files, `{output}` is a file for the plan (standard output is read
+    if it is not written), and `{timeout}` is the seconds that are left. Plans are checked with mutex time points
+    `epsilon` apart.
+
+    Raises:
+        InputError: for an unknown name or a template that cannot be used.
+        UnsupportedError: if the package of the planner is not installed.
+    """
+    text = name_or_command.strip()
+    if text.startswith(_COMMAND):
+        return command_planner(text.removeprefix(_COMMAND), epsilon=epsilon)
+    if text not in _MAKERS:
+        known = f"{', '.join(PLANNERS)} or command:TEMPLATE"
+        raise InputError(f"found planner {name_or_command!r}, expected {known}{did_you_mean(text, PLANNERS)}")
+    return _MAKERS[text](epsilon=epsilon)

@@ -1,0 +1,1 @@
+"""Execution with re-planning from the state reached [IRR §3, Figure 1]."""

@@ -1,0 +1,407 @@
+"""The dispatcher: what it decides, what reveals parameters, and every way in which observations can go wrong."""
+
+from fractions import Fraction
+from random import Random
+
+import pytest
+
+from robust.errors import InputError
+from robust.execute.dispatch.dispatcher import Dispatcher, Phase
+from robust.execute.dispatch.executors import Blex, Dreex, parse_executor
+from robust.execute.dispatch.messages import (
+    Completed,
+    Contradicted,
+    Dispatch,
+    Failed,
+    Finish,
+    LeftBox,
+    Missed,
+    Observed,
+    Rejected,
+    Started,
+    StateEstimate,
+    Succeeded,
+    Unobserved,
+)
+from robust.execute.dispatch.network import Guarantee
+from robust.execute.dispatch.prepare import make_dispatchable
+from robust.execute.drive import simulate as run_in_world
+from robust.execute.worlds.luck import Luck
+from robust.execute.worlds.rules import Rule, Rules, Subject
+from robust.execute.worlds.world import Setting, SimulatedWorld
+from robust.irr.box import Box, Interval
+from robust.plan.model import Atom, Fluent
+from robust.plan.simulate import simulate
+from tests.execute.execution import PLAN, PLANS, drawn, tasks, tasks_dispatchable, with_box
+
+F = Fraction
+EPSILON = F(1, 1000)
+
+
+def told(dispatcher, now, *messages):
+    """The decisions of one step as texts; rejections and endings as they are."""
+    plain = Dispatch | Finish | Succeeded
+    return [str(one) if isinstance(one, plain) else one for one in dispatcher.step(F(now), messages)]
+
+
+def begun(**options):
+    dispatcher = Dispatcher(tasks_dispatchable(), **options)
+    assert told(dispatcher, 0) == ["start w1"]
+    return dispatcher
+
+
+# -- what goes well ----------------------------------------------------------------------------------------------------
+
+
+def test_a_plan_is_carried_out():
+    dispatcher = begun()
+    assert dispatcher.dispatchable.guarantee is Guarantee.DYNAMIC
+    # 60 is the end of everything, 5 + 2 and two gaps come before it; 20 and ε is when the observation is overdue
+    assert dispatcher.wake == 20 + EPSILON
+    assert told(dispatcher, 7, Completed("w1", F(7))) == []
+    assert dispatcher.observed == {"first": 7}
+    assert dispatcher.wake == 7 + EPSILON
+    assert told(dispatcher, 7 + EPSILON) == ["start f", "start c"]
+    assert told(dispatcher, 9 + EPSILON, Completed("f", 9 + EPSILON)) == []
+    assert told(dispatcher, 9 + 2 * EPSILON) == ["start w2"]
+    assert dispatcher.running == ("w2",)
+    assert dispatcher.wake == 14 + 2 * EPSILON
+    assert told(dispatcher, 14 + 2 * EPSILON) == ["end w2", "all done"]
+    assert (dispatcher.ended, dispatcher.wake, dispatcher.ending) == (True, None, None)
+    times = {str(point): time for point, time in dispatcher.times.items()}
+    assert times["w2.end"] == 14 + 2 * EPSILON
+
+
+def test_windows_follow_observations():
+    dispatcher = begun()
+    plan = dispatcher.dispatchable.plan
+    start = plan.instance["w2"].start
+    # within the box 4 ... 20 of the first duration, certainly and possibly
+    assert dispatcher.window(start) == (6 + 2 * EPSILON, F(55))
+    told(dispatcher, 20, Completed("w1", F(20)))
+    assert dispatcher.window(start) == (22 + 2 * EPSILON, F(55))
+
+
+def test_what_reveals_each_parameter():
+    shown = {one.parameter: str(one) for one in with_box(*PLANS[2]).observability.revelations}
+    assert shown["a1.use"] == "a1.use is revealed by the level right after a1.end"
+    rate = with_box(*PLANS[5])
+    assert {str(one) for one in rate.observability.revelations} == {
+        "yield is revealed by the level right after sun.end",
+        "on_1 is revealed by the time of use_1.end",
+    }
+    starts = with_box(*PLANS[3]).observability.revelations
+    assert "start_1 is revealed by the time of pour_1.start" in {str(one) for one in starts}
+    level = make_dispatchable(tasks(PLAN, "level=fluent:(stock)", "need=fluent:(need b)"))
+    assert {str(one) for one in level.observability.by_level} == {
+        "level is revealed by the level at the beginning",
+        "need is revealed by the level right after f.end",
+    }
+    assert level.notes == ()
+
+
+def test_what_cannot_be_revealed_is_said_at_the_beginning():
+    hidden = make_dispatchable(tasks(PLAN, "need=fluent:(need a)"))
+    (note,) = hidden.notes
+    assert note.startswith("need stands in conditions or bounds only")
+    assert note.endswith("it cannot be observed")
+
+
+def test_observed_levels_are_waited_for():
+    dispatchable = tasks_dispatchable({"first": (4, 20), "need": (1, 6)}, PLAN, "need=fluent:(need b)")
+    dispatcher = Dispatcher(dispatchable)
+    told(dispatcher, 0)
+    told(dispatcher, 7, Completed("w1", F(7)))
+    told(dispatcher, 7 + EPSILON)
+    told(dispatcher, 9 + EPSILON, Completed("f", 9 + EPSILON), Observed("need", F(5), "f"))
+    assert dispatcher.observed == {"first": 7, "need": 5}
+    told(dispatcher, 9 + 2 * EPSILON)
+    assert told(dispatcher, 14 + 2 * EPSILON)[-1] == "all done"
+
+
+# -- what leaves the box, and faults -------------------------------------------------------------------------------
+
+
+def test_an_observation_above_the_box_ends_the_plan_when_it_is_overdue():
+    dispatcher = begun()
+    assert told(dispatcher, 20) == []
+    (left,) = told(dispatcher, 20 + EPSILON)
+    assert left == LeftBox("first", "first", None, Interval(F(4), F(20)), 20 + EPSILON)
+    assert str(left) == "first exceeds 20"
+    assert (dispatcher.phase, dispatcher.ended) == (Phase.DRAINING, False)
+    assert told(dispatcher, 31, Completed("w1", F(31))) == []
+    assert dispatcher.ended
+    assert [(one.value, one.inside) for one in dispatcher.observations] == [(31, False)]
+
+
+def test_an_observation_below_the_box_ends_the_plan_at_once():
+    dispatcher = begun()
+    (left,) = told(dispatcher, 3, Completed("w1", F(3)))
+    assert str(left) == "first = 3 is outside [4, 20]"
+    assert dispatcher.ended
+
+
+def test_stopping_does_not_wait():
+    dispatcher = begun(drain=False)
+    told(dispatcher, 20 + EPSILON)
+    assert dispatcher.ended
+
+
+def test_running_actions_are_waited_for_and_those_of_ours_ended():
+    dispatcher = begun()
+    told(dispatcher, 7, Completed("w1", F(7)))
+    told(dispatcher, 8)
+    told(dispatcher, 10, Completed("f", F(10)))
+    told(dispatcher, 11)
+    (failed,) = told(dispatcher, 12, Failed("c", F(12), "nobody answers"))
+    assert str(failed) == "c failed: nobody answers"
+    assert dispatcher.wake == 16  # w2 began at 11 and lasts for 5 at least
+    assert told(dispatcher, 16) == ["end w2"]
+    assert dispatcher.ended
+
+
+def test_a_late_message_counts_from_when_it_was_sent():
+    dispatcher = begun()
+    assert told(dispatcher, 12, Completed("w1", F(7))) == ["start f", "start c"]
+    assert dispatcher.observed == {"first": 7}
+    assert dispatcher.times[dispatcher.dispatchable.plan.instance["f"].start] == 12
+
+
+def test_a_missing_level_ends_the_plan():
+    dispatchable = tasks_dispatchable({"first": (4, 20), "need": (1, 6)}, PLAN, "need=fluent:(need b)")
+    dispatcher = Dispatcher(dispatchable, patience=F(1, 2))
+    told(dispatcher, 0)
+    told(dispatcher, 7, Completed("w1", F(7)))
+    told(dispatcher, 8)
+    told(dispatcher, 10, Completed("f", F(10)))
+    missing = told(dispatcher, F(21, 2))
+    assert Unobserved("need", F(10), F(21, 2)) in missing
+    assert str(dispatcher.ending) == "need was not observed by 10"
+
+
+def test_a_level_outside_of_the_box_ends_the_plan():
+    dispatchable = tasks_dispatchable({"first": (4, 20), "need": (1, 6)}, PLAN, "need=fluent:(need b)")
+    dispatcher = Dispatcher(dispatchable)
+    told(dispatcher, 0)
+    (left,) = told(dispatcher, 1, Observed("need", F(7)))
+    assert str(left) == "need = 7 is outside [1, 6]"
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (Completed("w1", F(8)), "w1.end has happened at 7 already; the first time stands"),
+        (Completed("w2", F(7)), "w2.end cannot happen before w2.start"),
+        (Completed("w1", float("nan")), "found time nan, expected an exact number"),
+        (Completed("w9", F(7)), "found instance 'w9', expected one of the plan; known are c, f, w1, w2"),
+        (Completed("f", F(9)), "f.end cannot happen before f.start"),
+        (Started("w2", F(7)), "w2.start is the dispatcher's to choose"),
+        (Observed("frist", F(1)), "found parameter 'frist', expected one of the plan; did you mean 'first'?"),
+        (Observed("first", float("nan")), "found nan for 'first', expected an exact number"),
+        (Observed("first", "7"), "found '7' for 'first', expected an exact number"),
+        (Observed("first", True), "found True for 'first', expected an exact number"),
+        (Observed("first", F(9)), "first = 7 was observed already; the first value stands"),
+        (StateEstimate(F(99), frozenset()), "found time 99, which is yet to come"),
+        (Failed("w1", F(7), "late"), "w1 has ended already"),
+        ("hello", "found str, expected a message"),
+    ],
+)
+def test_faulty_messages_are_rejected_in_one_line_and_change_nothing(message, reason):
+    dispatcher = begun()
+    told(dispatcher, 7, Completed("w1", F(7)))
+    before = dispatcher.times
+    (rejected,) = told(dispatcher, 7, message)
+    assert isinstance(rejected, Rejected)
+    assert (rejected.reason, "\n" in str(rejected)) == (reason, False)
+    assert (dispatcher.times, dispatcher.phase) == (before, Phase.DISPATCHING)
+    assert dispatcher.rejected == [rejected]
+
+
+def test_messages_about_the_future_and_the_past_are_rejected():
+    dispatcher = begun()
+    (rejected,) = told(dispatcher, 5, Completed("w1", F(6)))
+    assert rejected.reason == "found time 6, which is yet to come"
+    (rejected,) = told(dispatcher, 5, Completed("w1", F(-1)))
+    assert rejected.reason == "found time -1, expected one from 0 on"
+
+
+def test_the_same_message_twice_is_ignored():
+    dispatcher = begun()
+    message = Completed("w1", F(7))
+    assert told(dispatcher, 7, message, message) == []
+    assert told(dispatcher, 7, message, Observed("first", F(7))) == []
+
+
+def test_a_duration_cannot_be_observed_before_it_is_over():
+    dispatcher = begun()
+    (rejected,) = told(dispatcher, 5, Observed("first", F(7)))
+    assert rejected.reason == "first is revealed by the time of w1.end, which has not happened"
+
+
+def test_messages_out_of_order_are_put_in_order():
+    dispatchable = with_box(*PLANS[3])
+    dispatcher = Dispatcher(dispatchable)
+    told(dispatcher, 0)
+    assert told(dispatcher, 40, Completed("pour_1", F(32)), Started("pour_1", F(20))) == []
+    assert dispatcher.observed == {"start_1": 20}
+
+
+def test_a_state_that_contradicts_the_plan_ends_it():
+    complete = StateEstimate(
+        7 + EPSILON, frozenset({Atom("open")}), {Fluent("stock"): F(3), Fluent("need", ("b",)): F(4)}
+    )
+    dispatcher = begun()
+    told(dispatcher, 7, Completed("w1", F(7)))
+    (contradicted,) = told(dispatcher, 7 + EPSILON, complete)
+    assert contradicted == Contradicted("f", "(>= (stock) (need b)) does not hold", 7 + EPSILON)
+
+
+def test_a_state_does_not_outlast_the_next_event():
+    dispatcher = Dispatcher(tasks_dispatchable())
+    assert told(dispatcher, 0, StateEstimate(F(0), frozenset({Atom("ready", ("a",))}))) == ["start w1"]
+    told(dispatcher, 7, Completed("w1", F(7)))
+    assert "start f" in told(dispatcher, 7 + EPSILON)
+    dispatcher = Dispatcher(tasks_dispatchable())
+    (contradicted,) = told(dispatcher, 0, StateEstimate(F(0), frozenset()))
+    assert str(contradicted) == "w1 failed: (ready a) does not hold"
+
+
+def test_a_time_point_that_is_dispatched_too_late_is_missed():
+    dispatcher = begun()
+    told(dispatcher, 7, Completed("w1", F(7)))
+    told(dispatcher, 8)
+    told(dispatcher, 10, Completed("f", F(10)))
+    (missed,) = told(dispatcher, 56)
+    assert isinstance(missed, Missed)
+    assert str(missed) == "w2.start missed: possible until 55, because of .zero"
+
+
+def test_nothing_is_decided_after_the_end():
+    dispatcher = begun(drain=False)
+    told(dispatcher, 3, Completed("w1", F(3)))
+    assert dispatcher.step(F(4), [Completed("w1", F(4))]) == []
+
+
+# -- executors ---------------------------------------------------------------------------------------------------------
+
+
+def test_executors_by_name():
+    assert parse_executor("dreex") == Dreex()
+    assert parse_executor("BLEX:30") == Blex(F(3, 10))
+    assert parse_executor("blex:12.5").name == "blex:12.5"
+    for text in ("drex", "blex", "blex:", "blex:x", "blex:101", "blex:-1", "dreex:3"):
+        with pytest.raises(InputError, match="--executor"):
+            parse_executor(text)
+
+
+def test_blex_accepts_a_share_of_every_duration():
+    dispatchable = make_dispatchable(tasks(), executor=Blex(F(1, 2)))
+    assert dispatchable.guarantee is Guarantee.NONE
+    assert dispatchable.box == Box({"first": Interval(F(5), F(15))})
+    for ends, ending in ((3, "the time from f.start to f.end exceeds 3"), (1, None)):
+        dispatcher = Dispatcher(dispatchable)
+        told(dispatcher, 0)
+        told(dispatcher, 15, Completed("w1", F(15)))
+        told(dispatcher, 16)
+        told(dispatcher, 16 + ends + EPSILON, *([Completed("f", F(16 + ends))] if ending is None else []))
+        assert (None if dispatcher.ending is None else str(dispatcher.ending)) == ending
+
+
+def test_blex_finds_out_when_it_is_too_late():
+    late = PLAN.replace("default 10", "default 50")
+    dispatcher = Dispatcher(make_dispatchable(tasks(late), executor=Blex(F(1, 5))))
+    told(dispatcher, 0)
+    # 56 leaves no time for the rest; DREEX would have been told by its box
+    assert told(dispatcher, 56, Completed("w1", F(56))) == []
+    assert "start f" in told(dispatcher, 57)
+
+
+def test_boxes_must_be_those_of_the_plan():
+    with pytest.raises(InputError, match="no interval for parameter 'first'"):
+        make_dispatchable(tasks(), Box({}))
+    with pytest.raises(InputError, match="expected a parameter of the plan"):
+        make_dispatchable(tasks(), Box({"second": Interval(F(1), F(2))}))
+
+
+# -- guarantees --------------------------------------------------------------------------------------------------------
+
+
+def fixed(values):
+    """A world in which parameters have these values."""
+    return Rules(tuple(Rule(Subject.PARAMETER, name, "constant", {"value": value}) for name, value in values.items()))
+
+
+@pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan[3])
+def test_inside_a_controllable_box_every_execution_succeeds(plan):
+    dispatchable = with_box(*plan)
+    assert dispatchable.guarantee is Guarantee.DYNAMIC
+    setting = Setting(dispatchable)
+    for seed in range(25):
+        values = drawn(dispatchable.box, Random(seed))  # noqa: S311 - reproducible
+        dispatcher, world = Dispatcher(dispatchable), SimulatedWorld(setting, Luck(fixed(values), seed))
+        run_in_world(dispatcher, world)
+        assert (dispatcher.ended, dispatcher.ending, dispatcher.rejected) == (True, None, []), (seed, values)
+        simulation = simulate(dispatchable.plan, values, dispatcher.times, epsilon=dispatchable.epsilon)
+        assert simulation.valid, (seed, simulation.violations, simulation.network_violations)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_inside_the_box_of_a_drawn_plan_every_execution_succeeds(seed):
+    """Random partial orders of tasks that nothing disturbs, with a deadline that leaves room."""
+    random = Random(f"plans {seed}")  # noqa: S311 - reproducible
+    count = random.randint(2, 6)
+    declared, instances, constraints = [], [], []
+    for number in range(count):
+        nominal = random.randint(2, 9)
+        declared.append(f"parameter d{number} default {nominal};")
+        instances.append(f"durative-action instance w{number} : (work t{number});")
+        constraints.append(f"c: w{number}.end - w{number}.start in [d{number}, d{number}];")
+        for before in range(number):
+            if random.random() < 0.5:
+                bound = random.choice(["0.001", "1", "2.5"])
+                constraints.append(f"c: w{number}.start - w{before}.end in [{bound}, inf];")
+        constraints.append(f"c: w{number}.end - .zero in [0, 200];")
+    objects = " ".join(f"t{number}" for number in range(count))
+    atoms = " ".join(f"(ready t{number})" for number in range(count))
+    goal = " ".join(f"(done t{number})" for number in range(count))
+    problem = (
+        f"(define (problem p) (:domain tasks) (:objects {objects} - task)"
+        f" (:init {atoms} (open) (at 201 (not (open))) (= (stock) 0)) (:goal (and {goal})))"
+    )
+    plan = tasks("\n".join([*declared, *instances, *constraints]), problem=problem)
+    box = Box({f"d{number}": Interval(F(1), F(200 - 3 * count, count)) for number in range(count)})
+    dispatchable = make_dispatchable(plan, box)
+    assert dispatchable.guarantee is Guarantee.DYNAMIC
+    for repeat in range(5):
+        values = drawn(box, random)
+        dispatcher = Dispatcher(dispatchable)
+        run_in_world(dispatcher, SimulatedWorld(Setting(dispatchable), Luck(fixed(values), repeat)))
+        assert (dispatcher.ended, dispatcher.ending) == (True, None)
+        assert simulate(plan, values, dispatcher.times).valid
+
+
+def test_a_wait_is_kept_and_ended_by_the_observation():
+    """w2 has to end within 3 of w1's end, and lasts for 5 to 8: it starts before w1 ends, but not too early."""
+    plan = tasks(
+        """
+parameter first default 10;
+durative-action instance w1 : (work a);
+durative-action instance w2 : (work b);
+c: w1.end - w1.start in [first, first];
+c: w1.start - .zero in [0, 0];
+c: w2.end - w2.start in [5, 8];
+c: w2.end - w1.end in [0, 3];
+""",
+        problem="""(define (problem p) (:domain tasks) (:objects a b - task)
+  (:init (ready a) (ready b) (open) (= (stock) 0)) (:goal (and (done a) (done b))))""",
+    )
+    dispatchable = make_dispatchable(plan, Box({"first": Interval(F(8), F(13))}))
+    assert dispatchable.guarantee is Guarantee.DYNAMIC
+    setting = Setting(dispatchable)
+    for value in map(F, ("8", "9.5", "13")):
+        dispatcher = Dispatcher(dispatchable)
+        run_in_world(dispatcher, SimulatedWorld(setting, Luck(fixed({"first": value}), 0)))
+        assert dispatcher.ending is None
+        assert not simulate(plan, {"first": value}, dispatcher.times).network_violations
+    wide = make_dispatchable(plan, Box({"first": Interval(F(1), F(30))}))
+    assert wide.guarantee is Guarantee.WEAK

@@ -1,0 +1,127 @@
+"""MinMaxDispatchTime against an independent method: windows of all time points after any history."""
+
+from fractions import Fraction
+from random import Random
+
+import pytest
+
+from robust.errors import InputError
+from robust.execute.dispatch.network import DispatchNetwork
+from robust.execute.dispatch.windows import Windows
+from robust.plan.model import ZERO, TimePoint, TimePointKind
+
+
+def points(count):
+    return (ZERO, *(TimePoint(TimePointKind.INSTANT, f"p{number}") for number in range(1, count)))
+
+
+def random_edges(random, count):
+    """Bounds around a hidden schedule, so that there is one."""
+    hidden = [Fraction(0), *(Fraction(random.randint(0, 60), random.choice([1, 2, 3])) for _ in range(count - 1))]
+    edges = [(y, 0, Fraction(0)) for y in range(1, count)]
+    for _ in range(random.randint(count, 3 * count)):
+        x, y = random.sample(range(count), 2)
+        edges.append((x, y, hidden[y] - hidden[x] + Fraction(random.randint(0, 20), random.choice([1, 2, 7]))))
+    return edges, hidden
+
+
+def bellman_ford(count, edges, fixed):
+    """Greatest and least times of all points, given those that are fixed: shortest paths from and to zero."""
+    every = [*edges]
+    for point, time in fixed.items():
+        every += [(0, point, time), (point, 0, -time)]
+
+    def shortest(arcs):
+        distance = [None] * count
+        distance[0] = Fraction(0)
+        for _ in range(count):
+            for a, b, weight in arcs:
+                if distance[a] is not None and (distance[b] is None or distance[a] + weight < distance[b]):
+                    distance[b] = distance[a] + weight
+        return distance
+
+    upper = shortest(every)
+    lower = shortest([(b, a, weight) for a, b, weight in every])
+    return [(None if low is None else -low, high) for low, high in zip(lower, upper, strict=True)]
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_windows_are_those_of_the_network_with_the_past_fixed(seed):
+    random = Random(seed)  # noqa: S311 - reproducible
+    count = random.randint(3, 8)
+    edges, _ = random_edges(random, count)
+    network = DispatchNetwork(points(count), (), edges, (), closed=True)
+    windows = Windows(network)
+    fixed = {}
+    for point in (0, *random.sample(range(1, count), count - 1)):
+        lower, upper = windows.window(point) if point else (Fraction(0), Fraction(0))
+        share = Fraction(random.randint(0, 5), 5)
+        fixed[point] = lower + (min(upper, lower + 9) - lower if upper is not None else 4) * share
+        windows.happened(point, fixed[point])
+        expected = bellman_ford(count, edges, fixed)
+        future = [other for other in range(count) if other not in fixed]
+        assert [windows.window(other) for other in future] == [expected[other] for other in future], (seed, point)
+        assert windows.times == fixed
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_tightened_network_is_the_network_with_more_edges(seed):
+    random = Random(f"tighten {seed}")  # noqa: S311 - reproducible
+    count = random.randint(3, 7)
+    edges, hidden = random_edges(random, count)
+    network = DispatchNetwork(points(count), (), edges, (), closed=True)
+    x, y = random.sample(range(count), 2)
+    more = (x, y, hidden[y] - hidden[x])
+    windows = Windows(network)
+    windows.happened(0, Fraction(0))
+    tightened = windows.over(network.tightened([more]))
+    expected = bellman_ford(count, [*edges, more], {0: Fraction(0)})
+    assert [tightened.window(other) for other in range(1, count)] == expected[1:]
+
+
+def test_times_of_any_denominator_are_exact():
+    network = DispatchNetwork(
+        points(3), (), [(1, 0, Fraction(0)), (2, 1, Fraction(-1, 3)), (1, 2, Fraction(5))], (), closed=True
+    )
+    windows = Windows(network)
+    windows.happened(0, Fraction(0))
+    windows.happened(1, Fraction(1, 7))
+    assert windows.window(2) == (Fraction(1, 7) + Fraction(1, 3), Fraction(1, 7) + 5)
+    assert windows.time(1) == Fraction(1, 7)
+    assert windows.cause(2) == 1
+
+
+def test_who_comes_first_blocks():
+    network = DispatchNetwork(points(3), (), [(1, 0, Fraction(0)), (2, 1, Fraction(-1))], (), closed=True)
+    windows = Windows(network)
+    windows.happened(0, Fraction(0))
+    assert (windows.ready(1), windows.ready(2)) == (0, None)
+    windows.happened(1, Fraction(2))
+    assert windows.ready(2) == 3
+    assert windows.first_ready([2], Fraction(2)) is None
+    assert windows.first_ready([2], Fraction(3)) == 2
+
+
+def test_a_wait_ends_with_what_is_waited_for_or_by_itself():
+    edges = [(1, 0, Fraction(0)), (2, 1, Fraction(0)), (3, 1, Fraction(0))]
+    network = DispatchNetwork(points(4), (), edges, [(3, 1, 2, Fraction(10))], closed=True)
+    for happens in (True, False):
+        windows = Windows(network)
+        windows.happened(0, Fraction(0))
+        assert windows.ready(3) is None
+        windows.happened(1, Fraction(1))
+        assert windows.ready(3) == 11
+        if happens:
+            windows.happened(2, Fraction(4))
+            assert windows.ready(3) == 1
+    endless = DispatchNetwork(points(4), (), edges, [(3, 1, 2, None)], closed=True)
+    windows = Windows(endless)
+    windows.happened(0, Fraction(0))
+    windows.happened(1, Fraction(1))
+    assert windows.ready(3) is None
+
+
+def test_contradictions_have_no_network():
+    edges = [(0, 1, Fraction(3)), (1, 0, Fraction(-4))]
+    with pytest.raises(InputError, match="no schedule"):
+        DispatchNetwork(points(2), (), edges, (), closed=True)

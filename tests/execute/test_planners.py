@@ -1,0 +1,441 @@
+"""Planners that behave and planners that do not, and the text that they read and print."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robust.errors import InputError, UnsupportedError
+from robust.execute.delivery import DeliveryVariant, delivery_domain, table_problems
+from robust.execute.planners import aries, kairos
+from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
+from robust.execute.planners.output import check, plan_texts
+from robust.execute.planners.pddl_text import decimal, domain_text, problem_text
+from robust.execute.planners.registry import create_planner
+from robust.plan.numerals import parse_number
+from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
+from robust.plan.timed import parse_timed_plan
+from robust.smt.limits import Deadline
+from tests.execute.planner_fakes import BETTER, DOMAIN, PROBLEM, TOO_LATE, VALID, Fake, errand, errands
+
+ROOT = Path(__file__).parents[2]
+EPSILON = Fraction(1, 1000)
+
+
+@pytest.fixture
+def fake(tmp_path):
+    return Fake(tmp_path)
+
+
+def ask(command: str, seconds: float | None = 20) -> PlannerAnswer:
+    return create_planner(command).solve(errands, errand, Deadline.after(seconds))
+
+
+def gone(pid: int) -> bool:
+    """Whether a process ends within a few seconds; one that nobody has waited for counts as ended."""
+    for _ in range(100):
+        try:
+            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                return True
+        except FileNotFoundError:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+# -- answers -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_valid_plan_among_other_text(fake):
+    answer = ask(fake.printing(f"searching: 12 states (fast) [ok]\n; cost 9.501\n{VALID}\nbye"))
+    assert (answer.status, answer.plan, answer.message) == (PlannerStatus.SOLVED, parse_timed_plan(VALID), "")
+    assert 0 < answer.seconds < 20
+
+
+def test_no_deadline(fake):
+    assert ask(fake.printing(VALID), None).status is PlannerStatus.SOLVED
+
+
+def test_the_last_valid_plan_counts(fake):
+    assert ask(fake.printing(f"{VALID}\n{BETTER}")).plan == parse_timed_plan(BETTER)
+    assert ask(fake.printing(f"{BETTER}\nnext\n{TOO_LATE}")).plan == parse_timed_plan(BETTER)
+
+
+def test_a_valid_plan_counts_whatever_the_exit_code_and_at_the_deadline(fake):
+    assert ask(fake.printing(VALID, "sys.exit(3)")).status is PlannerStatus.SOLVED
+    assert ask(fake.printing(VALID, "time.sleep(60)"), 1).status is PlannerStatus.SOLVED
+
+
+def test_a_plan_in_the_output_file(fake):
+    write = f"open(sys.argv[3], 'w').write({VALID!r})\nprint('0: (go home home) [1]')"
+    assert ask(fake.command(write)).plan == parse_timed_plan(VALID)
+    numbered = f"[open(sys.argv[3] + f'.{{i}}', 'w').write(p) for i, p in enumerate([{VALID!r}, {BETTER!r}])]"
+    assert ask(fake.command(numbered)).plan == parse_timed_plan(BETTER)
+
+
+def test_the_planner_reads_what_was_asked(fake):
+    body = f"""
+    texts = [open(path).read() for path in sys.argv[1:3]]
+    open({str(fake.folder / "seen")!r}, "w").write(chr(0).join(texts))
+    assert 15 < float(sys.argv[4]) <= 20
+    print({VALID!r})
+    """
+    assert ask(fake.command(body)).status is PlannerStatus.SOLVED
+    domain, problem = (fake.folder / "seen").read_text().split("\0")
+    assert parse_domain(domain) == errands
+    assert parse_problem(problem, errands) == errand
+
+
+def test_slow(fake):
+    answer = ask(fake.command("time.sleep(60)"), 0.5)
+    assert (answer.status, answer.plan) == (PlannerStatus.TIMEOUT, None)
+    assert 0.5 <= answer.seconds < 5
+    assert answer.message == "no valid plan before the deadline"
+
+
+def test_a_deadline_that_has_passed(fake):
+    assert ask(fake.printing(VALID, "time.sleep(60)"), 0).status is PlannerStatus.TIMEOUT
+
+
+def test_half_a_plan_at_the_deadline_is_no_nonsense(fake):
+    assert ask(fake.printing(VALID.splitlines()[0], "time.sleep(60)"), 0.5).status is PlannerStatus.TIMEOUT
+
+
+def test_ignoring_all_signals_and_leaving_children(fake):
+    body = """
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    open(sys.argv[3] + "ids", "w").write("")
+    open(PIDS, "w").write(f"{os.getpid()} {child.pid}")
+    time.sleep(60)
+    """.replace("PIDS", repr(str(fake.folder / "pids")))
+    assert ask(fake.command(body), 1.5).status is PlannerStatus.TIMEOUT
+    assert all(gone(int(pid)) for pid in (fake.folder / "pids").read_text().split())
+
+
+def test_children_are_killed_when_the_planner_ends_by_itself(fake):
+    """Nor is a child waited for that keeps the planner's output open."""
+    pids = str(fake.folder / "pids")
+    body = f"""
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    open({pids!r}, "w").write(str(child.pid))
+    print({VALID!r})
+    """
+    answer = ask(fake.command(body))
+    assert (answer.status, answer.seconds < 10) == (PlannerStatus.SOLVED, True)
+    assert gone(int(Path(pids).read_text()))
+
+
+def test_crashing(fake):
+    answer = ask(fake.command("raise RuntimeError('out of ideas')"))
+    assert (answer.status, answer.message) == (PlannerStatus.CRASHED, "exit code 1: RuntimeError: out of ideas")
+    assert ask(fake.command("sys.exit(9)")).message == "exit code 9: no message"
+    killed = ask(fake.printing("so far so good", "os.kill(os.getpid(), signal.SIGSEGV)"))
+    assert (killed.status, killed.message) == (PlannerStatus.CRASHED, "killed by signal 11: so far so good")
+
+
+def test_a_program_that_does_not_exist():
+    answer = ask("command:/no/such/planner {domain} {problem}")
+    assert answer.status is PlannerStatus.CRASHED
+    assert "cannot start '/no/such/planner': No such file or directory" in answer.message
+
+
+def test_more_memory_than_allowed(fake):
+    answer = ask(fake.command("x = bytearray(2**36)\nprint('done')"))
+    assert (answer.status, answer.message) == (PlannerStatus.CRASHED, "exit code 1: MemoryError")
+
+
+@pytest.mark.parametrize("text", ["", "; No plan found", "the problem is UNSOLVABLE", "goal unreachable"])
+def test_no_plan(fake, text):
+    assert ask(fake.printing(text)).status is PlannerStatus.NO_PLAN
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("42", "found no plan in what it printed, ending with '42'"),
+        ("\x00\xff garbage", "ending with"),
+        ("0: (fly home market) [7.5]", "found action 'fly', expected one of domain 'errands'"),
+        ("0: (go home moon) [7.5]", "found 'moon'"),
+        ("0: (go home) [7.5]", "go"),
+        ("1.2.3: (go home market) [7.5]", "found '1.2.3' as time"),
+        ("0: (go home market) [soon]", "found 'soon' as duration"),
+        ("0: (go home market) [7.5]", "goal"),
+        ("0: (go home market) [7]\n7: (shop market) [2]", "invalid plan"),
+        (TOO_LATE, "'n1 shop: over all (open)' broken at time 20"),
+    ],
+)
+def test_nonsense(fake, text, message):
+    answer = ask(fake.printing(text))
+    assert (answer.status, answer.plan) == (PlannerStatus.NONSENSE, None)
+    assert message in answer.message
+    assert "\n" not in answer.message
+
+
+def test_an_answer_has_a_plan_exactly_when_solved():
+    with pytest.raises(ValueError, match="a plan goes with 'solved' only"):
+        PlannerAnswer("p", PlannerStatus.SOLVED, None, 1.0)
+    with pytest.raises(ValueError, match="a plan goes with 'solved' only"):
+        PlannerAnswer("p", PlannerStatus.TIMEOUT, parse_timed_plan(VALID), 1.0)
+
+
+# -- the end of whoever asked ------------------------------------------------------------------------------------------
+
+
+def test_interrupt(fake):
+    """Ctrl-C reaches the caller, once the planner is gone."""
+    pids = fake.folder / "pids"
+    command = fake.command(f"open({str(pids)!r}, 'w').write(str(os.getpid()))\ntime.sleep(60)")
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    usual = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 1.5)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            ask(command)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, usual)
+    assert gone(int(pids.read_text()))
+
+
+def test_a_planner_does_not_outlive_who_asked(fake):
+    pids = fake.folder / "pids"
+    command = fake.command(f"open({str(pids)!r}, 'w').write(str(os.getpid()))\ntime.sleep(60)")
+    code = f"from tests.execute.test_planners import ask; ask({command!r}, 50)"
+    asking = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
+    try:
+        for _ in range(200):
+            if pids.exists() and pids.read_text():
+                break
+            time.sleep(0.05)
+    finally:
+        os.kill(asking.pid, signal.SIGKILL)
+        asking.wait()
+    assert gone(int(pids.read_text()))
+
+
+# -- names and templates -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("areis", "found planner 'areis', expected aries, kairos or command:TEMPLATE; did you mean 'aries'?"),
+        ("", "found planner ''"),
+        ("command:", "found no command"),
+        ("command:p {domain} {probelm}", "found field {probelm}.*did you mean 'problem'"),
+        ("command:p {domain}", r"found no \{problem\}"),
+        ("command:p '{domain} {problem}", "No closing quotation"),
+        ("command:p {domain} {problem", "expected words and fields"),
+        ("command:p {} {problem}", r"found field \{\}"),
+    ],
+)
+def test_planners_that_cannot_be_made(text, message):
+    with pytest.raises(InputError, match=message):
+        create_planner(text)
+
+
+def test_missing_packages(monkeypatch):
+    def missing(_):
+        raise ImportError("no module")
+
+    monkeypatch.setattr(aries.importlib, "import_module", missing)
+    monkeypatch.setattr(kairos, "program", lambda _: None)
+    for name in ("aries", "kairos"):
+        with pytest.raises(UnsupportedError, match=rf"found no planner {name}.*pip install 'robust\[planners\]'"):
+            create_planner(name)
+
+
+# -- text --------------------------------------------------------------------------------------------------------------
+
+ODD = """(define (domain odd)
+(:requirements :adl :fluents :durative-actions :continuous-effects)
+(:types a b - object c - a d - (either a b))
+(:constants k - c)
+(:predicates (p ?x - a ?y) (q))
+(:functions (f ?x - a) (g))
+(:action i :parameters (?x - a ?z - d) :precondition (or (p ?x k) (not (exists (?y - b) (p ?x ?y))) (= ?x k))
+ :effect (and (forall (?y - a) (when (q) (and (not (p ?y ?x)) (assign (g) (/ (f ?y) 3))))) (scale-up (f ?x) 2)))
+(:action j :parameters () :precondition () :effect (q))
+(:durative-action e :parameters (?x - (either a b))
+ :duration (and (at start (>= ?duration 1.25)) (at end (< ?duration (g))))
+ :condition (and (at start (forall (?y) (imply (q) (p k ?y)))) (over all (>= (g) (- (f k) ?duration))) (at end (q)))
+ :effect (and (increase (g) (* #t (+ (f k) 2))) (at end (decrease (g) ?duration))
+  (when (at start (q)) (at start (p k k)))))
+(:durative-action w :parameters () :duration () :condition () :effect ()))
+"""
+
+
+def test_text_of_a_domain_with_everything():
+    domain = parse_domain(ODD)
+    assert parse_domain(domain_text(domain)) == domain
+
+
+def _files():
+    return sorted([*(ROOT / "robust/examples").rglob("*domain*.pddl")])
+
+
+@pytest.mark.parametrize("path", _files(), ids=lambda path: path.parent.name)
+def test_text_of_the_examples(path):
+    domain = read_domain(path)
+    if domain.parameters or any(action.synth_parameters for action in domain.actions.values()):
+        with pytest.raises(UnsupportedError, match="synthesis parameter"):
+            domain_text(domain)
+        return
+    again = parse_domain(domain_text(domain))
+    assert again == domain
+    problems = [read_problem(one, domain) for one in path.parent.glob("*problem*.pddl")]
+    for problem in problems:
+        assert parse_problem(problem_text(problem, domain), again) == problem
+
+
+def test_times_that_are_no_decimals_are_rounded_to_the_safe_side():
+    problem = parse_problem(
+        PROBLEM.replace("(at 20 (not (open)))", "(at 9.00049 (not (open))) (at 8.00051 (open))"), errands
+    )
+    text = problem_text(problem, errands)
+    assert "(at 9 (not (open)))" in text
+    assert "(at 8.001 (open))" in text
+
+
+@given(value=st.fractions(min_value=-1000, max_value=1000), places=st.integers(0, 9))
+def test_decimals(value, places):
+    down, near, up = (parse_number(decimal(value, places, up=way)) for way in (False, None, True))
+    unit = Fraction(1, 10**places)
+    assert value - unit < down <= value <= up < value + unit
+    assert abs(near - value) <= unit / 2
+
+
+@given(
+    st.lists(
+        st.sampled_from(["0: (a) [1]", "2: (b c)", "", "; note", "cost 3: (x", "1.5: (d)  [2.5] ; last"]), max_size=12
+    )
+)
+@settings(max_examples=200)
+def test_parts_of_a_text_that_look_like_plans(lines):
+    parts = list(plan_texts("\n".join(lines)))
+    steps = [line for part in reversed(parts) for line in part.splitlines()]
+    assert steps == [line for line in lines if ": (" in line and not line.startswith("cost")]
+    for part in parts:
+        times = [step.time for step in parse_timed_plan(part).steps]
+        assert times == sorted(times)
+
+
+# -- Aries and Kairos --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(params=["aries", "kairos"])
+def planner(request):
+    pytest.importorskip({"aries": "up_aries", "kairos": "kairos"}[request.param])
+    return create_planner(request.param)
+
+
+def solve(planner, domain: str, problem: str, seconds: float = 60) -> PlannerAnswer:
+    read = parse_domain(domain)
+    return planner.solve(read, parse_problem(problem, read), Deadline.after(seconds))
+
+
+def test_errand(planner):
+    answer = planner.solve(errands, errand, Deadline.after(60))
+    assert answer.status is PlannerStatus.SOLVED, answer.message
+    assert [step.action for step in answer.plan.steps] == ["go", "shop"]
+    assert answer.plan.steps[0].duration == Fraction(15, 2)
+
+
+@pytest.mark.parametrize("variant", DeliveryVariant)
+def test_delivery(planner, variant):
+    """A problem of the tables, and what is left of it when the first order has to be given up after its preparation."""
+    domain = parse_domain(delivery_domain(variant))
+    table = table_problems(variant, battery=Fraction(600))[0]
+    first = parse_problem(table.text, domain)
+    late = table.text.replace("(window_open order1)\n", "\n").replace("(at 420.389 (not (window_open order1)))", "")
+    late = late.replace("(robot_at robot1 dock1)", "(robot_at robot1 base_station)").replace(
+        "(at 739.779 ", "(at 514.278 "
+    )
+    late = late.replace("(hand_empty robot1)", "(holding robot1 spindle1_1)").replace("(on_shelf spindle1_1)", "")
+    assert "(at 514.278" in late
+    for problem, delivered in ((first, None), (parse_problem(late, domain), "order2")):
+        answer = planner.solve(domain, problem, Deadline.after(60))
+        assert answer.status is PlannerStatus.SOLVED, answer.message
+        check(answer.plan, domain, problem, EPSILON)
+        assert delivered in {None, *(one.arguments[2] for one in answer.plan.steps if one.action == "deliver")}
+
+
+def test_no_plan_before_the_window_closes(planner):
+    """Whether it is proved or not depends on the planner; there is no plan either way."""
+    answer = solve(planner, DOMAIN, PROBLEM.replace("(at 20 (", "(at 9 ("), 2)
+    assert answer.status in (PlannerStatus.NO_PLAN, PlannerStatus.TIMEOUT)
+
+
+def test_kairos_proves_that_there_is_no_plan():
+    pytest.importorskip("kairos")
+    domain = "(define (domain d) (:predicates (p) (q)) (:action a :parameters () :precondition (q) :effect (p)))"
+    answer = solve(create_planner("kairos"), domain, "(define (problem x) (:domain d) (:init) (:goal (p)))")
+    assert (answer.status, answer.plan) == (PlannerStatus.NO_PLAN, None)
+    assert "unsolvable" in answer.message
+
+
+def test_long_times(planner):
+    """Beyond the horizon that Aries has by itself."""
+    problem = PROBLEM.replace("7.5)", "40000.25)").replace("(at 20 ", "(at 50000 ")
+    answer = solve(planner, DOMAIN, problem)
+    assert answer.status is PlannerStatus.SOLVED, answer.message
+    assert answer.plan.steps[0].duration == Fraction("40000.25")
+
+
+LOGIC = """(define (domain logic) (:requirements :adl :durative-actions)
+(:types place truck - object)
+(:predicates (at ?t - truck ?p - place) (lit ?p - place) (ready ?t - truck) (blocked ?p - place) (checked))
+(:action light :parameters (?p - place) :precondition (or (lit ?p) (not (blocked ?p)))
+ :effect (forall (?q - place) (lit ?q)))
+(:durative-action drive :parameters (?t - truck ?a ?b - place) :duration (= ?duration 3)
+ :condition (and (at start (at ?t ?a)) (at start (not (= ?a ?b))) (at start (forall (?p - place) (lit ?p)))
+  (at start (imply (checked) (ready ?t))) (over all (exists (?p - place) (not (blocked ?p)))))
+ :effect (and (at start (not (at ?t ?a))) (at end (at ?t ?b)))))
+"""
+LOGIC_PROBLEM = """(define (problem x) (:domain logic) (:objects a b c - place t - truck)
+(:init (at t a) (blocked a) (blocked b) (at 5 (not (blocked b)))) (:goal (and (at t b) (or (checked) (lit a)))))"""
+
+
+def test_aries_on_the_logic_of_pddl():
+    pytest.importorskip("up_aries")
+    answer = solve(create_planner("aries"), LOGIC, LOGIC_PROBLEM)
+    assert answer.status is PlannerStatus.SOLVED, answer.message
+    assert {step.action: step.duration is None for step in answer.plan.steps} == {"light": True, "drive": False}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("(at end (done ?p))", "(when (at end (open)) (at end (done ?p)))", "a conditional effect"),
+        ("(at end (done ?p))", "(and (at end (done ?p)) (increase (distance ?p ?p) (* #t 1)))", "which changes"),
+        ("(>= ?duration 2)", "(>= ?duration (* 2 (distance ?p ?p)))", "a product or quotient in a duration"),
+        ("(>= ?duration 2)", "(>= ?duration 0.0001)", "not an integer"),
+        ("(and (over all (at ?p))", "(and (at start (<= (distance ?p ?p) 0.5)) (over all (at ?p))", "not an integer"),
+    ],
+)
+def test_what_aries_does_not_solve_is_known_beforehand(old, new, message):
+    pytest.importorskip("up_aries")
+    assert old in DOMAIN
+    with pytest.raises(UnsupportedError, match=message):
+        solve(create_planner("aries"), DOMAIN.replace(old, new), PROBLEM)
+
+
+def test_separations_that_aries_cannot_count():
+    pytest.importorskip("up_aries")
+    for epsilon in (Fraction(1), Fraction(1, 10**6), Fraction(0)):
+        with pytest.raises(InputError, match="expected 1/20000 to 1/10"):
+            create_planner("aries", epsilon=epsilon)
