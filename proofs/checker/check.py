@@ -531,7 +531,7 @@ class Certificate:
         self.box: list[tuple[Fraction | None, bool, Fraction | None, bool]] = []
         self.taken: set[str] = set()  # names of free time points
         self.where: list[tuple[Linear, bool] | None] = []  # what is known of the parameters: expressions >= 0, or > 0
-        self.places: list[Linear] = []  # where time points are
+        self.places: dict[int, Linear] = {0: {}}  # where time points are
         self.obligation, self.trusting = "", False
         self.refuted: dict[str, bool] = {}  # by obligation: whether the meaning of formulas is trusted
         self.folded: set[str] = set()
@@ -546,11 +546,11 @@ class Certificate:
             self.start(value)
             return
         kind, *rest = items(value)
-        if kind in "vbage":
+        if kind in {"v", "b", "a", "g", "e"}:
             self.proofs.define(kind, *rest)
         elif kind == "l":
             self.proofs.lemma(*rest)
-        elif kind in "rdq":
+        elif kind in {"r", "d", "q"}:
             demand(self.obligation, "a step outside of a refutation")
             self.step(kind, *rest)
         else:
@@ -607,21 +607,21 @@ class Certificate:
     def on_goal(self, condition: Any, label: str) -> None:
         self.plan.goals.append((condition, text(label)))
 
-    def on_place(self, value: Any, number: Any) -> None:
-        """Where the next time point is: at a variable of its own, or tied to an earlier one by an equality."""
-        place, point = linear(value), len(self.places)
-        if number is None and point:
+    def on_place(self, point: int, value: Any, number: Any) -> None:
+        """Where a time point is: at a variable of its own, or tied to another one by an equality."""
+        place = linear(value)
+        demand(index(point, self.plan.points) not in self.places, "a time point twice")
+        if number is None:
             name = text(value[0][1])
-            new = name not in self.taken and name not in self.plan.parameters and place == {name: 1}
+            new = name and name not in self.taken and name not in self.plan.parameters and place == {name: 1}
             demand(new, "a free time point needs a variable of its own")
             self.taken.add(name)
-        elif point:
+        else:
             source, target, lower, upper = pick(self.plan.constraints, number)
             demand(lower is not None and lower == upper and point in (source, target), "the time points are not tied")
             other, sign = (source, 1) if point == target else (target, -1)
             demand(place == combined(self.places[other], lower, sign), "not where the equality puts the time point")
-        demand(point or not place, "time zero is not at 0")
-        self.places.append(place)
+        self.places[point] = place
 
     # refutations
 
@@ -649,12 +649,12 @@ class Certificate:
         if kind == "w":  # the parameter values that the certificate is about
             return pick(self.where, number)
         if kind == "z":  # no time is negative
-            return pick(self.places, number), False
+            return self.places[number], False
         if kind == "n":  # a side of a temporal constraint
             source, target, least = self.plan.edge(number, side)
             return combined(combined(self.places[target], self.places[source], -1), least, -1), False
         demand(kind == "s" and self.obligation in self.plan.separation(number, side), "not about the obligation")
-        gap = combined(pick(self.places, number), pick(self.places, side), -1)  # less than epsilon apart
+        gap = combined(self.places[number], self.places[side], -1)  # less than epsilon apart
         return combined(gap, {"": self.plan.epsilon}), True
 
     def same(self, literal: int, expression: Linear, strict: bool) -> bool:

@@ -11,6 +11,9 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+MODEL_SEARCHES = ({}, {"mbqi": "true", "tlimit-per": "5000"}, {"finite-model-find": "true", "tlimit-per": "5000"})
+"""Options of cvc5, for problems with quantifiers that have models: tried in turn."""
+
 
 def ask_z3(script: str, values: str) -> tuple[str, str]:
     """The verdict of z3 on a script, and the values that a second command asks for."""
@@ -23,10 +26,12 @@ def ask_z3(script: str, values: str) -> tuple[str, str]:
 
 
 def ask_cvc5(script: str, values: str) -> tuple[str, str]:
-    """The verdict of cvc5 on a script; if it does not know, once more with search for finite models."""
-    verdict, told = _once_cvc5(script, values, {})
-    if verdict.startswith("unknown"):
-        verdict, told = _once_cvc5(script, values, {"finite-model-find": "true"})
+    """The verdict of cvc5 on a script; if it does not know, once more with other searches for models."""
+    verdict, told = "unknown", ""
+    for options in MODEL_SEARCHES:
+        verdict, told = _once_cvc5(script, values, options)
+        if not verdict.startswith("unknown"):
+            break
     return verdict, told
 
 
