@@ -11,8 +11,6 @@ SPACE = (
     function("bad", ["Point"], "Bool"),
     function("limit", ["Face"], "Real"),
     function("closed", ["Face"], "Bool"),
-    function("behind", ["Face", "Real"], "Point"),
-    function("at", ["Face"], "Point"),
 )
 WITHIN = define(
     "within",
@@ -24,38 +22,22 @@ IN_RESULT = forall(FACE, "(within p f (limit f) (closed f))")
 IN_OTHER = forall(FACE, "(within p f (other f) (other-closed f))")
 
 
-def stage(point: str) -> str:
-    """Other faces than f: the point is inside the result, and no farther out than f's limit."""
-    return forall(
-        {"g": "Face"},
-        implies(
-            "(distinct g f)",
-            conj(f"(within {point} g (limit g) (closed g))", f"(<= (reach g {point}) (limit f))"),
-        ),
-    )
-
-
-BLOCKED_BEYOND = "behind a closed face f there are bad points, as near as one likes, with other faces at most at f's stretch"
-BLOCKED_AT = "an open face has a bad point exactly at its limit, with other faces at most at its stretch"
+STAGE = forall(
+    {"g": "Face"},
+    implies("(distinct g face)", "(and (within point g (limit g) (closed g)) (<= (reach g point) (limit face)))"),
+)
+BLOCKS = "a bad point blocks the face: in the box of that round, at most this far out at the other faces"
+BLOCKED_BEYOND = "if the face is closed, the point is less than `gain` behind it: there are such points for any gain"
+BLOCKED_AT = "if the face is open, the point is not behind it"
 RESULT = {
-    BLOCKED_BEYOND: forall(
-        {"f": "Face", "e": "Real"},
-        implies(
-            "(and (closed f) (< 0.0 e))",
-            conj("(bad (behind f e))", "(< (reach f (behind f e)) (+ (limit f) e))", stage("(behind f e)")),
-        ),
-    ),
-    BLOCKED_AT: forall(
-        FACE, implies("(not (closed f))", conj("(bad (at f))", "(<= (reach f (at f)) (limit f))", stage("(at f)")))
-    ),
-    "names: a face, and the bad points that block it as near as the other box goes": conj(
-        "(= gain (- (other face) (limit face)))", "(= point (behind face gain))", "(= point-at (at face))"
-    ),
+    BLOCKS: conj("(bad point)", "(< 0.0 gain)", STAGE),
+    BLOCKED_BEYOND: "(=> (closed face) (< (reach face point) (+ (limit face) gain)))",
+    BLOCKED_AT: "(=> (not (closed face)) (<= (reach face point) (limit face)))",
 }
 VALID = "the other box is valid: no bad point is in it"
 OTHER = {VALID: forall({"p": "Point"}, implies("(bad p)", neg(IN_OTHER)))}
 MORE = "the other box goes farther at one face"
-BEYOND = "(or (< (limit face) (other face)) (and (= (limit face) (other face)) (other-closed face) (not (closed face))))"
+BEYOND = "(or (<= (+ (limit face) gain) (other face)) (and (= (limit face) (other face)) (other-closed face) (not (closed face))))"
 CONTAINS = "the other box contains the result"
 DECLARED = (
     *SPACE,
@@ -63,7 +45,7 @@ DECLARED = (
     function("other", ["Face"], "Real"),
     function("other-closed", ["Face"], "Bool"),
     *consts("Face", "face", "second"),
-    *consts("Point", "point", "point-at"),
+    *consts("Point", "point"),
     *consts("Real", "gain"),
 )
 SHOW = {
@@ -130,25 +112,20 @@ SOUND = Statement(
     "(not (bad point))",
     {"least stretch": "least", "stretch of the box": "stretch", "reach of the point": "(reach face point)"},
 )
-LEAST_NEAR = "the least stretch is one: bad points come as near to it as one likes"
+LEAST_NEAR = "the least stretch is one: a bad point is nearer to it than any room that is given"
 ROUND = Statement(
     (
         *SPACE,
         function("moving", ["Face"], "Bool"),
-        function("near", ["Real"], "Point"),
         *consts("Real", "least", "room"),
         *consts("Face", "face"),
         *consts("Point", "point"),
     ),
     {
-        LEAST_NEAR: forall(
-            {"e": "Real"},
-            implies(
-                "(< 0.0 e)",
-                conj("(bad (near e))", forall(FACE, "(<= (reach f (near e)) (ite (moving f) (+ least e) (limit f)))")),
-            ),
+        LEAST_NEAR: conj(
+            "(bad point)", forall(FACE, "(<= (reach f point) (ite (moving f) (+ least room) (limit f)))")
         ),
-        "some room, and the bad point within it": "(and (< 0.0 room) (= point (near room)))",
+        "some room": "(< 0.0 room)",
     },
     neg(
         forall(
