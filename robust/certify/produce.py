@@ -13,6 +13,7 @@ from robust.certify.document import CertificateWriter, Role
 from robust.certify.existence import schedule_over
 from robust.certify.ground import GroundPlan, Line, expression, number, optional
 from robust.certify.refute import NotRefutedError, Refuter
+from robust.certify.witness import Witnesses
 from robust.encode.interface import Encoding, Obligation, Stage
 from robust.encode.variables import Linear, variable
 from robust.errors import InputError
@@ -79,6 +80,15 @@ class BoxCertificate:
             if self._on_obligation is not None:
                 self._on_obligation(index, len(obligations), obligation.name)
             self._refute(obligation)
+
+    def add_witnesses(self) -> None:
+        """Why no valid box contains this one.
+
+        Raises:
+            UnsupportedError: if a face has no witness: the box is not maximal, or it cannot be written down.
+            OutOfTimeError: if the deadline passes.
+        """
+        self.writer.add(*Witnesses(self.encoding, self.ground, self.box, deadline=self.deadline).lines())
 
     def _refute(self, obligation: Obligation) -> None:
         if obligation.violation is self.encoding.terms.false:
