@@ -2,13 +2,10 @@
 """Checks certificates of `robust`: python check.py CERTIFICATE [--domain FILE] [--problem FILE] [--plan FILE] ...
 
 One file, nothing but the standard library, no solver, exact rational arithmetic. A certificate is JSON, one line for
-each statement, compressed by gzip, and read as a stream. What is checked:
-
-* theory lemmas: the multiples of the linear constraints that a lemma names add up to a contradiction [Farkas 1902];
-* refutations: each derived clause follows by unit propagation from the clauses that it names, in their order (LRAT);
-* where formulas speak of the temporal network, of the box or of separations: that the ground plan says the same;
-* schedules: they keep every constraint of the network all over the box;
-* witnesses: executed on the ground plan, here, arbitrarily near to the face that they are about.
+each statement, compressed by gzip, and read as a stream. Checked are theory lemmas, by multiples that add up to a
+contradiction [Farkas 1902]; refutations, by unit propagation along hints (LRAT); what formulas say of the temporal
+network, of the box and of separations, against the ground plan; schedules, all over the box; and witnesses, which are
+executed on the ground plan arbitrarily near to the face that they are about.
 
 Exit codes: 0 established (what, and what is trusted, is printed), 1 rejected (one line says where and why), 2 the
 certificate or an input file cannot be read.
@@ -25,15 +22,14 @@ from functools import cmp_to_key
 from typing import Any
 
 FORMAT = "robust/certificate/1"
-INPUTS = ("domain", "problem", "plan", "network", "parameters")
 KINDS = ("plan", "box", "maximal", "region", "knowledge")
-LONGEST_LINE, LARGEST_TOTAL = 4 << 20, 512 << 20  # bytes, after decompression
-LONGEST_NUMBER, LARGEST_MEMORY = 400, 6_000_000  # digits; numbers and names kept at one time
-WORK_PER_BYTE, WORK_AT_ALL = 60, 2_000_000
+INPUTS = ("domain", "problem", "plan", "network", "parameters")
+LONGEST_LINE, LARGEST_TOTAL, LONGEST_NUMBER = 4 << 20, 512 << 20, 400  # bytes after decompression; digits
+WORK_PER_BYTE, WORK_AT_ALL, MEMORY = 60, 2_000_000, 6_000_000  # steps; numbers and names kept at one time
 MALFORMED = (TypeError, ValueError, KeyError, IndexError, AttributeError, RecursionError, OverflowError, MemoryError)
 
-Clause = tuple[int, ...]
 Linear = dict[str, Fraction]  # coefficients by variable; that of "" is the constant
+Interval = tuple[Fraction | None, bool, Fraction | None, bool]  # lower end and whether it belongs, upper end likewise
 
 
 class Rejected(Exception):
@@ -47,9 +43,6 @@ class Unreadable(Exception):
 def demand(condition: object, message: str) -> None:
     if not condition:
         raise Rejected(message)
-
-
-# -- reading ---------------------------------------------------------------------------------------------------------
 
 
 def lines_of(path: str) -> Iterator[bytes]:
@@ -77,17 +70,6 @@ def integer(digits: str) -> int:
     return int(digits)
 
 
-def refuse(found: str) -> None:
-    raise Rejected(f"found {found[:20]}, expected integers and fractions")
-
-
-def parse(line: bytes) -> Any:
-    try:
-        return json.loads(line, parse_int=integer, parse_float=refuse, parse_constant=refuse)
-    except (ValueError, RecursionError):
-        raise Rejected("not a line of JSON") from None
-
-
 def text(value: Any) -> str:
     demand(type(value) is str, "found something else, expected a text")
     return str(value)
@@ -98,13 +80,9 @@ def items(value: Any) -> list[Any]:
     return list(value)
 
 
-def index(value: Any, among: Any) -> int:
-    demand(type(value) is int and 0 <= value < len(among), f"found {str(value)[:20]!r}, expected a number of something")
-    return int(value)
-
-
-def pick(among: list[Any], value: Any) -> Any:
-    return among[index(value, among)]
+def pick(among: Any, place: Any) -> Any:
+    demand(type(place) is int and 0 <= place < len(among), f"found {str(place)[:20]!r}, expected a number of something")
+    return among[place]
 
 
 def rational(value: Any) -> Fraction:
@@ -112,8 +90,8 @@ def rational(value: Any) -> Fraction:
     if type(value) is int:
         return Fraction(value)
     top, slash, bottom = text(value).partition("/")
-    plain = top.removeprefix("-").isdecimal() and top.isascii() and (not slash or (bottom + "0").isdecimal())
-    demand(plain and bottom.isascii() and (not slash or bottom.strip("0")), f"found {top[:20]!r}, expected a number")
+    plain = top.isascii() and top.removeprefix("-").isdecimal() and bottom.isascii()
+    demand(plain and (not slash or (bottom.isdecimal() and bottom.strip("0"))), "found a text, expected a number")
     return Fraction(integer(top), integer(bottom) if slash else 1)
 
 
@@ -122,21 +100,11 @@ def optional(value: Any) -> Fraction | None:
 
 
 class Budget:
-    """Work and memory that a certificate of this size may cost."""
+    work, memory = WORK_AT_ALL, MEMORY
 
-    def __init__(self) -> None:
-        self.work, self.memory = WORK_AT_ALL, 0
-
-    def spend(self, steps: int) -> None:
-        self.work -= steps
-        demand(self.work >= 0, "checking takes more steps than a certificate of this size may need")
-
-    def keep(self, numbers: int) -> None:
-        self.memory += numbers
-        demand(self.memory <= LARGEST_MEMORY, f"more than {LARGEST_MEMORY} numbers to remember")
-
-
-# -- numbers ---------------------------------------------------------------------------------------------------------
+    def spend(self, steps: int, kept: int = 0) -> None:
+        self.work, self.memory = self.work - steps, self.memory - kept
+        demand(self.work >= 0 and self.memory >= 0, "checking takes more work or memory than its size may need")
 
 
 class Near:
@@ -177,250 +145,18 @@ def near(value: Any) -> Near:
 
 
 def linear(value: Any) -> Linear:
-    """A list of [coefficient] and [coefficient, variable]."""
-    total: Linear = {}
-    for factor, *names in items(value):
-        demand(len(names) <= 1, "a product of variables, expected a linear expression")
-        total = combined(total, {text(names[0]) if names else "": rational(factor)})
-    return total
+    """A list of [coefficient] and [coefficient, variable], each variable once."""
+    terms = {(text(names[0]) if names else ""): rational(factor) for factor, *names in items(value) if len(names) < 2}
+    demand(len(terms) == len(value) and all(terms.values()), "not a linear expression")
+    return terms
 
 
-def combined(left: Linear, right: Linear, factor: int = 1) -> Linear:
+def combined(left: Linear, right: Linear, factor: Fraction | int = 1) -> Linear:
     """`left + factor * right`."""
     total = dict(left)
     for name, value in right.items():
         total[name] = total.get(name, Fraction(0)) + factor * value
     return {name: value for name, value in total.items() if value}
-
-
-# -- the ground plan, and its simulation -----------------------------------------------------------------------------
-
-
-class Plan:
-    """The ground plan as the certificate states it: parameters, time points, network, actions, goal.
-
-    An action is [identifier, name, start, end, durations, conditions, effects on atoms, on numbers, rates]. Durations and
-    conditions are [timing, condition, label], effects [timing, atom, value, condition] and [timing, fluent, operator,
-    expression, condition], rates [fluent, expression].
-    """
-
-    def __init__(self) -> None:
-        self.parameters: list[str] = []
-        self.declared: list[tuple[Fraction | None, Fraction | None]] = []
-        self.points = [".zero"]
-        self.constraints: list[tuple[int, int, Linear | None, Linear | None]] = []
-        self.actions: dict[str, list[Any]] = {}
-        self.at: dict[int, list[tuple[str, str]]] = {}  # who starts or ends at a time point
-        self.literals: list[tuple[int, str, Any]] = []
-        self.atoms: list[str] = []
-        self.fluents: list[Any] = []
-        self.goals: list[tuple[Any, str]] = []
-        self.epsilon = Fraction(0)
-
-    def edge(self, number: Any, side: Any) -> tuple[int, int, Linear]:
-        """One side of a constraint as a lower bound: source, target and least distance."""
-        source, target, lower, upper = pick(self.constraints, number)
-        demand((lower if side == "l" else upper if side == "u" else None) is not None, "no such side")
-        return (source, target, lower) if side == "l" else (target, source, combined({}, upper, -1))
-
-    def footprint(self, point: int) -> list[set[str]]:
-        """What a time point does: atoms read, added, deleted; fluents read, assigned, increased."""
-        atoms, adds, deletes, fluents, assigns, increases = sets = [set[str]() for _ in range(6)]
-        for name, timing in self.at.get(point, ()):
-            _, _, _, _, durations, conditions, changes, numbers, rates = self.actions[name]
-            pending = [part[1] for part in (*durations, *conditions) if part[0] == timing]
-            expressions = [rate for _, rate in rates]
-            increases.update(fluent for fluent, _ in rates)
-            for when, atom, value, condition in changes:
-                if when == timing:
-                    pending.append(condition)
-                    (adds if value is True else deletes).add(atom)
-            for when, fluent, operator, expression, condition in numbers:
-                if when == timing:
-                    pending.append(condition)
-                    expressions.append(expression)
-                    (assigns if operator == "assign" else increases).add(fluent)
-            for node in pending:
-                kind, *rest = [""] if type(node) is bool else node
-                pending += rest if kind in ("and", "or") else []
-                atoms.update(rest[:1] if kind == "h" else [])
-                expressions += rest[:1] if kind == "c" else []
-            fluents.update(name for each in expressions for _, *names in each for name in names if name[0] == "(")
-        for when, target, value in self.literals:
-            if when == point:
-                (assigns if type(value) is not bool else adds if value else deletes).add(target)
-        return sets
-
-    def obligations(self) -> Iterator[set[str]]:
-        """The names of every obligation: one of each set."""
-        for identifier, name, start, end, durations, conditions, *_ in self.actions.values():
-            yield from ({text(part[2])} for part in (*durations, *conditions))
-            if start != end:
-                yield {f"{identifier} {name}: non-negative duration"}
-        yield from ({label} for _, label in self.goals)
-        prints = [self.footprint(point) for point in range(len(self.points))]
-        for second in range(1, len(self.points)):
-            for first in range(1, second):
-                if self.are_mutex(first, second, prints[first], prints[second]):
-                    yield self.separation(first, second)
-
-    def separation(self, first: int, second: int) -> set[str]:
-        a, b = self.points[first], self.points[second]
-        return {f"separation: {a}, {b}", f"separation: {b}, {a}"}
-
-    def are_mutex(self, first: int, second: int, one: list[set[str]], other: list[set[str]]) -> bool:
-        """Whether two time points must be separated: the no-moving-targets rule of PDDL 2.1."""
-        return not {first, second} <= {point for point, _, _ in self.literals} and any(
-            (a[1] | a[2]) & b[0] or a[1] & b[2] or (a[4] | a[5]) & b[3] or a[4] & (b[4] | b[5])
-            for a, b in ((one, other), (other, one))
-        )
-
-
-State = tuple[set[str], dict[str, Near]]  # atoms that are true, and the values of fluents
-
-
-class Simulation:
-    """One schedule of the plan, which the network allows, executed."""
-
-    def __init__(self, plan: Plan, values: list[Any], times: list[Any], budget: Budget) -> None:
-        demand(len(values) == len(plan.parameters) and len(times) == len(plan.points), "a value or a time is missing")
-        self.plan, self.budget = plan, budget
-        self.values = dict(zip(plan.parameters, map(near, values)))
-        self.times = list(map(near, times))
-        demand(not self.times[0].terms and all(time.sign >= 0 for time in self.times), "a time is negative")
-        for name, bounds in zip(plan.parameters, plan.declared):
-            for bound, sign in zip(bounds, (1, -1)):
-                beyond = bound is not None and ((self.values[name] - Near(bound)) * Near(sign)).sign < 0
-                demand(not beyond, f"{name} is outside its declared bounds")
-        for number, (_, _, *bounds) in enumerate(plan.constraints):
-            for side, bound in zip("lu", bounds):
-                if bound is not None:
-                    source, target, least = plan.edge(number, side)
-                    gap = self.times[target] - self.times[source] - evaluated(least, self.values)
-                    demand(gap.sign >= 0, f"the schedule breaks constraint {number} of the network")
-        self.run()
-
-    def run(self) -> None:
-        """States before and after each happening, and slopes between them."""
-        order = sorted(range(len(self.times)), key=cmp_to_key(lambda a, b: (self.times[a] - self.times[b]).sign))
-        self.happenings: list[tuple[Near, State, State, dict[str, Near]]] = []
-        self.before: dict[int, State] = {}
-        rates: dict[tuple[str, int], Near] = {}
-        fluents = {text(fluent): self.number(value, (set(), {}), None) for fluent, value in self.plan.fluents}
-        state, slopes, now, place = (set(self.plan.atoms), fluents), dict[str, Near](), Near(), 0
-        while place < len(order):
-            time = self.times[order[place]]
-            together = [point for point in order[place:] if not (self.times[point] - time).terms]
-            self.budget.spend(len(order) - place)
-            before = self.moved(state, slopes, time - now)
-            self.before.update(dict.fromkeys(together, before))
-            state = self.happen(together, before)
-            slopes = self.slopes(time, state, rates)
-            self.happenings.append((time, before, state, slopes))
-            now, place = time, place + len(together)
-
-    def moved(self, state: State, slopes: dict[str, Near], span: Near) -> State:
-        self.budget.spend(len(state[0]) + len(state[1]))
-        return state[0], {**state[1], **{fluent: state[1][fluent] + rate * span for fluent, rate in slopes.items()}}
-
-    def happen(self, points: list[int], before: State) -> State:
-        """Deletes, then adds; assignments, then increases; all read the state before."""
-        adds, deletes, values, increases = set[str](), set[str](), dict(before[1]), list[tuple[str, Near]]()
-        for point, target, value in self.plan.literals:
-            if point in points and type(value) is bool:
-                (adds if value else deletes).add(target)
-            elif point in points:
-                values[target] = near(value)
-        for name, timing in (each for point in points for each in self.plan.at.get(point, ())):
-            for when, atom, value, condition in self.plan.actions[name][6]:
-                if when == timing and self.holds(condition, before, name):
-                    (adds if value is True else deletes).add(text(atom))
-            for when, fluent, operator, expression, condition in self.plan.actions[name][7]:
-                if when == timing and self.holds(condition, before, name):
-                    value = self.number(expression, before, name)
-                    if operator == "assign":
-                        values[text(fluent)] = value
-                    else:
-                        increases.append((text(fluent), value))
-        for fluent, value in increases:
-            values[fluent] += value
-        return (before[0] - deletes) | adds, values
-
-    def slopes(self, time: Near, state: State, rates: dict[tuple[str, int], Near]) -> dict[str, Near]:
-        slopes, read = dict[str, Near](), set[str]()
-        for name, action in self.plan.actions.items():
-            if action[8] and (time - self.times[action[2]]).sign >= 0 and (self.times[action[3]] - time).sign > 0:
-                for number, (fluent, rate) in enumerate(action[8]):
-                    value = self.number(rate, state, name)
-                    demand(not (rates.setdefault((name, number), value) - value).terms, "a rate changes")
-                    demand(fluent in state[1], "a fluent has no value")
-                    slopes[fluent] = slopes.get(fluent, Near()) + value
-                    read.update(variable for _, *names in rate for variable in names)
-        demand(not any(slopes[fluent].terms for fluent in read & slopes.keys()), "a rate changes continuously")
-        return slopes
-
-    def number(self, expression: Any, state: State, name: str | None) -> Near:
-        """A list of [coefficient, variables...]: parameters, fluents such as "(fuel car)", "?duration"."""
-        total = Near()
-        for factor, *variables in items(expression):
-            product = Near(rational(factor))
-            for variable in variables:
-                self.budget.spend(1)
-                if variable == "?duration":
-                    _, _, start, end, *_ = self.plan.actions[text(name)]
-                    product *= self.times[end] - self.times[start]
-                else:
-                    product *= state[1][variable] if variable in state[1] else self.values[variable]
-            total += product
-        return total
-
-    def holds(self, condition: Any, state: State, name: str | None) -> bool:
-        """true, false, ["h", atom, value], ["c", expression, relation], ["and", ...] or ["or", ...]."""
-        self.budget.spend(1)
-        if type(condition) is bool:
-            return condition
-        kind, *parts = items(condition)
-        if kind == "h":
-            return (text(parts[0]) in state[0]) is parts[1]
-        if kind == "c":
-            sign = self.number(parts[0], state, name).sign
-            return {">=": sign >= 0, ">": sign > 0, "=": sign == 0, "!=": sign != 0}[text(parts[1])]
-        return {"and": all, "or": any}[kind](self.holds(part, state, name) for part in parts)
-
-    def breaks(self, kind: str, *what: Any) -> str:
-        """The obligation that is broken indeed."""
-        plan = self.plan
-        if kind == "goal":
-            condition, label = pick(plan.goals, what[0])
-            demand(not self.holds(condition, self.happenings[-1][2], None), "the goal holds")
-            return str(label)
-        if kind == "separation":
-            first, second = (index(point, plan.points) for point in what)
-            gap = self.times[first] - self.times[second]
-            close = (gap - Near(plan.epsilon)).sign < 0 < (gap + Near(plan.epsilon)).sign
-            mutex = first != second and plan.are_mutex(first, second, *map(plan.footprint, (first, second)))
-            demand(close and mutex, "the time points need no separation, or are far enough apart")
-            return plan.separation(first, second).pop()
-        _, name, start, end, durations, conditions, *_ = plan.actions[text(what[0])]
-        if kind == "length":
-            demand((self.times[end] - self.times[start]).sign < 0, "the duration is not negative")
-            return f"{what[0]} {name}: non-negative duration"
-        timing, condition, label = pick({"duration": durations, "condition": conditions}[kind], what[1])
-        if timing == "over all":
-            instant = near(what[2])
-            inside = (instant - self.times[start]).sign > 0 and (self.times[end] - instant).sign > 0
-            demand(inside, "the instant is not inside the action")
-            states = self.states_at(instant)
-        else:
-            states = [self.before[end if timing == "at end" else start]]
-        demand(not all(self.holds(condition, state, what[0]) for state in states), "the condition holds")
-        return str(label)
-
-    def states_at(self, instant: Near) -> list[State]:
-        """The states just before and just after an instant."""
-        past = [happening for happening in self.happenings if (instant - happening[0]).sign >= 0]
-        time, before, after, slopes = past[-1]
-        return [self.moved(after, slopes, instant - time)] if (instant - time).terms else [before, after]
 
 
 def evaluated(expression: Linear, values: dict[str, Near]) -> Near:
@@ -430,7 +166,203 @@ def evaluated(expression: Linear, values: dict[str, Near]) -> Near:
     return total
 
 
-# -- refutations -----------------------------------------------------------------------------------------------------
+class Plan:
+    """The ground plan as the certificate states it: time points by number, network, conditions, effects, rates."""
+
+    def __init__(self, budget: Budget) -> None:
+        self.budget = budget
+        self.declared: dict[str, tuple[Fraction | None, Fraction | None]] = {}  # bounds of parameters
+        self.epsilon = Fraction(0)
+        self.points: list[str] = []
+        self.constraints: list[tuple[int, int, Linear | None, Linear | None]] = []
+        self.conditions: list[Any] = []  # [time point, null, condition, label], or [start, end, ...] if over all
+        self.effects: list[list[Any]] = []  # by time point: [kind, target, expression, condition]
+        self.rates: list[Any] = []  # [start, end, fluent, expression]
+        self.initial: tuple[list[str], list[Any]] = ([], [])
+        self.prints: list[list[set[str]]] = []  # by time point: what is read, added, deleted, read, assigned, increased
+        self.timed = set[int]()  # time points of timed initial literals
+        self.state("point", ".zero")
+
+    def state(self, kind: str, *rest: Any) -> None:
+        """One line of the ground plan."""
+        if kind == "point":
+            self.points.append(text(rest[0]))
+            self.effects.append([])
+            self.prints.append([set() for _ in range(6)])
+        elif kind == "timed":
+            self.timed.add(rest[0])
+        elif kind == "constraint":
+            demand(pick(self.points, rest[0]) and pick(self.points, rest[1]), "a time point without a name")
+            lower, upper = (None if bound is None else linear(bound) for bound in rest[2:])
+            self.constraints.append((rest[0], rest[1], lower, upper))
+        elif kind == "condition":
+            point, end, condition, label = rest
+            self.conditions.append((point, end, condition, text(label)))
+            self.note(
+                *((point, "reads", "", [], condition) if end is None and point is not None else (0, "", "", [], True))
+            )
+        elif kind == "effect":
+            pick(self.effects, rest[0]).append(rest[1:])
+            self.note(*rest)
+        elif kind == "rate":
+            self.rates.append(rest)
+            for point in rest[:2]:
+                self.note(point, "increase", *rest[2:], True)
+        else:
+            demand(kind == "initial", "found a line of no known kind")
+            self.initial = list(map(text, items(rest[0]))), items(rest[1])
+
+    def note(self, point: Any, kind: str, target: str, expression: Any, condition: Any) -> None:
+        """What a time point reads and writes."""
+        atoms, adds, deletes, fluents, assigns, increases = pick(self.prints, point)
+        if kind in ("add", "delete", "assign", "increase"):
+            {"add": adds, "delete": deletes, "assign": assigns, "increase": increases}[kind].add(text(target))
+        expressions, pending = [items(expression)], [condition]
+        for node, *rest in (each for each in pending if type(each) is list):
+            pending += rest if node in ("and", "or") else []
+            atoms.update(rest[:1] if node == "h" else [])
+            expressions += rest[:1] if node == "c" else []
+        fluents.update(name for each in expressions for _, *names in each for name in names if text(name)[0] == "(")
+
+    def edge(self, number: Any, side: Any) -> tuple[int, int, Linear]:
+        """One side of a constraint as a lower bound: source, target and least distance."""
+        source, target, *bounds = pick(self.constraints, number)
+        bound = bounds[{"l": 0, "u": 1}[side]]
+        self.budget.spend(len(bound))
+        return (source, target, bound) if side == "l" else (target, source, combined({}, bound, -1))
+
+    def edges(self) -> Iterator[tuple[int, int, Linear]]:
+        """The whole network: no time is negative, and every side of a constraint."""
+        yield from ((0, point, Linear()) for point in range(len(self.points)))
+        for number, (_, _, *sides) in enumerate(self.constraints):
+            yield from (self.edge(number, side) for side, bound in zip("lu", sides) if bound is not None)
+
+    def are_mutex(self, first: int, second: int) -> bool:
+        """Whether two time points must be separated: the no-moving-targets rule of PDDL 2.1."""
+        return not {first, second} <= self.timed and any(
+            (a[1] | a[2]) & b[0] or a[1] & b[2] or (a[4] | a[5]) & b[3] or a[4] & (b[4] | b[5])
+            for a, b in (
+                (pick(self.prints, first), pick(self.prints, second)),
+                (self.prints[second], self.prints[first]),
+            )
+        )
+
+    def separation(self, first: Any, second: Any) -> set[str]:
+        a, b = pick(self.points, first), pick(self.points, second)
+        return {f"separation: {a}, {b}", f"separation: {b}, {a}"}
+
+    def missing(self, known: set[str]) -> Iterator[str]:
+        """The obligations that are not among the known ones."""
+        yield from (label for *_, label in self.conditions if label not in known)
+        self.budget.spend(len(self.points) * sum(len(each) + 1 for sets in self.prints for each in sets))
+        for second in range(1, len(self.points)):
+            for first in (first for first in range(1, second) if self.are_mutex(first, second)):
+                if not self.separation(first, second) & known:
+                    yield self.separation(first, second).pop()
+
+
+State = tuple[set[str], dict[str, Near]]  # atoms that are true, and the values of fluents
+
+
+class Simulation:
+    """One schedule of the plan, which the network allows, executed."""
+
+    def __init__(self, plan: Plan, values: dict[str, Near], times: list[Near]) -> None:
+        self.plan, self.budget, self.times = plan, plan.budget, times
+        demand(len(times) == len(plan.points) and not times[0].terms, "a time is missing, or zero is not at 0")
+        for source, target, least in plan.edges():
+            gap = times[target] - times[source] - evaluated(least, values)
+            demand(gap.sign >= 0, "the schedule breaks a constraint of the network")
+        self.known = {**values, **{f"@{point}": time for point, time in enumerate(times)}}
+        self.before: dict[int, State] = {}
+        self.happenings: list[tuple[Near, State, State, dict[str, Near]]] = []  # time, states, slopes after it
+        self.run()
+
+    def run(self) -> None:
+        order = sorted(range(len(self.times)), key=cmp_to_key(lambda a, b: (self.times[a] - self.times[b]).sign))
+        fluents = {text(fluent): self.number(value, (set(), {})) for fluent, value in self.plan.initial[1]}
+        state, slopes, now = (set(self.plan.initial[0]), fluents), dict[str, Near](), Near()
+        while order:
+            time = self.times[order[0]]
+            together = [point for point in order if not (self.times[point] - time).terms]
+            self.budget.spend(len(order) + len(self.plan.rates))
+            order = order[len(together) :]
+            before = self.moved(state, slopes, time - now)
+            self.before.update(dict.fromkeys(together, before))
+            state, now = self.happen(together, before), time
+            slopes = self.slopes(time, state)
+            self.happenings.append((time, before, state, slopes))
+
+    def moved(self, state: State, slopes: dict[str, Near], span: Near) -> State:
+        self.budget.spend(len(state[0]) + len(state[1]))
+        return state[0], {**state[1], **{fluent: state[1][fluent] + rate * span for fluent, rate in slopes.items()}}
+
+    def happen(self, points: list[int], before: State) -> State:
+        """Deletes, then adds; assignments, then increases; all read the state before."""
+        adds, deletes, values, increases = set[str](), set[str](), dict(before[1]), list[tuple[str, Near]]()
+        for kind, target, expression, condition in (effect for point in points for effect in self.plan.effects[point]):
+            if not self.holds(condition, before):
+                continue
+            if kind in ("add", "delete"):
+                {"add": adds, "delete": deletes}[kind].add(target)
+            elif kind == "assign":
+                values[target] = self.number(expression, before)
+            else:
+                increases.append((target, self.number(expression, before)))
+        for fluent, amount in increases:
+            values[fluent] += amount
+        return (before[0] - deletes) | adds, values
+
+    def slopes(self, time: Near, state: State) -> dict[str, Near]:
+        slopes, read = dict[str, Near](), set[str]()
+        for start, end, fluent, rate in self.plan.rates:
+            if (time - self.times[start]).sign >= 0 and (self.times[end] - time).sign > 0:
+                slopes[text(fluent)] = slopes.get(fluent, Near()) + self.number(rate, state)
+                read.update(variable for _, *names in rate for variable in names)
+        demand(not any(slopes[fluent].terms for fluent in read & slopes.keys()), "a rate changes continuously")
+        return slopes
+
+    def number(self, expression: Any, state: State) -> Near:
+        """A list of [coefficient, variables...]: parameters, fluents such as "(fuel car)", times such as "@7"."""
+        total = Near()
+        for factor, *variables in items(expression):
+            product = Near(rational(factor))
+            for variable in variables:
+                self.budget.spend(1)
+                product *= state[1][variable] if variable in state[1] else self.known[variable]
+            total += product
+        return total
+
+    def holds(self, condition: Any, state: State) -> bool:
+        """true, false, ["h", atom, value], ["c", expression, relation], ["and", ...] or ["or", ...]."""
+        self.budget.spend(1)
+        if type(condition) is bool:
+            return condition
+        kind, *parts = items(condition)
+        if kind == "h":
+            return (text(parts[0]) in state[0]) is parts[1]
+        if kind == "c":
+            sign = self.number(parts[0], state).sign
+            return {">=": sign >= 0, ">": sign > 0, "=": sign == 0, "!=": sign != 0}[text(parts[1])]
+        return {"and": all, "or": any}[kind](self.holds(part, state) for part in parts)
+
+    def require_broken(self, kind: str, first: Any, second: Any) -> None:
+        """The schedule breaks an obligation indeed: a condition (at an instant, if over all), or a separation."""
+        if kind == "separation":
+            gap = pick(self.times, first) - pick(self.times, second)
+            close = (gap - Near(self.plan.epsilon)).sign < 0 < (gap + Near(self.plan.epsilon)).sign
+            demand(close and first != second and self.plan.are_mutex(first, second), "the time points are apart")
+        else:
+            point, end, condition, _ = pick(self.plan.conditions, first)
+            states = [self.happenings[-1][2] if point is None else self.before[point]]
+            if end is not None:
+                instant = near(second)
+                inside = (instant - self.times[point]).sign > 0 and (self.times[end] - instant).sign > 0
+                time, *states, slopes = [each for each in self.happenings if (instant - each[0]).sign >= 0][-1]
+                if (instant - time).terms:
+                    states = [self.moved(states[1], slopes, instant - time)]
+                demand(inside, "the instant is not inside the action")
+            demand(not all(self.holds(condition, state) for state in states), "the condition holds")
 
 
 class Proofs:
@@ -440,40 +372,34 @@ class Proofs:
         self.budget = budget
         self.variables: list[str] = []
         self.nodes: list[Any] = [None]
-        self.lemmas: list[Clause] = []
-        self.clauses: list[Clause] = []
+        self.lemmas: list[tuple[int, ...]] = []
+        self.clauses: list[tuple[int, ...]] = []
 
-    def literals(self, value: Any) -> Clause:
-        self.budget.keep(len(items(value)) + 1)
+    def literals(self, value: Any) -> tuple[int, ...]:
+        self.budget.spend(0, len(items(value)) + 1)
         demand(all(type(each) is int and 0 < abs(each) < len(self.nodes) for each in value), "an unknown literal")
         return tuple(value)
 
     def define(self, kind: str, *rest: Any) -> None:
         """v: a real variable. b: a boolean. a: a linear constraint. g: a conjunction. e: an equivalence."""
-        self.budget.keep(1)
-        if kind == "v":
-            self.variables.append(text(rest[0]))
-        elif kind == "b":
-            self.nodes.append((kind, text(rest[0])))
+        if kind in ("v", "b"):
+            self.budget.spend(0, 1)
+            (self.variables if kind == "v" else self.nodes).append(text(rest[0]))
         elif kind == "a":
             pairs, strict, bound = rest
-            factors = {
-                index(name, self.variables): factor for name, factor in zip(pairs[::2], pairs[1::2], strict=True)
-            }
-            demand(factors and 2 * len(factors) == len(pairs) and all(factors.values()), "a variable twice, or none")
-            whole = {type(number) for number in (bound, *factors.values())} == {int}
-            demand(whole and type(strict) is bool, "a malformed linear constraint")
-            self.budget.keep(len(pairs))
-            self.nodes.append((kind, factors, strict, bound))
+            self.budget.spend(0, len(items(pairs)))
+            names = [name for name in pairs[::2] if pick(self.variables, name)]
+            whole = all(type(number) is int for number in (bound, *pairs)) and type(strict) is bool
+            demand(whole and names and len({*names}) * 2 == len(pairs) and all(pairs[1::2]), "a malformed constraint")
+            self.nodes.append((kind, dict(zip(names, pairs[1::2])), strict, bound))
         else:
             inputs = self.literals(rest[0])
             demand(kind == "g" or len(inputs) == 2, "an equivalence of other than two literals")
             self.nodes.append((kind, inputs))
 
     def constraint(self, literal: int) -> tuple[dict[int, int], bool, int]:
-        """What a literal of an atom says: sum of factor * variable <= bound, or < if strict."""
+        """What a literal of a constraint says: sum of factor * variable <= bound, or < if strict."""
         kind, factors, strict, bound = self.nodes[abs(literal)]
-        demand(kind == "a", "expected a linear constraint")
         return (factors, strict, bound) if literal > 0 else ({n: -f for n, f in factors.items()}, not strict, -bound)
 
     def lemma(self, literals: Any, multipliers: Any) -> None:
@@ -490,7 +416,7 @@ class Proofs:
         demand(bound < 0 or (strict and bound == 0), "the multiples of the constraints do not contradict each other")
         self.lemmas.append(clause)
 
-    def hinted(self, hint: Any) -> Clause:
+    def hinted(self, hint: Any) -> tuple[int, ...]:
         """A clause by its number: of this refutation, below 0 a lemma, in a pair one of those that define a gate."""
         if type(hint) is int:
             return tuple(pick(self.clauses, hint) if hint >= 0 else pick(self.lemmas, ~hint))
@@ -499,8 +425,7 @@ class Proofs:
         if kind == "e":
             one, two, three = pick([(1, -1, -1), (1, 1, 1), (-1, -1, 1), (-1, 1, -1)], which)
             return (one * number, two * inputs[0], three * inputs[1])
-        demand(kind == "g", "expected the clause of a gate")
-        return (-number, pick([None, *inputs], which)) if which else (number, *(-each for each in inputs))
+        return (-number, pick((0, *inputs), which)) if which else (number, *(-each for each in inputs))
 
     def derive(self, literals: Any, hints: Any) -> None:
         """Unit propagation along the hints refutes the negation of the clause."""
@@ -518,104 +443,91 @@ class Proofs:
         raise Rejected("the hints do not lead to a contradiction")
 
 
-# -- certificates ----------------------------------------------------------------------------------------------------
-
-
 class Certificate:
     """Reads a certificate line by line; `finish` says what has been established."""
 
     def __init__(self) -> None:
-        self.budget, self.plan = Budget(), Plan()
-        self.proofs = Proofs(self.budget)
-        self.header: dict[str, Any] = {}
-        self.box: list[tuple[Fraction | None, bool, Fraction | None, bool]] = []
-        self.taken: set[str] = set()  # names of free time points
-        self.where: list[tuple[Linear, bool] | None] = []  # what is known of the parameters: expressions >= 0, or > 0
+        self.budget, self.header = Budget(), dict[str, Any]()
+        self.plan, self.proofs = Plan(self.budget), Proofs(self.budget)
+        self.box: dict[str, Interval] = {}
+        self.where: list[Any] = []  # what is known of the parameters: (expression, strict) for `>= 0` or `> 0`
         self.places: dict[int, Linear] = {0: {}}  # where time points are
-        self.obligation, self.trusting = "", False
-        self.refuted: dict[str, bool] = {}  # by obligation: whether the meaning of formulas is trusted
-        self.folded: set[str] = set()
-        self.faces: dict[tuple[int, str], str] = {}
+        self.obligation = ""  # that is being refuted
+        self.refuted, self.trusting, self.names, self.folded = set[str](), set[str](), set[str](), set[str]()
+        self.faces = set[tuple[str, str]]()
+        self.pieces = 0  # of a region
         self.scheduled = self.ended = False
 
     def read(self, line: bytes) -> None:
-        self.budget.work += WORK_PER_BYTE * len(line)
-        value = parse(line)
+        self.budget.spend(-WORK_PER_BYTE * len(line))
+        try:
+            value = json.loads(line, parse_int=integer, parse_float=str, parse_constant=str)
+        except (ValueError, RecursionError):
+            raise Rejected("not a line of JSON") from None
         demand(not self.ended, "there is something behind the end")
         if not self.header:
             self.start(value)
             return
         kind, *rest = items(value)
-        if kind in {"v", "b", "a", "g", "e"}:
+        proof = kind in ("v", "b", "a", "g", "e", "l")
+        demand(proof or bool(self.obligation) == (kind in ("r", "d", "q")), "a step outside of a refutation, or none")
+        if kind in ("l", "d"):
+            (self.proofs.lemma if kind == "l" else self.proofs.derive)(*rest)
+        elif proof:
             self.proofs.define(kind, *rest)
-        elif kind == "l":
-            self.proofs.lemma(*rest)
-        elif kind in {"r", "d", "q"}:
-            demand(self.obligation, "a step outside of a refutation")
-            self.step(kind, *rest)
+        elif kind == "r":
+            self.root(*rest)
+        elif kind == "q":
+            self.proofs.derive([], *rest)
+            self.refuted.add(self.obligation)
+            self.obligation = ""
+        elif kind == "obligation":
+            demand(text(rest[0]) and rest[0] not in self.refuted, "an obligation twice, or without a name")
+            demand(self.header["kind"] != "region" or self.pieces, "an obligation outside of a piece")
+            self.obligation, self.proofs.clauses = rest[0], []
+        elif kind in ("place", "piece", "schedule"):
+            {"place": self.place, "piece": self.piece, "schedule": self.schedule}[kind](*rest)
+        elif kind in ("witness", "cycle"):
+            self.witness(kind, *rest)
+        elif kind == "folded":
+            self.folded.add(text(rest[0]))
+        elif kind == "end":
+            self.complete()
+            self.ended = True
         else:
-            demand(not self.obligation, "a refutation that does not end")
-            self.budget.keep(len(rest))
-            getattr(self, f"on_{kind}")(*rest)
+            self.budget.spend(0, len(line) // 8)
+            self.plan.state(kind, *rest)
 
     def start(self, header: Any) -> None:
         demand(type(header) is dict and header.get("format") == FORMAT, f"not a certificate of the format {FORMAT}")
-        digests = [text(digest) for digest in header["inputs"].values()]
-        demand(header["kind"] in KINDS and all(len(digest) == 64 for digest in digests), "a malformed header")
+        demand(
+            header["kind"] in KINDS and all(len(text(each)) == 64 for each in header["inputs"].values()), "a bad header"
+        )
         self.header, self.plan.epsilon = header, rational(header.get("epsilon", 0))
-        for name, *bounds in header.get("parameters", []):
-            self.plan.parameters.append(text(name))
-            lower, upper = map(optional, bounds)
-            self.plan.declared.append((lower, upper))
-        for low, low_closed, high, high_closed in header.get("box", []):
-            self.box.append((optional(low), low_closed is True, optional(high), high_closed is True))
-        demand(len({*self.plan.parameters}) == len(self.plan.parameters), "a parameter twice")
-        for name, (low, low_closed, high, high_closed), bounds in zip(
-            self.plan.parameters, self.box, self.plan.declared
-        ):
-            for sign, end, closed, bound in ((1, low, low_closed, bounds[0]), (-1, high, high_closed, bounds[1])):
-                for value, strict in ((end, not closed), (bound, False)):
-                    known = {name: Fraction(sign), "": -sign * value} if value else {name: Fraction(sign)}
-                    self.where.append((known, strict) if value is not None else None)
+        for name, lower, upper in header.get("parameters", []):
+            demand(text(name) and name not in self.plan.declared, "a parameter twice")
+            self.plan.declared[name] = optional(lower), optional(upper)
+        if header["kind"] in ("region", "knowledge"):
+            return
+        for name, (low, low_closed, high, high_closed) in zip(self.plan.declared, header["box"], strict=True):
+            lower, upper = optional(low), optional(high)
+            demand({type(low_closed), type(high_closed)} == {bool}, "an end of the box is neither open nor closed")
+            point = lower == upper and low_closed and high_closed
+            demand(lower is None or upper is None or lower < upper or point, "the box is empty")
+            self.box[name] = lower, low_closed, upper, high_closed
+            for sign, end, closed in ((1, lower, low_closed), (-1, upper, high_closed)):
+                known = None if end is None else combined({name: Fraction(sign)}, {"": end}, -sign)
+                self.where.append((known, not closed))
 
-    # the ground plan
-
-    def on_point(self, name: str) -> None:
-        self.plan.points.append(text(name))
-
-    def on_constraint(self, source: int, target: int, *bounds: Any) -> None:
-        lower, upper = (None if bound is None else linear(bound) for bound in bounds)
-        ends = index(source, self.plan.points), index(target, self.plan.points)
-        self.plan.constraints.append((*ends, lower, upper))
-
-    def on_action(self, *parts: Any) -> None:
-        name, _, start, end, *_ = parts
-        demand(len(parts) == 9 and text(name) not in self.plan.actions, "a malformed action")
-        self.plan.actions[name] = list(parts)
-        for point, timing in {
-            index(end, self.plan.points): "at end",
-            index(start, self.plan.points): "at start",
-        }.items():
-            self.plan.at.setdefault(point, []).append((name, timing))
-
-    def on_initial(self, atoms: Any, fluents: Any) -> None:
-        self.plan.atoms, self.plan.fluents = list(map(text, items(atoms))), items(fluents)
-
-    def on_literal(self, point: int, target: str, value: Any) -> None:
-        self.plan.literals.append((index(point, self.plan.points), text(target), value))
-
-    def on_goal(self, condition: Any, label: str) -> None:
-        self.plan.goals.append((condition, text(label)))
-
-    def on_place(self, point: int, value: Any, number: Any) -> None:
+    def place(self, point: int, value: Any, number: Any) -> None:
         """Where a time point is: at a variable of its own, or tied to another one by an equality."""
         place = linear(value)
-        demand(index(point, self.plan.points) not in self.places, "a time point twice")
+        demand(pick(self.plan.points, point) and point not in self.places, "a time point twice")
         if number is None:
             name = text(value[0][1])
-            new = name and name not in self.taken and name not in self.plan.parameters and place == {name: 1}
+            new = name and name not in self.names and name not in self.plan.declared and place == {name: 1}
             demand(new, "a free time point needs a variable of its own")
-            self.taken.add(name)
+            self.names.add(name)
         else:
             source, target, lower, upper = pick(self.plan.constraints, number)
             demand(lower is not None and lower == upper and point in (source, target), "the time points are not tied")
@@ -623,129 +535,101 @@ class Certificate:
             demand(place == combined(self.places[other], lower, sign), "not where the equality puts the time point")
         self.places[point] = place
 
-    # refutations
+    def piece(self, constraints: Any) -> None:
+        """What follows is about one polyhedron of a region."""
+        demand(self.header["kind"] == "region", "a piece of something else than a region")
+        self.complete()
+        self.pieces, self.refuted = self.pieces + 1, set()
+        self.where = [(linear(expression), strict) for expression, strict in items(constraints)]
 
-    def on_obligation(self, name: str) -> None:
-        demand(name not in self.refuted, "an obligation twice")
-        self.obligation, self.trusting, self.proofs.clauses = text(name), False, []
-
-    def on_folded(self, name: str) -> None:
-        self.folded.add(text(name))
-
-    def step(self, kind: str, *rest: Any) -> None:
-        if kind == "r":
-            (literal,) = clause = self.proofs.literals([rest[0]])
-            self.trusting |= rest[1] == "t"
-            demand(rest[1] == "t" or self.same(literal, *self.claimed(*rest[1:])), "not what the plan or the box says")
-            self.proofs.clauses.append(clause)
-        elif kind == "d":
-            self.proofs.derive(*rest)
-        else:
-            self.proofs.derive([], *rest)
-            self.refuted[self.obligation], self.obligation = self.trusting, ""
+    def root(self, literal: int, kind: str, *rest: Any) -> None:
+        """A conjunct of the formula: it is trusted, or says what the ground plan or the box says."""
+        self.proofs.clauses.append(self.proofs.literals([literal]))
+        if kind == "t":
+            self.trusting.add(self.obligation)
+            return
+        expression, strict = self.claimed(kind, *rest)
+        factors, sharp, bound = self.proofs.constraint(literal)
+        found = combined({self.proofs.variables[n]: Fraction(-f) for n, f in factors.items()}, {"": Fraction(bound)})
+        name = self.proofs.variables[min(factors)]
+        scale = expression.get(name, Fraction(0)) / found[name]
+        same = scale > 0 and sharp is strict and combined({}, found, scale) == expression
+        demand(same, "a formula is not what the plan or the box says")
 
     def claimed(self, kind: str, number: Any, side: Any = None) -> tuple[Linear, bool]:
         """The inequality `expression >= 0`, or `> 0`, that a root is said to be."""
         if kind == "w":  # the parameter values that the certificate is about
-            return pick(self.where, number)
+            expression, strict = pick(self.where, number)
+            return expression, strict
         if kind == "z":  # no time is negative
             return self.places[number], False
         if kind == "n":  # a side of a temporal constraint
             source, target, least = self.plan.edge(number, side)
-            return combined(combined(self.places[target], self.places[source], -1), least, -1), False
-        demand(kind == "s" and self.obligation in self.plan.separation(number, side), "not about the obligation")
-        gap = combined(self.places[number], self.places[side], -1)  # less than epsilon apart
-        return combined(gap, {"": self.plan.epsilon}), True
+        else:  # less than epsilon apart
+            demand(kind == "s" and self.obligation in self.plan.separation(number, side), "not about the obligation")
+            source, target, least = side, number, {"": -self.plan.epsilon}
+        self.budget.spend(len(self.places[source]) + len(self.places[target]))
+        return combined(combined(self.places[target], self.places[source], -1), least, -1), kind == "s"
 
-    def same(self, literal: int, expression: Linear, strict: bool) -> bool:
-        factors, sharp, bound = self.proofs.constraint(literal)
-        found = combined(
-            {self.proofs.variables[name]: Fraction(-f) for name, f in factors.items()}, {"": Fraction(bound)}
-        )
-        name = self.proofs.variables[min(factors)]
-        scale = expression.get(name, Fraction(0)) / found[name] if name in found else Fraction(0)
-        return scale > 0 and sharp == strict and combined({}, found, scale) == expression
-
-    # schedules and witnesses
-
-    def on_schedule(self, times: Any) -> None:
+    def schedule(self, times: Any) -> None:
         """Times as expressions over the parameters keep the network all over the box."""
         places = list(map(linear, items(times)))
         demand(len(places) == len(self.plan.points) and not places[0], "a time is missing, or zero is not at 0")
-        bounds = [(0, point, Linear()) for point in range(len(places))]
-        bounds += [
-            self.plan.edge(number, side)
-            for number, (_, _, *sides) in enumerate(self.plan.constraints)
-            for side, bound in zip("lu", sides)
-            if bound is not None
-        ]
-        for source, target, least in bounds:
+        for source, target, least in self.plan.edges():
+            self.budget.spend(len(places[source]) + len(places[target]))
             expression = combined(combined(places[target], places[source], -1), least, -1)
             lowest = expression.pop("", Fraction(0))
-            for name, factor in expression.items():
-                low, _, high, _ = self.box[self.plan.parameters.index(name)]
-                lowest += factor * (low if factor > 0 else high)  # an infinite end is malformed here
+            for name, factor in expression.items():  # an infinite end is malformed here
+                lowest += factor * Fraction(self.box[name][0 if factor > 0 else 2])  # type: ignore[arg-type]
             demand(lowest >= 0, "the schedule breaks a constraint of the network somewhere in the box")
         self.scheduled = True
 
-    def face(self, number: Any, side: Any, values: list[Any]) -> list[Near]:
-        """The parameter values are beyond the face, arbitrarily near to it, and within the others."""
-        numbers = list(map(near, items(values)))
-        demand(len(numbers) == len(self.box), "a value is missing")
-        for place, (value, (low, low_closed, high, high_closed)) in enumerate(zip(numbers, self.box)):
-            for name, end, closed, sign in (("lower", low, low_closed, -1), ("upper", high, high_closed, 1)):
+    def witness(self, kind: str, face: str, side: str, numbers: Any, course: Any, *what: Any) -> None:
+        """Beyond a face, arbitrarily near to it and within the others: a schedule that breaks something, or none."""
+        values = dict(zip(self.box, map(near, items(numbers)), strict=True))
+        for name, (low, low_closed, high, high_closed) in self.box.items():
+            for place, end, closed, sign in (("lower", low, low_closed, -1), ("upper", high, high_closed, 1)):
                 if end is not None:
-                    beyond = (value - Near(end)) * Near(sign)
+                    beyond = (values[name] - Near(end)) * Near(sign)
                     at = not (beyond.terms and beyond.terms[0]) and (beyond.sign > 0 if closed else beyond.sign == 0)
                     within = beyond.sign < 0 or (closed and beyond.sign == 0)
-                    demand(at if (place, name) == (number, side) else within, "the witness is not at the face")
-        return numbers
+                    demand(at if (name, place) == (face, side) else within, "the witness is not at the face")
+        if kind == "witness":
+            Simulation(self.plan, values, list(map(near, items(course)))).require_broken(*what)
+        else:
+            walk = [self.plan.edge(*step) if len(step) == 2 else (0, step[0], Linear()) for step in items(course)]
+            total = Near()
+            for (_, target, least), (source, _, _) in zip(walk, walk[1:] + walk[:1]):
+                demand(target == source, "the constraints do not form a cycle")
+                total += evaluated(least, values)
+            demand(total.sign > 0, "the constraints do not contradict each other")
+        self.faces.add((text(face), text(side)))
 
-    def on_witness(self, number: int, side: str, values: Any, times: Any, what: Any) -> None:
-        self.face(number, side, values)
-        self.faces[number, side] = Simulation(self.plan, values, items(times), self.budget).breaks(*what)
-
-    def on_cycle(self, number: int, side: str, values: Any, steps: Any) -> None:
-        """Lower bounds along a closed walk add up to more than zero."""
-        known = dict(zip(self.plan.parameters, self.face(number, side, values)))
-        walk = [self.plan.edge(*step) if len(step) == 2 else (0, step[0], Linear()) for step in items(steps)]
-        total = Near()
-        for (_, target, least), (source, _, _) in zip(walk, walk[1:] + walk[:1]):
-            demand(target == source, "the constraints do not form a cycle")
-            total += evaluated(least, known)
-        demand(total.sign > 0, "the constraints do not contradict each other")
-        self.faces[number, side] = "no schedule"
-
-    # what has been established
-
-    def on_end(self) -> None:
-        self.ended = True
+    def complete(self) -> None:
+        """Every obligation has been dealt with."""
+        if self.header["kind"] != "knowledge" and (self.header["kind"] != "region" or self.pieces):
+            missing = next(self.plan.missing(self.refuted | self.folded), None)
+            demand(missing is None, f"there is no proof of {missing}")
 
     def finish(self) -> Iterator[str]:
         demand(self.ended, "the certificate ends early")
-        kind = self.header["kind"]
+        kind, ends = self.header["kind"], ("lower", "upper")
         if kind == "knowledge":
             demand("correct execution" in self.refuted, "the formula of correct executions is not refuted")
             yield "established: the formula of the certificate has no model"
             yield "trusted: that the formula says what a correct execution of the plan is"
             return
-        self.budget.spend(len(self.plan.points) ** 2)
-        missing = [names for names in self.plan.obligations() if not names & (self.refuted.keys() | self.folded)]
-        demand(
-            not missing and (self.scheduled or kind == "region"),
-            f"no proof of {sorted(missing[0])[0] if missing else 'a schedule'}",
-        )
-        demand(kind != "plan" or all(low == high is not None for low, _, high, _ in self.box), "expected a point")
-        for place, (interval, declared) in enumerate(zip(self.box, self.plan.declared)):
-            for name, end, closed, bound in zip(("lower", "upper"), interval[::2], interval[1::2], declared):
-                free = kind != "maximal" or end is None or (closed and end == bound) or (place, name) in self.faces
-                demand(free, f"no witness for the {name} face of {self.plan.parameters[place]}")
-        where = {"plan": "at the nominal values", "region": "in the region"}.get(kind, "everywhere in the box")
-        trusting = sum(self.refuted.values())
-        if self.scheduled:
+        demand(kind != "plan" or all(low == high is not None for low, _, high, _ in self.box.values()), "not a point")
+        demand(self.scheduled or kind == "region", "there is no schedule")
+        for name, interval in self.box.items():
+            for side, end, closed, bound in zip(ends, interval[::2], interval[1::2], self.plan.declared[name]):
+                free = kind != "maximal" or end is None or (closed and end == bound) or (name, side) in self.faces
+                demand(free, f"no witness for the {side} face of {name}")
+        where = {"plan": "at the point", "region": f"in {self.pieces} pieces"}.get(kind, "all over the box")
+        if kind != "region":
             yield f"established: the network has a schedule {where}"
-        yield f"established: {len(self.refuted) - trusting} obligations hold {where}, by the ground plan alone"
-        yield f"established: the formulas of {trusting} obligations have no model {where}"
+        yield f"established: {len(self.refuted - self.trusting)} obligations hold {where}, by the ground plan alone"
+        yield f"established: the formulas of {len(self.refuted & self.trusting)} obligations have no model {where}"
         if kind == "maximal":
             yield f"established: no valid box contains this one: {len(self.faces)} faces have a witness, executed here"
         yield f"trusted: that those formulas say what breaks these obligations ({self.header['encoding']} encoding)"
@@ -759,8 +643,7 @@ def check(path: str, files: dict[str, str]) -> list[str]:
     try:
         for number, line in enumerate(lines_of(path), 1):
             certificate.read(line)
-        said = list(certificate.finish())
-        inputs = certificate.header["inputs"]
+        said, inputs = list(certificate.finish()), certificate.header["inputs"]
         for name, file in files.items():
             with open(file, "rb") as opened:
                 found = hashlib.file_digest(opened, "sha256").hexdigest()
@@ -781,11 +664,11 @@ def main() -> int:
         reader.add_argument(f"--{name}", metavar="FILE")
     given = vars(reader.parse_args())
     try:
-        lines = check(given.pop("certificate"), {name: file for name, file in given.items() if file is not None})
-        code = 0
-    except (Rejected, Unreadable) as error:
-        code = 1 if isinstance(error, Rejected) else 2
-        lines = [f"{'rejected' if code == 1 else 'unreadable'}: {error}"]
+        code, lines = 0, check(given.pop("certificate"), {name: file for name, file in given.items() if file})
+    except Rejected as error:
+        code, lines = 1, [f"rejected: {error}"]
+    except Unreadable as error:
+        code, lines = 2, [f"unreadable: {error}"]
     for line in lines:
         print("".join(char if char.isprintable() and char.isascii() else "?" for char in line))
     return code

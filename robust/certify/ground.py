@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, TypeAlias, assert_never
 
 from robust.encode.network import over_parameters
@@ -19,10 +20,15 @@ from robust.plan.model import (
     Atom,
     Comparison,
     Condition,
+    Duration,
+    Expression,
     Holds,
+    NumericVariable,
     Or,
     ParametrizedPlan,
+    Relation,
     TimePoint,
+    Timing,
     Truth,
 )
 from robust.plan.polynomial import Polynomial
@@ -42,22 +48,6 @@ def optional(value: Fraction | None) -> int | str | None:
 def expression(polynomial: Polynomial[Any]) -> Line:
     """A polynomial as a list of [coefficient, variables...]."""
     return [[number(factor), *map(str, monomial)] for monomial, factor in polynomial.terms.items()]
-
-
-def condition(node: Condition) -> bool | Line:
-    """A condition as JSON, the operands of a junction after its kind."""
-    match node:
-        case Truth(value):
-            return value
-        case Holds(atom, value):
-            return ["h", str(atom), value]
-        case Comparison(polynomial, relation):
-            return ["c", expression(polynomial), relation.value]
-        case And(operands):
-            return ["and", *map(condition, operands)]
-        case Or(operands):
-            return ["or", *map(condition, operands)]
-    assert_never(node)
 
 
 @dataclass(frozen=True)
@@ -121,31 +111,90 @@ class GroundPlan:
                         queue.append(neighbour)
 
     def lines(self) -> Iterator[Line]:
-        """The plan, one line for each part."""
+        """The plan, one line for each part; `?duration` is written as the difference of two times."""
         yield from (["point", str(point)] for point in self.plan.time_points[1:])
         for bound in self.bounds:
             sides = (None if side is None else expression(side) for side in (bound.lower, bound.upper))
             yield ["constraint", bound.source, bound.target, *sides]
-        yield from (["action", *self._action(instance)] for instance in self.plan.instances)
         fluents = self.plan.initial_fluents
         atoms = sorted(map(str, self.plan.initial_atoms))
         yield ["initial", atoms, [[str(fluent), expression(value)] for fluent, value in fluents.items()]]
+        yield from (["condition", *line] for line, _ in self.conditions)
+        for instance in self.plan.instances:
+            yield from self._effects(instance)
+        yield from (["timed", number] for number in sorted({self.numbers[l.point] for l in self.plan.timed_literals}))
         for literal in self.plan.timed_literals:
-            value = literal.value if isinstance(literal.target, Atom) else number(Fraction(literal.value))
-            yield ["literal", self.numbers[literal.point], str(literal.target), value]
-        yield from (["goal", condition(goal.condition), goal.label] for goal in self.plan.goal)
+            if isinstance(literal.target, Atom):
+                kind, value = ("add" if literal.value else "delete"), Line()
+            else:
+                kind, value = "assign", [[number(Fraction(literal.value))]]
+            yield ["effect", self.numbers[literal.point], kind, str(literal.target), value, True]
         for point, place in self.places.items():
             if point:
                 yield ["place", point, expression(place), self.ties[point]]
 
-    def _action(self, instance: ActionInstance) -> Iterator[Any]:
-        yield from (instance.identifier, instance.action)
-        yield from (self.numbers[instance.start], self.numbers[instance.end])
-        yield [[d.timing.value, condition(d.condition), instance.label(d)] for d in instance.durations]
-        yield [[c.timing.value, condition(c.condition), instance.label(c)] for c in instance.conditions]
-        yield [[e.timing.value, str(e.atom), e.value, condition(e.condition)] for e in instance.atom_effects]
-        yield [
-            [e.timing.value, str(e.fluent), e.operator.value, expression(e.expression), condition(e.condition)]
-            for e in instance.numeric_effects
-        ]
-        yield [[str(e.fluent), expression(e.rate)] for e in instance.continuous_effects]
+    @cached_property
+    def conditions(self) -> tuple[tuple[Line, str], ...]:
+        """Every obligation other than separations, as start, end, condition and label, with its name.
+
+        The end is None but for over-all conditions, and the start, too, for goals: they are evaluated after everything.
+        """
+        found: list[tuple[Line, str]] = []
+
+        def add(start: int | None, end: int | None, node: bool | Line, label: str) -> None:
+            found.append(([start, end, node, label], label))
+
+        for instance in self.plan.instances:
+            start, end = self.numbers[instance.start], self.numbers[instance.end]
+            if instance.durative:
+                length = Comparison(Polynomial.variable(Duration()), Relation.AT_LEAST)
+                label = f"{instance.identifier} {instance.action}: non-negative duration"
+                add(start, None, self._condition(length, instance), label)
+            for part in (*instance.durations, *instance.conditions):
+                node = self._condition(part.condition, instance)
+                if part.timing is Timing.OVER_ALL:
+                    add(start, end, node, instance.label(part))
+                else:
+                    add(self.numbers[instance.at(part.timing)], None, node, instance.label(part))
+        for goal in self.plan.goal:
+            add(None, None, self._condition(goal.condition, None), goal.label)
+        return tuple(found)
+
+    def _effects(self, instance: ActionInstance) -> Iterator[Line]:
+        for effect in instance.atom_effects:
+            kind = "add" if effect.value else "delete"
+            condition = self._condition(effect.condition, instance)
+            yield ["effect", self.numbers[instance.at(effect.timing)], kind, str(effect.atom), [], condition]
+        for change in instance.numeric_effects:
+            amount, condition = self._expression(change.expression, instance), self._condition(change.condition, instance)
+            point = self.numbers[instance.at(change.timing)]
+            yield ["effect", point, change.operator.value, str(change.fluent), amount, condition]
+        for rate in instance.continuous_effects:
+            ends = self.numbers[instance.start], self.numbers[instance.end]
+            yield ["rate", *ends, str(rate.fluent), self._expression(rate.rate, instance)]
+
+    def _expression(self, polynomial: Expression, instance: ActionInstance | None) -> Line:
+        """A polynomial over names: parameters, fluents, and times such as `@7`."""
+
+        def named(unknown: NumericVariable) -> Polynomial[str]:
+            if isinstance(unknown, Duration) and instance is not None:
+                start, end = self.numbers[instance.start], self.numbers[instance.end]
+                return Polynomial.variable(f"@{end}") - Polynomial.variable(f"@{start}")
+            return Polynomial.variable(str(unknown))
+
+        return expression(polynomial.substitute(named))
+
+    def _condition(self, node: Condition, instance: ActionInstance | None) -> bool | Line:
+        """A condition as JSON, the operands of a junction after its kind."""
+        match node:
+            case Truth(value):
+                return value
+            case Holds(atom, value):
+                return ["h", str(atom), value]
+            case Comparison(polynomial, relation):
+                return ["c", self._expression(polynomial, instance), relation.value]
+            case And(operands):
+                return ["and", *(self._condition(operand, instance) for operand in operands)]
+            case Or(operands):
+                return ["or", *(self._condition(operand, instance) for operand in operands)]
+        assert_never(node)

@@ -126,16 +126,11 @@ class BoxCertificate:
         roles: dict[int, Line] = {}
         for place, parameter in enumerate(self.encoding.plan.parameters):
             interval, value = self.box[parameter.name], variable(ParameterReference(parameter.name))
-            ends = (
-                (1, interval.lower, interval.lower_closed),
-                (1, parameter.lower, True),
-                (-1, interval.upper, interval.upper_closed),
-                (-1, parameter.upper, True),
-            )
+            ends = ((1, interval.lower, interval.lower_closed), (-1, interval.upper, interval.upper_closed))
             for index, (sign, end, closed) in enumerate(ends):
                 if end is not None:
                     literal = self._literal_of((value - end).scaled(sign), strict=not closed)
-                    roles.setdefault(literal, ["w", 4 * place + index])
+                    roles.setdefault(literal, ["w", 2 * place + index])
         for point, time in self.ground.places.items():
             roles.setdefault(self._literal_of(time), ["z", point])
         for index, bound in enumerate(self.ground.bounds):

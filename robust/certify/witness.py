@@ -20,7 +20,7 @@ from robust.irr.box import Box, Interval
 from robust.irr.containment import within
 from robust.irr.faces import constraints_of
 from robust.irr.result import Side
-from robust.plan.model import TimePoint, Timing
+from robust.plan.model import TimePoint
 from robust.plan.simulate import simulate
 from robust.qe.constraint import LinearConstraint
 from robust.qe.lp import feasible_point, maximize
@@ -138,9 +138,9 @@ class Witnesses:
         if obligation is not None:
             found = self._breaking(obligation, beyond, self._names[index], side, end)
             if found is not None:
-                return ["witness", index, side.value, *self._schedule(obligation, found)]
+                return ["witness", self._names[index], side.value, *self._schedule(obligation, found)]
         steps = self._cycle(nearest)
-        return None if steps is None else ["cycle", index, side.value, nearest.values(self._names), steps]
+        return None if steps is None else ["cycle", self._names[index], side.value, nearest.values(self._names), steps]
 
     # -- schedules that break an obligation ----------------------------------------------------------------------------
 
@@ -173,27 +173,16 @@ class Witnesses:
         yield approach.values(self._names)
         points = self._encoding.plan.time_points
         yield [approach.line(times[0][point], times[1][point]) for point in points]
-        yield self._broken(obligation.name, approach)
+        yield from self._broken(obligation.name, approach)
 
     def _times(self, values: dict[str, Fraction]) -> dict[TimePoint, Fraction]:
         return self._encoding.schedule(values)
 
     def _broken(self, name: str, approach: Approach) -> Line:
         """The obligation in the checker's terms."""
-        plan = self._encoding.plan
-        for instance in plan.instances:
-            if name == f"{instance.identifier} {instance.action}: non-negative duration":
-                return ["length", instance.identifier]
-            for index, duration in enumerate(instance.durations):
-                if name == instance.label(duration):
-                    return ["duration", instance.identifier, index]
-            for index, timed in enumerate(instance.conditions):
-                if name == instance.label(timed):
-                    instant = [self._instant(name, approach)] if timed.timing is Timing.OVER_ALL else []
-                    return ["condition", instance.identifier, index, *instant]
-        for index, goal in enumerate(plan.goal):
-            if name == goal.label:
-                return ["goal", index]
+        for index, ((_, end, *_), label) in enumerate(self._ground.conditions):
+            if name == label:
+                return ["condition", index, None if end is None else self._instant(name, approach)]
         numbers = {str(point): index for point, index in self._ground.numbers.items()}
         first, _, second = name.removeprefix("separation: ").partition(", ")
         return ["separation", numbers[first], numbers[second]]
