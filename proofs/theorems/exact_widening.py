@@ -122,9 +122,7 @@ ROUND = Statement(
         *consts("Point", "point"),
     ),
     {
-        LEAST_NEAR: conj(
-            "(bad point)", forall(FACE, "(<= (reach f point) (ite (moving f) (+ least room) (limit f)))")
-        ),
+        LEAST_NEAR: conj("(bad point)", forall(FACE, "(<= (reach f point) (ite (moving f) (+ least room) (limit f)))")),
         "some room": "(< 0.0 room)",
     },
     neg(
@@ -171,14 +169,14 @@ THEOREM = Theorem(
             (
                 Variant(
                     "a closed face may be frozen without reason.",
-                    MAXIMAL.without(BLOCKED_BEYOND)
-                    .with_also(TWO_FACES, ONLY_TWO)
-                    .with_also("one point", ONE_POINT),
+                    MAXIMAL.without(BLOCKED_BEYOND).with_also(TWO_FACES, ONLY_TWO).with_also("one point", ONE_POINT),
                 ),
                 Variant(
                     "an open face may be frozen without reason.",
                     MAXIMAL.without(BLOCKED_AT, BLOCKED_BEYOND)
-                    .with_also("all ends open, the other box closed", forall(FACE, "(and (not (closed f)) (other-closed f))"))
+                    .with_also(
+                        "all ends open, the other box closed", forall(FACE, "(and (not (closed f)) (other-closed f))")
+                    )
                     .with_also(TWO_FACES, ONLY_TWO)
                     .with_also("one point", ONE_POINT),
                 ),

@@ -36,14 +36,10 @@ SHOW = {
     "extent of the envelope": "extent",
 }
 TURNS = Statement(
-    consts(
-        "Real", PRECISION, STEP, NEXT_STEP, "width", "next-width", "extent", "open", "next-open", "others"
-    ),
+    consts("Real", PRECISION, STEP, NEXT_STEP, "width", "next-width", "extent", "open", "next-open", "others"),
     {
         "the precision is positive, what other parameters contribute is not negative": "(and (< 0.0 precision) (<= 0.0 others))",
-        INVARIANT: conj(
-            "(< 0.0 step)", disj("(= open 1.0)", "(= open 2.0)"), "(<= 0.0 width)", "(<= width extent)"
-        ),
+        INVARIANT: conj("(< 0.0 step)", disj("(= open 1.0)", "(= open 2.0)"), "(<= 0.0 width)", "(<= width extent)"),
         PICKED: "(<= (/ precision 2.0) step)",
         TURN: disj(WIDENED, FAILED_ONCE, FAILED_TWICE),
         INSIDE: "(<= next-width extent)",
@@ -136,7 +132,8 @@ THEOREM = Theorem(
                     "line 6 goes on while Δ ≥ β/2, line 7 picks among Δ ≥ β: with β = 1 and all steps at 3/4 the loop "
                     "goes on and the set to pick from is empty. Repair: β/2 in both.",
                     PICK.claiming(PICK_PRINTED).with_also(
-                        "β = 1 and steps of 3/4", "(and (= precision 1.0) (= step-1 (/ 3.0 4.0)) (= step-2 (/ 3.0 4.0)))"
+                        "β = 1 and steps of 3/4",
+                        "(and (= precision 1.0) (= step-1 (/ 3.0 4.0)) (= step-2 (/ 3.0 4.0)))",
                     ),
                 ),
             ),

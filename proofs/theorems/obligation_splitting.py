@@ -33,7 +33,9 @@ TWO = Statement(
 ONE_RUN = "there is one run only"
 CIRCULAR = iff(
     always(PREMISE, conj(holds("first"), holds("second"))),
-    conj(always(conj(PREMISE, holds("second")), holds("first")), always(conj(PREMISE, holds("first")), holds("second"))),
+    conj(
+        always(conj(PREMISE, holds("second")), holds("first")), always(conj(PREMISE, holds("first")), holds("second"))
+    ),
 )
 UNASKED = iff(
     always(PREMISE, conj(holds("first"), holds("second"))),
