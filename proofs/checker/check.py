@@ -6,12 +6,12 @@ each statement, compressed by gzip, and read as a stream. Checked are theory lem
 contradiction [Farkas 1902]; refutations, by unit propagation along hints (LRAT); what formulas say of the temporal
 network, of the box and of separations, against the ground plan; schedules, all over the box; and witnesses, which are
 executed on the ground plan arbitrarily near to the face that they are about.
-
 Exit codes: 0 established (what, and what is trusted, is printed), 1 rejected (one line says where and why), 2 the
 certificate or an input file cannot be read.
 """
 
 import argparse
+import gzip
 import hashlib
 import json
 import sys
@@ -24,20 +24,23 @@ from typing import Any
 FORMAT = "robust/certificate/1"
 KINDS = ("plan", "box", "maximal", "region", "knowledge")
 INPUTS = ("domain", "problem", "plan", "network", "parameters")
-LONGEST_LINE, LARGEST_TOTAL, LONGEST_NUMBER = 4 << 20, 512 << 20, 400  # bytes after decompression; digits
+LONGEST_LINE, LARGEST_TOTAL = 4 << 20, 512 << 20  # bytes after decompression
 WORK_PER_BYTE, WORK_AT_ALL, MEMORY = 60, 2_000_000, 6_000_000  # steps; numbers and names kept at one time
-MALFORMED = (TypeError, ValueError, KeyError, IndexError, AttributeError, RecursionError, OverflowError, MemoryError)
+DISTURBS = {
+    "add": ("read", "delete"),
+    "delete": ("read",),
+    "assign": ("look", "assign", "increase"),
+    "increase": ("look",),
+}
+MALFORMED = (TypeError, ValueError, LookupError, AttributeError, RecursionError, OverflowError, MemoryError, EOFError)
 
 Linear = dict[str, Fraction]  # coefficients by variable; that of "" is the constant
 Interval = tuple[Fraction | None, bool, Fraction | None, bool]  # lower end and whether it belongs, upper end likewise
+State = tuple[set[str], dict[str, "Near"]]  # atoms that are true, and the values of fluents
 
 
 class Rejected(Exception):
     """The certificate does not establish what it says."""
-
-
-class Unreadable(Exception):
-    """There is no certificate to check."""
 
 
 def demand(condition: object, message: str) -> None:
@@ -47,37 +50,12 @@ def demand(condition: object, message: str) -> None:
 
 def lines_of(path: str) -> Iterator[bytes]:
     """The lines of a gzip file, in bounded memory."""
-    total, rest, expand = 0, b"", zlib.decompressobj(31)
-    try:
-        with open(path, "rb") as file:
-            while not expand.eof:
-                data = expand.unconsumed_tail or file.read(1 << 16)
-                demand(data, "the file ends early")
-                piece = expand.decompress(data, 1 << 20)
-                total += len(piece)
-                *complete, rest = (rest + piece).split(b"\n")
-                demand(total <= LARGEST_TOTAL and len(rest) <= LONGEST_LINE, "a line or the whole is too long")
-                yield from complete
-            demand(not rest and not expand.unused_data and not file.read(1), "there is something behind the end")
-    except OSError as error:
-        raise Unreadable(f"{path}: {error.strerror or error}") from None
-    except zlib.error as error:
-        raise Unreadable(f"{path}: not a whole gzip file: {error}") from None
-
-
-def integer(digits: str) -> int:
-    demand(len(digits) <= LONGEST_NUMBER, f"a number of over {LONGEST_NUMBER} digits")
-    return int(digits)
-
-
-def text(value: Any) -> str:
-    demand(type(value) is str, "found something else, expected a text")
-    return str(value)
-
-
-def items(value: Any) -> list[Any]:
-    demand(type(value) is list, "found something else, expected a list")
-    return list(value)
+    total = 0
+    with gzip.open(path) as file:
+        while line := file.readline(LONGEST_LINE):
+            total += len(line)
+            demand(total <= LARGEST_TOTAL and line.endswith(b"\n"), "a line or the whole is too long, or cut off")
+            yield line
 
 
 def pick(among: Any, place: Any) -> Any:
@@ -89,14 +67,10 @@ def rational(value: Any) -> Fraction:
     """A number: an integer, or a text such as "1/3"."""
     if type(value) is int:
         return Fraction(value)
-    top, slash, bottom = text(value).partition("/")
+    top, slash, bottom = value.partition("/")
     plain = top.isascii() and top.removeprefix("-").isdecimal() and bottom.isascii()
     demand(plain and (not slash or (bottom.isdecimal() and bottom.strip("0"))), "found a text, expected a number")
-    return Fraction(integer(top), integer(bottom) if slash else 1)
-
-
-def optional(value: Any) -> Fraction | None:
-    return None if value is None else rational(value)
+    return Fraction(int(top), int(bottom) if slash else 1)
 
 
 class Budget:
@@ -109,8 +83,6 @@ class Budget:
 
 class Near:
     """A polynomial in an infinitesimal e > 0: what is said of it holds for every e that is small enough."""
-
-    __slots__ = ("terms",)
 
     def __init__(self, *terms: Fraction | int) -> None:
         while terms and not terms[-1]:
@@ -146,7 +118,9 @@ def near(value: Any) -> Near:
 
 def linear(value: Any) -> Linear:
     """A list of [coefficient] and [coefficient, variable], each variable once."""
-    terms = {(text(names[0]) if names else ""): rational(factor) for factor, *names in items(value) if len(names) < 2}
+    terms = {
+        (names[0] if names else ""): rational(factor) for factor, *names in value if len(names) < 2 and names != [""]
+    }
     demand(len(terms) == len(value) and all(terms.values()), "not a linear expression")
     return terms
 
@@ -171,7 +145,7 @@ class Plan:
 
     def __init__(self, budget: Budget) -> None:
         self.budget = budget
-        self.declared: dict[str, tuple[Fraction | None, Fraction | None]] = {}  # bounds of parameters
+        self.declared: dict[str, tuple[Fraction | None, ...]] = {}  # bounds of parameters
         self.epsilon = Fraction(0)
         self.points: list[str] = []
         self.constraints: list[tuple[int, int, Linear | None, Linear | None]] = []
@@ -179,50 +153,46 @@ class Plan:
         self.effects: list[list[Any]] = []  # by time point: [kind, target, expression, condition]
         self.rates: list[Any] = []  # [start, end, fluent, expression]
         self.initial: tuple[list[str], list[Any]] = ([], [])
-        self.prints: list[list[set[str]]] = []  # by time point: what is read, added, deleted, read, assigned, increased
+        self.prints: list[set[tuple[str, str]]] = []  # by time point: (what is done, to what)
         self.timed = set[int]()  # time points of timed initial literals
         self.state("point", ".zero")
 
     def state(self, kind: str, *rest: Any) -> None:
-        """One line of the ground plan."""
         if kind == "point":
-            self.points.append(text(rest[0]))
+            self.timed.update([len(self.points)] if rest[1:] else [])
+            self.points.append(rest[0])
             self.effects.append([])
-            self.prints.append([set() for _ in range(6)])
-        elif kind == "timed":
-            self.timed.add(rest[0])
+            self.prints.append(set())
         elif kind == "constraint":
             demand(pick(self.points, rest[0]) and pick(self.points, rest[1]), "a time point without a name")
             lower, upper = (None if bound is None else linear(bound) for bound in rest[2:])
             self.constraints.append((rest[0], rest[1], lower, upper))
         elif kind == "condition":
             point, end, condition, label = rest
-            self.conditions.append((point, end, condition, text(label)))
-            self.note(
-                *((point, "reads", "", [], condition) if end is None and point is not None else (0, "", "", [], True))
-            )
+            self.conditions.append((point, end, condition, label))
+            if end is None and point is not None:
+                self.note(point, "", "", [], condition)
         elif kind == "effect":
             pick(self.effects, rest[0]).append(rest[1:])
             self.note(*rest)
         elif kind == "rate":
             self.rates.append(rest)
-            for point in rest[:2]:
-                self.note(point, "increase", *rest[2:], True)
+            self.note(rest[0], "increase", *rest[2:], True)
+            self.note(rest[1], "increase", *rest[2:], True)
         else:
             demand(kind == "initial", "found a line of no known kind")
-            self.initial = list(map(text, items(rest[0]))), items(rest[1])
+            self.initial = rest[0], rest[1]
 
     def note(self, point: Any, kind: str, target: str, expression: Any, condition: Any) -> None:
         """What a time point reads and writes."""
-        atoms, adds, deletes, fluents, assigns, increases = pick(self.prints, point)
-        if kind in ("add", "delete", "assign", "increase"):
-            {"add": adds, "delete": deletes, "assign": assigns, "increase": increases}[kind].add(text(target))
-        expressions, pending = [items(expression)], [condition]
+        done = pick(self.prints, point)
+        done.add((kind, target))
+        expressions, pending = [expression], [condition]
         for node, *rest in (each for each in pending if type(each) is list):
             pending += rest if node in ("and", "or") else []
-            atoms.update(rest[:1] if node == "h" else [])
+            done.update({("read", rest[0])} if node == "h" else ())
             expressions += rest[:1] if node == "c" else []
-        fluents.update(name for each in expressions for _, *names in each for name in names if text(name)[0] == "(")
+        done.update(("look", name) for each in expressions for _, *names in each for name in names)
 
     def edge(self, number: Any, side: Any) -> tuple[int, int, Linear]:
         """One side of a constraint as a lower bound: source, target and least distance."""
@@ -240,28 +210,25 @@ class Plan:
     def are_mutex(self, first: int, second: int) -> bool:
         """Whether two time points must be separated: the no-moving-targets rule of PDDL 2.1."""
         return not {first, second} <= self.timed and any(
-            (a[1] | a[2]) & b[0] or a[1] & b[2] or (a[4] | a[5]) & b[3] or a[4] & (b[4] | b[5])
-            for a, b in (
-                (pick(self.prints, first), pick(self.prints, second)),
-                (self.prints[second], self.prints[first]),
-            )
+            (harm, name) in pick(self.prints, b)
+            for a, b in ((first, second), (second, first))
+            for kind, name in pick(self.prints, a)
+            for harm in DISTURBS.get(kind, ())
         )
 
     def separation(self, first: Any, second: Any) -> set[str]:
-        a, b = pick(self.points, first), pick(self.points, second)
-        return {f"separation: {a}, {b}", f"separation: {b}, {a}"}
+        ends = pick(self.points, first), pick(self.points, second)
+        return {f"separation: {a}, {b}" for a, b in (ends, ends[::-1])}
 
-    def missing(self, known: set[str]) -> Iterator[str]:
-        """The obligations that are not among the known ones."""
-        yield from (label for *_, label in self.conditions if label not in known)
-        self.budget.spend(len(self.points) * sum(len(each) + 1 for sets in self.prints for each in sets))
+    def require(self, known: set[str]) -> None:
+        """Every obligation of the plan is among the known ones."""
+        for *_, label in self.conditions:
+            demand(label in known, f"there is no proof of {label}")
+        self.budget.spend(len(self.points) * sum(len(done) + 1 for done in self.prints))
         for second in range(1, len(self.points)):
             for first in (first for first in range(1, second) if self.are_mutex(first, second)):
-                if not self.separation(first, second) & known:
-                    yield self.separation(first, second).pop()
-
-
-State = tuple[set[str], dict[str, Near]]  # atoms that are true, and the values of fluents
+                names = self.separation(first, second)
+                demand(names & known, f"there is no proof of {sorted(names)[0]}")
 
 
 class Simulation:
@@ -276,11 +243,8 @@ class Simulation:
         self.known = {**values, **{f"@{point}": time for point, time in enumerate(times)}}
         self.before: dict[int, State] = {}
         self.happenings: list[tuple[Near, State, State, dict[str, Near]]] = []  # time, states, slopes after it
-        self.run()
-
-    def run(self) -> None:
         order = sorted(range(len(self.times)), key=cmp_to_key(lambda a, b: (self.times[a] - self.times[b]).sign))
-        fluents = {text(fluent): self.number(value, (set(), {})) for fluent, value in self.plan.initial[1]}
+        fluents = {fluent: self.number(value, (set(), {})) for fluent, value in self.plan.initial[1]}
         state, slopes, now = (set(self.plan.initial[0]), fluents), dict[str, Near](), Near()
         while order:
             time = self.times[order[0]]
@@ -304,7 +268,7 @@ class Simulation:
             if not self.holds(condition, before):
                 continue
             if kind in ("add", "delete"):
-                {"add": adds, "delete": deletes}[kind].add(target)
+                (adds if kind == "add" else deletes).add(target)
             elif kind == "assign":
                 values[target] = self.number(expression, before)
             else:
@@ -317,7 +281,7 @@ class Simulation:
         slopes, read = dict[str, Near](), set[str]()
         for start, end, fluent, rate in self.plan.rates:
             if (time - self.times[start]).sign >= 0 and (self.times[end] - time).sign > 0:
-                slopes[text(fluent)] = slopes.get(fluent, Near()) + self.number(rate, state)
+                slopes[fluent] = slopes.get(fluent, Near()) + self.number(rate, state)
                 read.update(variable for _, *names in rate for variable in names)
         demand(not any(slopes[fluent].terms for fluent in read & slopes.keys()), "a rate changes continuously")
         return slopes
@@ -325,7 +289,7 @@ class Simulation:
     def number(self, expression: Any, state: State) -> Near:
         """A list of [coefficient, variables...]: parameters, fluents such as "(fuel car)", times such as "@7"."""
         total = Near()
-        for factor, *variables in items(expression):
+        for factor, *variables in expression:
             product = Near(rational(factor))
             for variable in variables:
                 self.budget.spend(1)
@@ -338,12 +302,12 @@ class Simulation:
         self.budget.spend(1)
         if type(condition) is bool:
             return condition
-        kind, *parts = items(condition)
+        kind, *parts = condition
         if kind == "h":
-            return (text(parts[0]) in state[0]) is parts[1]
+            return (parts[0] in state[0]) is parts[1]
         if kind == "c":
             sign = self.number(parts[0], state).sign
-            return {">=": sign >= 0, ">": sign > 0, "=": sign == 0, "!=": sign != 0}[text(parts[1])]
+            return {">=": sign >= 0, ">": sign > 0, "=": sign == 0, "!=": sign != 0}[parts[1]]
         return {"and": all, "or": any}[kind](self.holds(part, state) for part in parts)
 
     def require_broken(self, kind: str, first: Any, second: Any) -> None:
@@ -365,62 +329,121 @@ class Simulation:
             demand(not all(self.holds(condition, state) for state in states), "the condition holds")
 
 
-class Proofs:
-    """Nodes of formulas, lemmas, and the refutation that is being read."""
+class Certificate:
+    """Reads a certificate line by line; `finish` says what has been established."""
 
-    def __init__(self, budget: Budget) -> None:
-        self.budget = budget
-        self.variables: list[str] = []
-        self.nodes: list[Any] = [None]
+    def __init__(self) -> None:
+        self.budget, self.header = Budget(), dict[str, Any]()
+        self.plan = Plan(self.budget)
+        self.nodes: list[Any] = [None]  # of formulas
         self.lemmas: list[tuple[int, ...]] = []
-        self.clauses: list[tuple[int, ...]] = []
+        self.clauses: list[tuple[int, ...]] = []  # of the present refutation
+        self.box: dict[str, Interval] = {}
+        self.where: list[Any] = []  # what is known of the parameters: (expression, strict) for `>= 0` or `> 0`
+        self.places: dict[int, Linear] = {0: {}}  # where time points are
+        self.obligation = ""  # that is being refuted
+        self.refuted, self.trusting, self.names, self.folded = set[str](), set[str](), set[str](), set[str]()
+        self.faces = set[tuple[str, str]]()
+        self.pieces = 0  # of a region
+        self.stated = self.scheduled = self.ended = False
+
+    def read(self, line: bytes) -> None:
+        self.budget.spend(-WORK_PER_BYTE * len(line))
+        value = json.loads(line, parse_float=str, parse_constant=str)
+        demand(not self.ended, "there is something behind the end")
+        if not self.header:
+            self.start(value)
+            return
+        kind, *rest = value
+        proof = kind in ("b", "a", "g", "e", "l")
+        demand(proof or bool(self.obligation) == (kind in ("r", "d", "q")), "a step outside of a refutation, or none")
+        if kind in ("l", "d", "r", "place", "piece", "schedule"):
+            steps = {"l": self.lemma, "d": self.derive, "r": self.root, "place": self.place}
+            {**steps, "piece": self.piece, "schedule": self.schedule}[kind](*rest)
+        elif proof:
+            self.define(kind, *rest)
+        elif kind == "q":
+            self.derive([], *rest)
+            self.refuted.add(self.obligation)
+            self.obligation = ""
+        elif kind == "obligation":
+            demand(rest[0] and rest[0] not in self.refuted, "an obligation twice, or without a name")
+            demand(self.header["kind"] != "region" or self.pieces, "an obligation outside of a piece")
+            self.obligation, self.clauses = rest[0], []
+        elif kind in ("witness", "cycle"):
+            self.witness(kind, *rest)
+        elif kind == "folded":
+            self.folded.add(rest[0])
+        elif kind == "end":
+            self.complete()
+            self.ended = True
+        else:
+            self.budget.spend(0, len(line) // 8)
+            demand(not self.stated, "a part of the ground plan after the first conclusion from it")
+            self.plan.state(kind, *rest)
+            return
+        self.stated = True
+
+    def start(self, header: Any) -> None:
+        demand(type(header) is dict and header.get("format") == FORMAT, f"not a certificate of the format {FORMAT}")
+        digests = {len(digest) for digest in header["inputs"].values()}
+        demand(header["kind"] in KINDS and digests <= {64}, "a malformed header")
+        self.header, self.plan.epsilon = header, rational(header.get("epsilon", 0))
+        for name, lower, upper in header.get("parameters", []):
+            demand(name and name not in self.plan.declared, "a parameter twice")
+            self.plan.declared[name] = tuple(None if each is None else rational(each) for each in (lower, upper))
+        if header["kind"] in ("region", "knowledge"):
+            return
+        for name, (low, low_closed, high, high_closed) in zip(self.plan.declared, header["box"], strict=True):
+            lower, upper = (None if each is None else rational(each) for each in (low, high))
+            demand({type(low_closed), type(high_closed)} == {bool}, "an end of the box is neither open nor closed")
+            point = lower == upper and low_closed and high_closed
+            demand(lower is None or upper is None or lower < upper or point, "the box is empty")
+            self.box[name] = lower, low_closed, upper, high_closed
+            for sign, end, closed in ((1, lower, low_closed), (-1, upper, high_closed)):
+                known = None if end is None else combined({name: Fraction(sign)}, {"": end}, -sign)
+                self.where.append((known, not closed))
 
     def literals(self, value: Any) -> tuple[int, ...]:
-        self.budget.spend(0, len(items(value)) + 1)
+        self.budget.spend(0, len(value) + 1)
         demand(all(type(each) is int and 0 < abs(each) < len(self.nodes) for each in value), "an unknown literal")
         return tuple(value)
 
-    def define(self, kind: str, *rest: Any) -> None:
-        """v: a real variable. b: a boolean. a: a linear constraint. g: a conjunction. e: an equivalence."""
-        if kind in ("v", "b"):
-            self.budget.spend(0, 1)
-            (self.variables if kind == "v" else self.nodes).append(text(rest[0]))
-        elif kind == "a":
-            pairs, strict, bound = rest
-            self.budget.spend(0, len(items(pairs)))
-            names = [name for name in pairs[::2] if pick(self.variables, name)]
-            whole = all(type(number) is int for number in (bound, *pairs)) and type(strict) is bool
-            demand(whole and names and len({*names}) * 2 == len(pairs) and all(pairs[1::2]), "a malformed constraint")
-            self.nodes.append((kind, dict(zip(names, pairs[1::2])), strict, bound))
+    def define(self, kind: str, value: Any, strict: Any = None) -> None:
+        """b: a boolean. a: a linear constraint `expression >= 0`, or `> 0`. g: a conjunction. e: an equivalence."""
+        if kind == "a":
+            self.budget.spend(0, len(value))
+            demand(type(strict) is bool and any(linear(value)), "a malformed linear constraint")
+            self.nodes.append((kind, linear(value), strict))
+        elif kind == "b":
+            self.nodes.append((kind,))
         else:
-            inputs = self.literals(rest[0])
-            demand(kind == "g" or len(inputs) == 2, "an equivalence of other than two literals")
-            self.nodes.append((kind, inputs))
+            self.nodes.append((kind, self.literals(value)))
+            demand(kind == "g" or len(value) == 2, "an equivalence of other than two literals")
 
-    def constraint(self, literal: int) -> tuple[dict[int, int], bool, int]:
-        """What a literal of a constraint says: sum of factor * variable <= bound, or < if strict."""
-        kind, factors, strict, bound = self.nodes[abs(literal)]
-        return (factors, strict, bound) if literal > 0 else ({n: -f for n, f in factors.items()}, not strict, -bound)
+    def constraint(self, literal: int) -> tuple[Linear, bool]:
+        """What a literal of a constraint says."""
+        _, expression, strict = self.nodes[abs(literal)]
+        return (expression, strict) if literal > 0 else (combined({}, expression, -1), not strict)
 
     def lemma(self, literals: Any, multipliers: Any) -> None:
         """The negations of the literals contradict each other."""
-        clause, total, bound, strict = self.literals(literals), dict[int, int](), 0, False
-        for literal, multiplier in zip(clause, items(multipliers), strict=True):
+        clause, total, strict = self.literals(literals), Linear(), False
+        for literal, multiplier in zip(clause, multipliers, strict=True):
+            expression, sharp = self.constraint(-literal)
             demand(type(multiplier) is int and multiplier > 0, "expected multipliers above 0")
-            factors, sharp, limit = self.constraint(-literal)
-            self.budget.spend(len(factors))
-            for name, factor in factors.items():
-                total[name] = total.get(name, 0) + multiplier * factor
-            bound, strict = bound + multiplier * limit, strict or sharp
-        demand(not any(total.values()), "the multiples of the constraints do not cancel the variables")
-        demand(bound < 0 or (strict and bound == 0), "the multiples of the constraints do not contradict each other")
+            self.budget.spend(len(expression) + len(total))
+            total, strict = combined(total, expression, multiplier), strict or sharp
+        value = total.pop("", Fraction(0))
+        demand(not total, "the multiples of the constraints do not cancel the variables")
+        demand(value < 0 or (strict and value == 0), "the multiples of the constraints do not contradict each other")
         self.lemmas.append(clause)
 
     def hinted(self, hint: Any) -> tuple[int, ...]:
         """A clause by its number: of this refutation, below 0 a lemma, in a pair one of those that define a gate."""
         if type(hint) is int:
             return tuple(pick(self.clauses, hint) if hint >= 0 else pick(self.lemmas, ~hint))
-        number, which = items(hint)
+        number, which = hint
         kind, inputs = pick(self.nodes, number)
         if kind == "e":
             one, two, three = pick([(1, -1, -1), (1, 1, 1), (-1, -1, 1), (-1, 1, -1)], which)
@@ -431,7 +454,7 @@ class Proofs:
         """Unit propagation along the hints refutes the negation of the clause."""
         clause = self.literals(literals)
         false = set(clause)
-        for hint in items(hints):
+        for hint in hints:
             hinted = self.hinted(hint)
             self.budget.spend(len(hinted))
             unassigned = {literal for literal in hinted if literal not in false}
@@ -442,89 +465,12 @@ class Proofs:
             false.add(-unassigned.pop())
         raise Rejected("the hints do not lead to a contradiction")
 
-
-class Certificate:
-    """Reads a certificate line by line; `finish` says what has been established."""
-
-    def __init__(self) -> None:
-        self.budget, self.header = Budget(), dict[str, Any]()
-        self.plan, self.proofs = Plan(self.budget), Proofs(self.budget)
-        self.box: dict[str, Interval] = {}
-        self.where: list[Any] = []  # what is known of the parameters: (expression, strict) for `>= 0` or `> 0`
-        self.places: dict[int, Linear] = {0: {}}  # where time points are
-        self.obligation = ""  # that is being refuted
-        self.refuted, self.trusting, self.names, self.folded = set[str](), set[str](), set[str](), set[str]()
-        self.faces = set[tuple[str, str]]()
-        self.pieces = 0  # of a region
-        self.scheduled = self.ended = False
-
-    def read(self, line: bytes) -> None:
-        self.budget.spend(-WORK_PER_BYTE * len(line))
-        try:
-            value = json.loads(line, parse_int=integer, parse_float=str, parse_constant=str)
-        except (ValueError, RecursionError):
-            raise Rejected("not a line of JSON") from None
-        demand(not self.ended, "there is something behind the end")
-        if not self.header:
-            self.start(value)
-            return
-        kind, *rest = items(value)
-        proof = kind in ("v", "b", "a", "g", "e", "l")
-        demand(proof or bool(self.obligation) == (kind in ("r", "d", "q")), "a step outside of a refutation, or none")
-        if kind in ("l", "d"):
-            (self.proofs.lemma if kind == "l" else self.proofs.derive)(*rest)
-        elif proof:
-            self.proofs.define(kind, *rest)
-        elif kind == "r":
-            self.root(*rest)
-        elif kind == "q":
-            self.proofs.derive([], *rest)
-            self.refuted.add(self.obligation)
-            self.obligation = ""
-        elif kind == "obligation":
-            demand(text(rest[0]) and rest[0] not in self.refuted, "an obligation twice, or without a name")
-            demand(self.header["kind"] != "region" or self.pieces, "an obligation outside of a piece")
-            self.obligation, self.proofs.clauses = rest[0], []
-        elif kind in ("place", "piece", "schedule"):
-            {"place": self.place, "piece": self.piece, "schedule": self.schedule}[kind](*rest)
-        elif kind in ("witness", "cycle"):
-            self.witness(kind, *rest)
-        elif kind == "folded":
-            self.folded.add(text(rest[0]))
-        elif kind == "end":
-            self.complete()
-            self.ended = True
-        else:
-            self.budget.spend(0, len(line) // 8)
-            self.plan.state(kind, *rest)
-
-    def start(self, header: Any) -> None:
-        demand(type(header) is dict and header.get("format") == FORMAT, f"not a certificate of the format {FORMAT}")
-        demand(
-            header["kind"] in KINDS and all(len(text(each)) == 64 for each in header["inputs"].values()), "a bad header"
-        )
-        self.header, self.plan.epsilon = header, rational(header.get("epsilon", 0))
-        for name, lower, upper in header.get("parameters", []):
-            demand(text(name) and name not in self.plan.declared, "a parameter twice")
-            self.plan.declared[name] = optional(lower), optional(upper)
-        if header["kind"] in ("region", "knowledge"):
-            return
-        for name, (low, low_closed, high, high_closed) in zip(self.plan.declared, header["box"], strict=True):
-            lower, upper = optional(low), optional(high)
-            demand({type(low_closed), type(high_closed)} == {bool}, "an end of the box is neither open nor closed")
-            point = lower == upper and low_closed and high_closed
-            demand(lower is None or upper is None or lower < upper or point, "the box is empty")
-            self.box[name] = lower, low_closed, upper, high_closed
-            for sign, end, closed in ((1, lower, low_closed), (-1, upper, high_closed)):
-                known = None if end is None else combined({name: Fraction(sign)}, {"": end}, -sign)
-                self.where.append((known, not closed))
-
     def place(self, point: int, value: Any, number: Any) -> None:
         """Where a time point is: at a variable of its own, or tied to another one by an equality."""
         place = linear(value)
         demand(pick(self.plan.points, point) and point not in self.places, "a time point twice")
         if number is None:
-            name = text(value[0][1])
+            name = value[0][1]
             new = name and name not in self.names and name not in self.plan.declared and place == {name: 1}
             demand(new, "a free time point needs a variable of its own")
             self.names.add(name)
@@ -540,18 +486,16 @@ class Certificate:
         demand(self.header["kind"] == "region", "a piece of something else than a region")
         self.complete()
         self.pieces, self.refuted = self.pieces + 1, set()
-        self.where = [(linear(expression), strict) for expression, strict in items(constraints)]
+        self.where = [(linear(expression), strict) for expression, strict in constraints]
 
     def root(self, literal: int, kind: str, *rest: Any) -> None:
         """A conjunct of the formula: it is trusted, or says what the ground plan or the box says."""
-        self.proofs.clauses.append(self.proofs.literals([literal]))
+        self.clauses.append(self.literals([literal]))
         if kind == "t":
             self.trusting.add(self.obligation)
             return
-        expression, strict = self.claimed(kind, *rest)
-        factors, sharp, bound = self.proofs.constraint(literal)
-        found = combined({self.proofs.variables[n]: Fraction(-f) for n, f in factors.items()}, {"": Fraction(bound)})
-        name = self.proofs.variables[min(factors)]
+        (expression, strict), (found, sharp) = self.claimed(kind, *rest), self.constraint(literal)
+        name = next(name for name in found if name)
         scale = expression.get(name, Fraction(0)) / found[name]
         same = scale > 0 and sharp is strict and combined({}, found, scale) == expression
         demand(same, "a formula is not what the plan or the box says")
@@ -559,8 +503,7 @@ class Certificate:
     def claimed(self, kind: str, number: Any, side: Any = None) -> tuple[Linear, bool]:
         """The inequality `expression >= 0`, or `> 0`, that a root is said to be."""
         if kind == "w":  # the parameter values that the certificate is about
-            expression, strict = pick(self.where, number)
-            return expression, strict
+            return pick(self.where, number)  # type: ignore[no-any-return]
         if kind == "z":  # no time is negative
             return self.places[number], False
         if kind == "n":  # a side of a temporal constraint
@@ -573,7 +516,7 @@ class Certificate:
 
     def schedule(self, times: Any) -> None:
         """Times as expressions over the parameters keep the network all over the box."""
-        places = list(map(linear, items(times)))
+        places = list(map(linear, times))
         demand(len(places) == len(self.plan.points) and not places[0], "a time is missing, or zero is not at 0")
         for source, target, least in self.plan.edges():
             self.budget.spend(len(places[source]) + len(places[target]))
@@ -586,7 +529,8 @@ class Certificate:
 
     def witness(self, kind: str, face: str, side: str, numbers: Any, course: Any, *what: Any) -> None:
         """Beyond a face, arbitrarily near to it and within the others: a schedule that breaks something, or none."""
-        values = dict(zip(self.box, map(near, items(numbers)), strict=True))
+        values = dict(zip(self.box, map(near, numbers), strict=True))
+        demand(face in self.box and side in ("lower", "upper"), "there is no such face")
         for name, (low, low_closed, high, high_closed) in self.box.items():
             for place, end, closed, sign in (("lower", low, low_closed, -1), ("upper", high, high_closed, 1)):
                 if end is not None:
@@ -595,21 +539,19 @@ class Certificate:
                     within = beyond.sign < 0 or (closed and beyond.sign == 0)
                     demand(at if (name, place) == (face, side) else within, "the witness is not at the face")
         if kind == "witness":
-            Simulation(self.plan, values, list(map(near, items(course)))).require_broken(*what)
+            Simulation(self.plan, values, list(map(near, course))).require_broken(*what)
         else:
-            walk = [self.plan.edge(*step) if len(step) == 2 else (0, step[0], Linear()) for step in items(course)]
+            walk = [self.plan.edge(*step) if len(step) == 2 else (0, step[0], Linear()) for step in course]
             total = Near()
             for (_, target, least), (source, _, _) in zip(walk, walk[1:] + walk[:1]):
                 demand(target == source, "the constraints do not form a cycle")
                 total += evaluated(least, values)
             demand(total.sign > 0, "the constraints do not contradict each other")
-        self.faces.add((text(face), text(side)))
+        self.faces.add((face, side))
 
     def complete(self) -> None:
-        """Every obligation has been dealt with."""
         if self.header["kind"] != "knowledge" and (self.header["kind"] != "region" or self.pieces):
-            missing = next(self.plan.missing(self.refuted | self.folded), None)
-            demand(missing is None, f"there is no proof of {missing}")
+            self.plan.require(self.refuted | self.folded)
 
     def finish(self) -> Iterator[str]:
         demand(self.ended, "the certificate ends early")
@@ -638,7 +580,7 @@ class Certificate:
 
 
 def check(path: str, files: dict[str, str]) -> list[str]:
-    """What the certificate establishes and what remains trusted; raises Rejected or Unreadable."""
+    """What the certificate establishes and what remains trusted; raises Rejected, or OSError."""
     certificate, number = Certificate(), 0
     try:
         for number, line in enumerate(lines_of(path), 1):
@@ -651,23 +593,20 @@ def check(path: str, files: dict[str, str]) -> list[str]:
     except (Rejected, *MALFORMED) as error:
         why = str(error) if isinstance(error, Rejected) else f"malformed ({type(error).__name__})"
         raise Rejected(f"{path}: line {number}: {why}") from None
-    except OSError as error:
-        raise Unreadable(f"{error.filename}: {error.strerror or error}") from None
     how = {name: "the same" if name in files else "not compared" for name in inputs}
     return [*said, *(f"input: {name}, SHA-256 {inputs[name]}, {how[name]}" for name in inputs)]
 
 
 def main() -> int:
     reader = argparse.ArgumentParser(description="Check a certificate of robust.")
-    reader.add_argument("certificate")
-    for name in INPUTS:
-        reader.add_argument(f"--{name}", metavar="FILE")
+    for name in ("certificate", *(f"--{name}" for name in INPUTS)):
+        reader.add_argument(name, metavar="FILE")
     given = vars(reader.parse_args())
     try:
         code, lines = 0, check(given.pop("certificate"), {name: file for name, file in given.items() if file})
     except Rejected as error:
         code, lines = 1, [f"rejected: {error}"]
-    except Unreadable as error:
+    except (OSError, zlib.error) as error:
         code, lines = 2, [f"unreadable: {error}"]
     for line in lines:
         print("".join(char if char.isprintable() and char.isascii() else "?" for char in line))

@@ -31,7 +31,6 @@ class CertificateWriter:
     def __init__(self, circuit: Circuit, header: Mapping[str, Any]) -> None:
         self._circuit = circuit
         self._lines: list[str] = []
-        self._variables: dict[str, int] = {}
         self._nodes: dict[int, int] = {}
         self._lemmas: dict[Lemma, int] = {}
         self._write({"format": FORMAT, **header})
@@ -101,20 +100,15 @@ class CertificateWriter:
     def _definition(self, node: Atom | Boolean | Conjunction | Equivalence) -> Line:
         match node:
             case Atom(coefficients, strict, bound):
-                pairs = [each for name, factor in coefficients for each in (self._variable(name), factor)]
-                return ["a", pairs, strict, bound]
+                # Certificates say `expression ≥ 0`, or `> 0`.
+                terms: Line = [[-factor, name] for name, factor in coefficients]
+                return ["a", [*terms, [bound]] if bound else terms, strict]
             case Boolean(name):
                 return ["b", name]
             case Conjunction(inputs):
                 return ["g", self._literals(inputs)]
             case Equivalence(inputs):
                 return ["e", self._literals(inputs)]
-
-    def _variable(self, name: str) -> int:
-        if name not in self._variables:
-            self._variables[name] = len(self._variables)
-            self.add(["v", name])
-        return self._variables[name]
 
     def save(self, path: Path) -> int:
         """Write the file, with a last line that says that nothing is missing; its size in bytes."""

@@ -112,7 +112,8 @@ class GroundPlan:
 
     def lines(self) -> Iterator[Line]:
         """The plan, one line for each part; `?duration` is written as the difference of two times."""
-        yield from (["point", str(point)] for point in self.plan.time_points[1:])
+        for point in self.plan.time_points[1:]:
+            yield ["point", str(point), *([True] if point.time is not None else [])]
         for bound in self.bounds:
             sides = (None if side is None else expression(side) for side in (bound.lower, bound.upper))
             yield ["constraint", bound.source, bound.target, *sides]
@@ -122,7 +123,6 @@ class GroundPlan:
         yield from (["condition", *line] for line, _ in self.conditions)
         for instance in self.plan.instances:
             yield from self._effects(instance)
-        yield from (["timed", number] for number in sorted({self.numbers[l.point] for l in self.plan.timed_literals}))
         for literal in self.plan.timed_literals:
             if isinstance(literal.target, Atom):
                 kind, value = ("add" if literal.value else "delete"), Line()
