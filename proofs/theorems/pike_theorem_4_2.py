@@ -196,7 +196,8 @@ THEOREM = Theorem(
                     .with_also("four events", only("chosen", "threat", "last", "consumer"))
                     .with_also(
                         "their times",
-                        "(and (= (time chosen) 0.0) (= (time threat) 1.0) (= (time last) 2.0) (= (time consumer) 3.0))",
+                        "(and (= (time chosen) 0.0) (= (time threat) 1.0) (= (time last) 2.0) (= (time consumer) 3.0) "
+                        "(deletes threat) (active threat) (dropped threat))",
                     ),
                 ),
             ),
