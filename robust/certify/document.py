@@ -60,10 +60,10 @@ class CertificateWriter:
                     hints.append(~lemmas[index])
                     continue
                 case RootClause(place):
-                    self.add(["r", self._literal(roots[place]), *role(roots[place])])
+                    self.add(["root", self._literal(roots[place]), *role(roots[place])])
                 case Derived(clause, named):
                     chain = [hints[hint] for hint in named]
-                    self.add(["d", self._literals(clause), chain] if clause else ["q", chain])
+                    self.add(["derive", self._literals(clause), chain] if clause else ["qed", chain])
             hints.append(clauses)
             clauses += 1
 
@@ -71,7 +71,7 @@ class CertificateWriter:
         if lemma not in self._lemmas:
             self._define(lemma.clause)
             self._lemmas[lemma] = len(self._lemmas)
-            self.add(["l", self._literals(lemma.clause), list(lemma.multipliers)])
+            self.add(["lemma", self._literals(lemma.clause), list(lemma.multipliers)])
         return self._lemmas[lemma]
 
     def _literal(self, literal: int) -> int:

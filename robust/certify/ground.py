@@ -21,12 +21,14 @@ from robust.plan.model import (
     Comparison,
     Condition,
     Duration,
+    DurationConstraint,
     Expression,
     Holds,
     NumericVariable,
     Or,
     ParametrizedPlan,
     Relation,
+    TimedCondition,
     TimePoint,
     Timing,
     Truth,
@@ -97,16 +99,16 @@ class GroundPlan:
             if bound.lower is not None and bound.lower == bound.upper:
                 ties[bound.source].append((bound.target, bound.lower, index))
                 ties[bound.target].append((bound.source, -bound.lower, index))
-        for root, first in self.numbers.items():
+        for root_point, first in self.numbers.items():
             if first in self.places:
                 continue
-            self.places[first] = constant(0) if root == ZERO else variable(TimeVariable(root))
+            self.places[first] = constant(0) if root_point == ZERO else variable(TimeVariable(root_point))
             self.ties[first] = None
             queue = [first]
-            for point in queue:
-                for neighbour, length, index in ties[point]:
+            for index_of_point in queue:
+                for neighbour, length, index in ties[index_of_point]:
                     if neighbour not in self.places:
-                        self.places[neighbour] = self.places[point] + length
+                        self.places[neighbour] = self.places[index_of_point] + length
                         self.ties[neighbour] = index
                         queue.append(neighbour)
 
@@ -129,9 +131,9 @@ class GroundPlan:
             else:
                 kind, value = "assign", [[number(Fraction(literal.value))]]
             yield ["effect", self.numbers[literal.point], kind, str(literal.target), value, True]
-        for point, place in self.places.items():
-            if point:
-                yield ["place", point, expression(place), self.ties[point]]
+        for index, place in self.places.items():
+            if index:
+                yield ["place", index, expression(place), self.ties[index]]
 
     @cached_property
     def conditions(self) -> tuple[tuple[Line, str], ...]:
@@ -150,7 +152,8 @@ class GroundPlan:
                 length = Comparison(Polynomial.variable(Duration()), Relation.AT_LEAST)
                 label = f"{instance.identifier} {instance.action}: non-negative duration"
                 add(start, None, self._condition(length, instance), label)
-            for part in (*instance.durations, *instance.conditions):
+            parts: tuple[DurationConstraint | TimedCondition, ...] = (*instance.durations, *instance.conditions)
+            for part in parts:
                 node = self._condition(part.condition, instance)
                 if part.timing is Timing.OVER_ALL:
                     add(start, end, node, instance.label(part))
@@ -166,7 +169,10 @@ class GroundPlan:
             condition = self._condition(effect.condition, instance)
             yield ["effect", self.numbers[instance.at(effect.timing)], kind, str(effect.atom), [], condition]
         for change in instance.numeric_effects:
-            amount, condition = self._expression(change.expression, instance), self._condition(change.condition, instance)
+            amount, condition = (
+                self._expression(change.expression, instance),
+                self._condition(change.condition, instance),
+            )
             point = self.numbers[instance.at(change.timing)]
             yield ["effect", point, change.operator.value, str(change.fluent), amount, condition]
         for rate in instance.continuous_effects:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import gcd, lcm
 
-from robust.qe.lp import feasible_point
 from robust.qe.constraint import LinearConstraint, Sense
+from robust.qe.lp import feasible_point
 from robust.qe.simplex import Tableau
 
 Multipliers = tuple[int, ...]

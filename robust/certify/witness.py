@@ -215,7 +215,10 @@ class Witnesses:
             cycle = self._positive_cycle(approach.at(step))
             if cycle is None:
                 return None
-            limit, inside = (sum((self._length(each, point) for each in cycle), Fraction(0)) for point in (approach.limit, approach.inside))
+            limit, inside = (
+                sum((self._length(each, point) for each in cycle), Fraction(0))
+                for point in (approach.limit, approach.inside)
+            )
             if limit > 0 or (limit == 0 and inside > 0):
                 return cycle
             step /= 1024

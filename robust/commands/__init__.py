@@ -17,6 +17,7 @@ for _name in (
     "region",
     "compare",
     "convert",
+    "certify",
     "pike",
     "demo",
     "bench",
