@@ -69,7 +69,8 @@ class Circuit:
         if -self.true in inputs or any(-literal in inputs for literal in inputs):
             return -self.true
         if len(inputs) == 1:
-            return next(iter(inputs))
+            (only,) = inputs
+            return only
         return self.add(Conjunction(tuple(inputs)))
 
     def disjunction(self, literals: Iterable[int]) -> int:
@@ -90,6 +91,20 @@ class Circuit:
         atom, positive = atom_of(coefficients, strict, bound)
         number = self.add(atom)
         return number if positive else -number
+
+
+def conjuncts(circuit: Circuit, literals: Iterable[int]) -> list[int]:
+    """Literals whose conjunction is that of the given ones, none of which is a conjunction itself."""
+    pending = list(literals)[::-1]
+    found: dict[int, None] = {}
+    while pending:
+        literal = pending.pop()
+        node = circuit.node(literal)
+        if isinstance(node, Conjunction) and literal > 0:
+            pending += reversed(node.inputs)
+        else:
+            found[literal] = None
+    return list(found)
 
 
 class Translator:

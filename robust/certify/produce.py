@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from robust.certify.circuit import Circuit, Conjunction, Translator
+from robust.certify.circuit import Circuit, Translator, conjuncts
 from robust.certify.document import CertificateWriter
 from robust.certify.existence import schedule_over
 from robust.certify.ground import GroundPlan, Line, expression, number, optional
@@ -135,7 +135,7 @@ class PlanCertificate:
         if obligation.violation is self._encoding.terms.false:
             self.writer.add(["folded", obligation.name])
             return
-        roots = [*known, *self._conjuncts(self._encoding.query(obligation))]
+        roots = [*known, *conjuncts(self._circuit, map(self._translator.literal, self._encoding.query(obligation)))]
         try:
             refutation = self._refuter.refute(roots, self._deadline)
         except NotRefutedError:
@@ -147,19 +147,6 @@ class PlanCertificate:
             return known.get(literal) or own.get(literal) or self._network_roles.get(literal) or ["t"]
 
         self.writer.refuted(obligation.name, roots, refutation, role)
-
-    def _conjuncts(self, formulas: Iterable[Formula]) -> list[int]:
-        """The literals of formulas, conjunctions split."""
-        pending = [self._translator.literal(formula) for formula in formulas][::-1]
-        roots: dict[int, None] = {}
-        while pending:
-            literal = pending.pop()
-            node = self._circuit.node(literal)
-            if isinstance(node, Conjunction) and literal > 0:
-                pending += reversed(node.inputs)
-            else:
-                roots[literal] = None
-        return list(roots)
 
     # -- what the checker can compare ----------------------------------------------------------------------------------
 

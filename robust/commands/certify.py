@@ -98,6 +98,8 @@ def verify(
         typer.Argument(metavar="[FILES]", help="the input files that it is said to be about", show_default=False),
     ] = None,
     *,
+    parameter: Parameter = None,
+    parameters: Parameters = None,
     timeout: Timeout = None,
     json: Json = False,
 ) -> int:
@@ -105,4 +107,12 @@ def verify(
     with guard_of(context).working():
         from robust.report.certifying import VerifyRequest, run_verify  # noqa: PLC0415 - heavy
 
-    return run_verify(VerifyRequest(certificate, tuple(files or ()), timeout, json), guard_of(context))
+    request = VerifyRequest(
+        certificate=certificate,
+        files=tuple(files or ()),
+        specs=tuple(parameter or ()),
+        parameter_file=parameters,
+        timeout=timeout,
+        json=json,
+    )
+    return run_verify(request, guard_of(context))

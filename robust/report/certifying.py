@@ -57,6 +57,8 @@ class VerifyRequest:
 
     certificate: Path
     files: tuple[Path, ...] = ()
+    specs: tuple[str, ...] = ()
+    parameter_file: Path | None = None
     timeout: str | None = None
     json: bool = False
 
@@ -126,6 +128,8 @@ def run_verify(request: VerifyRequest, guard: Guard) -> int:
             raise GivenUpError from None
     if code == 2:
         raise InputError(lines[0].removeprefix("unreadable: "))
+    if not code and len(request.files) == 3:
+        code, lines = _matched(request, lines, Deadline.after(guard.remaining(limit)))
     if request.json:
         print_json(
             {
@@ -149,6 +153,18 @@ def _checked(certificate: Path, files: Mapping[str, Path], deadline: Deadline) -
     started = time.perf_counter()
     found = verify(certificate, files, deadline)
     return found.outcome.value, found.lines, time.perf_counter() - started
+
+
+def _matched(request: VerifyRequest, lines: tuple[str, ...], deadline: Deadline) -> tuple[int, tuple[str, ...]]:
+    """The verdict once the certificate has been held against what this package makes of the files."""
+    from robust.certify.matching import mismatch  # noqa: PLC0415 - heavy
+    from robust.plan.load import load_plan  # noqa: PLC0415
+
+    plan = load_plan(*request.files, parameters=request.specs, parameter_file=request.parameter_file)
+    found = mismatch(request.certificate, plan, deadline)
+    if found is not None:
+        return 1, (f"rejected: {request.certificate}: {found}",)
+    return 0, (*lines, "matched: ground plan and formulas are what robust makes of these files")
 
 
 def _said(lines: tuple[str, ...], what: str) -> list[str]:
