@@ -56,7 +56,7 @@ class Solver:
         terms = list(problem.show.values())
         values = f"(get-value ({' '.join(terms)}))" if terms else ""
         started = time.perf_counter()
-        line = self._exchange(json.dumps({"script": problem.script, "values": values}))
+        line = self._exchange(json.dumps({"script": problem.script, "values": values, "model": problem.expected == "sat"}))
         seconds = time.perf_counter() - started
         if line is None:
             self.close()

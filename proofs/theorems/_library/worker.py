@@ -11,12 +11,13 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-MODEL_SEARCHES = ({}, {"mbqi": "true", "tlimit-per": "5000"}, {"finite-model-find": "true", "tlimit-per": "5000"})
-"""Options of cvc5, for problems with quantifiers that have models: tried in turn."""
+SEARCHES = ({}, {"mbqi": "true", "tlimit-per": "3000"}, {"finite-model-find": "true", "tlimit-per": "3000"})
+"""Options of cvc5, tried in turn until it knows: as it comes for refutations, then searches for models."""
 
 
-def ask_z3(script: str, values: str) -> tuple[str, str]:
+def ask_z3(script: str, values: str, *, model: bool) -> tuple[str, str]:
     """The verdict of z3 on a script, and the values that a second command asks for."""
+    del model  # z3 needs no other search for models
     import z3  # noqa: PLC0415 - one solver per process
 
     context = z3.Context()
@@ -25,10 +26,10 @@ def ask_z3(script: str, values: str) -> tuple[str, str]:
     return verdict, told
 
 
-def ask_cvc5(script: str, values: str) -> tuple[str, str]:
-    """The verdict of cvc5 on a script; if it does not know, once more with other searches for models."""
+def ask_cvc5(script: str, values: str, *, model: bool) -> tuple[str, str]:
+    """The verdict of cvc5 on a script; `model` says that a model is looked for, so that such searches come first."""
     verdict, told = "unknown", ""
-    for options in MODEL_SEARCHES:
+    for options in reversed(SEARCHES) if model else SEARCHES:
         verdict, told = _once_cvc5(script, values, options)
         if not verdict.startswith("unknown"):
             break
@@ -58,11 +59,11 @@ def _once_cvc5(script: str, values: str, options: dict[str, str]) -> tuple[str, 
 def main() -> None:
     """Answer until the input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which then ends this process
-    ask: Callable[[str, str], tuple[str, str]] = {"z3": ask_z3, "cvc5": ask_cvc5}[sys.argv[1]]
+    ask: Callable[..., tuple[str, str]] = {"z3": ask_z3, "cvc5": ask_cvc5}[sys.argv[1]]
     for line in sys.stdin:
         question: dict[str, Any] = json.loads(line)
         try:
-            verdict, told = ask(question["script"], question["values"])
+            verdict, told = ask(question["script"], question["values"], model=question["model"])
             answer = {"verdict": verdict, "values": told}
         except Exception as error:  # noqa: BLE001 - whatever a solver raises is its answer
             answer = {"verdict": f"error: {error}", "values": ""}
