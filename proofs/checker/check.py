@@ -6,8 +6,7 @@ each statement, compressed by gzip, and read as a stream. Checked are theory lem
 contradiction [Farkas 1902]; refutations, by unit propagation along hints (LRAT); what formulas say of the temporal
 network, of the box and of separations, against the ground plan; schedules, all over the box; and witnesses, which are
 executed on the ground plan arbitrarily near to the face that they are about.
-Exit codes: 0 established (what, and what is trusted, is printed), 1 rejected (one line says where and why), 2 the
-certificate or an input file cannot be read.
+Exit codes: 0 established (it prints what, and what is trusted), 1 rejected (where and why), 2 unreadable.
 """
 
 import argparse
@@ -18,7 +17,6 @@ import sys
 import zlib
 from collections.abc import Iterator
 from fractions import Fraction
-from functools import cmp_to_key
 from typing import Any
 
 FORMAT = "robust/certificate/1"
@@ -26,16 +24,10 @@ KINDS = ("plan", "box", "maximal", "region", "knowledge")
 INPUTS = ("domain", "problem", "plan", "network", "parameters")
 LONGEST_LINE, LARGEST_TOTAL = 4 << 20, 512 << 20  # bytes after decompression
 WORK_PER_BYTE, WORK_AT_ALL, MEMORY = 60, 2_000_000, 6_000_000  # steps; numbers and names kept at one time
-DISTURBS = {
-    "add": ("read", "delete"),
-    "delete": ("read",),
-    "assign": ("look", "assign", "increase"),
-    "increase": ("look",),
-}
+HARMS = {"add": ["read", "delete"], "delete": ["read"], "assign": ["look", "assign", "increase"], "increase": ["look"]}
 MALFORMED = (TypeError, ValueError, LookupError, AttributeError, RecursionError, OverflowError, MemoryError, EOFError)
 
 Linear = dict[str, Fraction]  # coefficients by variable; that of "" is the constant
-Interval = tuple[Fraction | None, bool, Fraction | None, bool]  # lower end and whether it belongs, upper end likewise
 State = tuple[set[str], dict[str, "Near"]]  # atoms that are true, and the values of fluents
 
 
@@ -105,6 +97,9 @@ class Near:
     def __sub__(self, other: "Near") -> "Near":
         return self + other * Near(-1)
 
+    def __lt__(self, other: "Near") -> bool:
+        return (self - other).sign < 0
+
     @property
     def sign(self) -> int:
         first = next((term for term in self.terms if term), 0)
@@ -112,15 +107,12 @@ class Near:
 
 
 def near(value: Any) -> Near:
-    """A number, or a list: a polynomial in the infinitesimal, the constant first."""
     return Near(*map(rational, value)) if type(value) is list else Near(rational(value))
 
 
 def linear(value: Any) -> Linear:
     """A list of [coefficient] and [coefficient, variable], each variable once."""
-    terms = {
-        (names[0] if names else ""): rational(factor) for factor, *names in value if len(names) < 2 and names != [""]
-    }
+    terms = {"".join(names): rational(factor) for factor, *names in value if len(names) < 2 and names != [""]}
     demand(len(terms) == len(value) and all(terms.values()), "not a linear expression")
     return terms
 
@@ -134,10 +126,7 @@ def combined(left: Linear, right: Linear, factor: Fraction | int = 1) -> Linear:
 
 
 def evaluated(expression: Linear, values: dict[str, Near]) -> Near:
-    total = Near()
-    for name, factor in expression.items():
-        total += Near(factor) * (values[name] if name else Near(1))
-    return total
+    return sum((Near(factor) * (values[name] if name else Near(1)) for name, factor in expression.items()), Near())
 
 
 class Plan:
@@ -177,8 +166,8 @@ class Plan:
             self.note(*rest)
         elif kind == "rate":
             self.rates.append(rest)
-            self.note(rest[0], "increase", *rest[2:], True)
-            self.note(rest[1], "increase", *rest[2:], True)
+            self.note(rest[0], "increase", rest[2], rest[3], True)
+            self.note(rest[1], "increase", rest[2], rest[3], True)
         else:
             demand(kind == "initial", "found a line of no known kind")
             self.initial = rest[0], rest[1]
@@ -213,7 +202,7 @@ class Plan:
             (harm, name) in pick(self.prints, b)
             for a, b in ((first, second), (second, first))
             for kind, name in pick(self.prints, a)
-            for harm in DISTURBS.get(kind, ())
+            for harm in HARMS.get(kind, ())
         )
 
     def separation(self, first: Any, second: Any) -> set[str]:
@@ -227,8 +216,7 @@ class Plan:
         self.budget.spend(len(self.points) * sum(len(done) + 1 for done in self.prints))
         for second in range(1, len(self.points)):
             for first in (first for first in range(1, second) if self.are_mutex(first, second)):
-                names = self.separation(first, second)
-                demand(names & known, f"there is no proof of {sorted(names)[0]}")
+                demand(self.separation(first, second) & known, f"no separation of {first} and {second}")
 
 
 class Simulation:
@@ -243,7 +231,7 @@ class Simulation:
         self.known = {**values, **{f"@{point}": time for point, time in enumerate(times)}}
         self.before: dict[int, State] = {}
         self.happenings: list[tuple[Near, State, State, dict[str, Near]]] = []  # time, states, slopes after it
-        order = sorted(range(len(self.times)), key=cmp_to_key(lambda a, b: (self.times[a] - self.times[b]).sign))
+        order = sorted(range(len(times)), key=times.__getitem__)
         fluents = {fluent: self.number(value, (set(), {})) for fluent, value in self.plan.initial[1]}
         state, slopes, now = (set(self.plan.initial[0]), fluents), dict[str, Near](), Near()
         while order:
@@ -338,7 +326,7 @@ class Certificate:
         self.nodes: list[Any] = [None]  # of formulas
         self.lemmas: list[tuple[int, ...]] = []
         self.clauses: list[tuple[int, ...]] = []  # of the present refutation
-        self.box: dict[str, Interval] = {}
+        self.box: dict[str, tuple[Fraction | None, bool, Fraction | None, bool]] = {}  # ends, and whether they belong
         self.where: list[Any] = []  # what is known of the parameters: (expression, strict) for `>= 0` or `> 0`
         self.places: dict[int, Linear] = {0: {}}  # where time points are
         self.obligation = ""  # that is being refuted
@@ -352,23 +340,24 @@ class Certificate:
         value = json.loads(line, parse_float=str, parse_constant=str)
         demand(not self.ended, "there is something behind the end")
         if not self.header:
-            self.start(value)
-            return
+            return self.start(value)
         kind, *rest = value
-        proof = kind in ("b", "a", "g", "e", "l")
-        demand(proof or bool(self.obligation) == (kind in ("r", "d", "q")), "a step outside of a refutation, or none")
-        if kind in ("l", "d", "r", "place", "piece", "schedule"):
-            steps = {"l": self.lemma, "d": self.derive, "r": self.root, "place": self.place}
-            {**steps, "piece": self.piece, "schedule": self.schedule}[kind](*rest)
+        proof = kind in ("b", "a", "g", "e", "lemma")
+        demand(
+            proof or bool(self.obligation) == (kind in ("root", "derive", "qed")),
+            "a step outside of a refutation, or none",
+        )
+        if kind in ("lemma", "derive", "root", "place", "piece", "schedule"):
+            getattr(self, kind)(*rest)
         elif proof:
             self.define(kind, *rest)
-        elif kind == "q":
+        elif kind == "qed":
             self.derive([], *rest)
             self.refuted.add(self.obligation)
             self.obligation = ""
         elif kind == "obligation":
-            demand(rest[0] and rest[0] not in self.refuted, "an obligation twice, or without a name")
-            demand(self.header["kind"] != "region" or self.pieces, "an obligation outside of a piece")
+            inside = (self.header["kind"] == "region") == (self.pieces > 0)
+            demand(inside and rest[0] and rest[0] not in self.refuted, "an obligation twice, nameless or outside")
             self.obligation, self.clauses = rest[0], []
         elif kind in ("witness", "cycle"):
             self.witness(kind, *rest)
@@ -380,8 +369,7 @@ class Certificate:
         else:
             self.budget.spend(0, len(line) // 8)
             demand(not self.stated, "a part of the ground plan after the first conclusion from it")
-            self.plan.state(kind, *rest)
-            return
+            return self.plan.state(kind, *rest)
         self.stated = True
 
     def start(self, header: Any) -> None:
@@ -392,9 +380,7 @@ class Certificate:
         for name, lower, upper in header.get("parameters", []):
             demand(name and name not in self.plan.declared, "a parameter twice")
             self.plan.declared[name] = tuple(None if each is None else rational(each) for each in (lower, upper))
-        if header["kind"] in ("region", "knowledge"):
-            return
-        for name, (low, low_closed, high, high_closed) in zip(self.plan.declared, header["box"], strict=True):
+        for name, (low, low_closed, high, high_closed) in zip(self.plan.declared, header.get("box", [])):
             lower, upper = (None if each is None else rational(each) for each in (low, high))
             demand({type(low_closed), type(high_closed)} == {bool}, "an end of the box is neither open nor closed")
             point = lower == upper and low_closed and high_closed
@@ -459,8 +445,7 @@ class Certificate:
             self.budget.spend(len(hinted))
             unassigned = {literal for literal in hinted if literal not in false}
             if not unassigned:
-                self.clauses.append(clause)
-                return
+                return self.clauses.append(clause)
             demand(len(unassigned) == 1, "a hint is not a unit clause")
             false.add(-unassigned.pop())
         raise Rejected("the hints do not lead to a contradiction")
@@ -483,7 +468,6 @@ class Certificate:
 
     def piece(self, constraints: Any) -> None:
         """What follows is about one polyhedron of a region."""
-        demand(self.header["kind"] == "region", "a piece of something else than a region")
         self.complete()
         self.pieces, self.refuted = self.pieces + 1, set()
         self.where = [(linear(expression), strict) for expression, strict in constraints]
@@ -492,8 +476,7 @@ class Certificate:
         """A conjunct of the formula: it is trusted, or says what the ground plan or the box says."""
         self.clauses.append(self.literals([literal]))
         if kind == "t":
-            self.trusting.add(self.obligation)
-            return
+            return self.trusting.add(self.obligation)
         (expression, strict), (found, sharp) = self.claimed(kind, *rest), self.constraint(literal)
         name = next(name for name in found if name)
         scale = expression.get(name, Fraction(0)) / found[name]
@@ -550,7 +533,7 @@ class Certificate:
         self.faces.add((face, side))
 
     def complete(self) -> None:
-        if self.header["kind"] != "knowledge" and (self.header["kind"] != "region" or self.pieces):
+        if self.pieces or self.header["kind"] not in ("knowledge", "region"):
             self.plan.require(self.refuted | self.folded)
 
     def finish(self) -> Iterator[str]:
@@ -561,6 +544,7 @@ class Certificate:
             yield "established: the formula of the certificate has no model"
             yield "trusted: that the formula says what a correct execution of the plan is"
             return
+        demand(kind == "region" or self.box.keys() == self.plan.declared.keys(), "a box of another dimension")
         demand(kind != "plan" or all(low == high is not None for low, _, high, _ in self.box.values()), "not a point")
         demand(self.scheduled or kind == "region", "there is no schedule")
         for name, interval in self.box.items():
@@ -604,10 +588,8 @@ def main() -> int:
     given = vars(reader.parse_args())
     try:
         code, lines = 0, check(given.pop("certificate"), {name: file for name, file in given.items() if file})
-    except Rejected as error:
-        code, lines = 1, [f"rejected: {error}"]
-    except (OSError, zlib.error) as error:
-        code, lines = 2, [f"unreadable: {error}"]
+    except (Rejected, OSError, zlib.error) as error:
+        code, lines = (1, [f"rejected: {error}"]) if isinstance(error, Rejected) else (2, [f"unreadable: {error}"])
     for line in lines:
         print("".join(char if char.isprintable() and char.isascii() else "?" for char in line))
     return code
