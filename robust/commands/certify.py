@@ -49,7 +49,7 @@ def certify(
     ] = Kind.PLAN,
     box: Annotated[
         Path | None,
-        typer.Option("--box", metavar="FILE", help="the box, as printed by envelope --json; else found by widening"),
+        typer.Option("--box", metavar="FILE", help="the box, an answer of robust envelope in JSON; else widening finds it"),
     ] = None,
     alethe: Annotated[
         Path | None,

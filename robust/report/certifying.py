@@ -82,7 +82,7 @@ def run_certify(request: CertifyRequest, guard: Guard) -> int:
                 writer, holes = _plan(request, epsilon, deadline, display)
             size = writer.save(request.output)
             seconds = time.perf_counter() - started
-            code, lines, checking = _checked(request.output, _named(request.files), deadline)
+            code, lines, checking = _checked(request.output, _inputs(request), deadline)
         except (KeyboardInterrupt, OutOfTimeError):
             raise GivenUpError from None
     if code:
@@ -122,7 +122,7 @@ def run_verify(request: VerifyRequest, guard: Guard) -> int:
     with guard.working(limit):
         try:
             code, lines, seconds = _checked(
-                request.certificate, _named(request.files), Deadline.after(guard.remaining(limit))
+                request.certificate, _inputs(request), Deadline.after(guard.remaining(limit))
             )
         except (KeyboardInterrupt, OutOfTimeError):
             raise GivenUpError from None
@@ -137,6 +137,7 @@ def run_verify(request: VerifyRequest, guard: Guard) -> int:
                 "verdict": "rejected" if code else "established",
                 "established": _said(lines, "established"),
                 "trusted": _said(lines, "trusted"),
+                "matched": bool(_said(lines, "matched")),
                 "reason": lines[0].removeprefix("rejected: ") if code else None,
                 "seconds": round(seconds, 6),
             }
@@ -178,6 +179,14 @@ def _named(files: tuple[Path, ...]) -> dict[str, Path]:
     return {"network": files[0]} if len(files) == 1 else dict(zip(PLAN_FILES, files, strict=False))
 
 
+def _inputs(request: CertifyRequest | VerifyRequest) -> dict[str, Path]:
+    """All input files by what they are."""
+    named = _named(request.files)
+    if request.parameter_file is not None:
+        named["parameters"] = request.parameter_file
+    return named
+
+
 def _knowledge(request: CertifyRequest, epsilon: Fraction, deadline: Deadline) -> CertificateWriter:
     from robust.certify.produce import FormulaCertificate, digests  # noqa: PLC0415 - heavy
     from robust.certify.refute import NotRefutedError  # noqa: PLC0415
@@ -206,9 +215,7 @@ def _plan(
     from robust.encode.interface import create_encoding  # noqa: PLC0415
     from robust.plan.load import load_plan  # noqa: PLC0415
 
-    named = _named(request.files)
-    if request.parameter_file is not None:
-        named["parameters"] = request.parameter_file
+    named = _inputs(request)
     plan = load_plan(*request.files, parameters=request.specs, parameter_file=request.parameter_file)
     if request.kind in ("plan", "region") and request.box is not None:
         raise InputError(f"found --box with --kind {request.kind}; expected it with box or maximal")
