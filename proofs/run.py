@@ -42,10 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     unknown = sorted(set(options.theorem) - set(names()))
     if unknown:
-        print(f"unknown theorem {unknown[0]}; known are {', '.join(names())}", file=sys.stderr)
+        _complain(f"unknown theorem {unknown[0]}; known are {', '.join(names())}")
         return 2
     if options.write_docs and options.theorem:
-        print("--write-docs is for all theorems; leave the names out", file=sys.stderr)
+        _complain("--write-docs is for all theorems; leave the names out")
         return 2
     theorems = [load(name) for name in options.theorem or names()]
     if options.smt2 is not None:
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _check_all(theorems, options)
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        _complain("interrupted")
         return 130
 
 
@@ -73,7 +73,7 @@ def _check_all(theorems: Sequence[Theorem], options: argparse.Namespace) -> int:
     good = True
     with Solver("z3", options.timeout) as z3, Solver("cvc5", options.timeout) as cvc5:
         if not options.json:
-            print(_row("theorem", "source", "scope", "z3", "cvc5", "seconds", "broken"))
+            _say(_row("theorem", "source", "scope", "z3", "cvc5", "seconds", "broken"))
         for theorem in theorems:
             outcomes = list(check(theorem, (z3, cvc5)))
             good = good and all(outcome.as_expected for outcome in outcomes)
@@ -81,12 +81,21 @@ def _check_all(theorems: Sequence[Theorem], options: argparse.Namespace) -> int:
             if not options.json:
                 _print(theorem, outcomes, models=options.models)
     if options.json:
-        print(json.dumps({"schema": "robust/proofs/1", "proved": good, "theorems": documents}, indent=1))
+        _say(json.dumps({"schema": "robust/proofs/1", "proved": good, "theorems": documents}, indent=1))
     if options.write_docs and good:
         PAGE.write_text(page(theorems), encoding="utf-8")
     if not good:
-        print("not everything is as stated", file=sys.stderr)
+        _complain("not everything is as stated")
     return 0 if good else 1
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+def _complain(text: str) -> None:
+    sys.stderr.write(f"{text}\n")
 
 
 def _row(name: str, source: str, scope: str, *columns: str) -> str:
@@ -98,15 +107,15 @@ def _print(theorem: Theorem, outcomes: Sequence[Outcome], *, models: bool) -> No
     seconds = sum(answer.seconds for outcome in outcomes for answer in outcome.answers.values())
     wrong = [outcome for outcome in outcomes if outcome.problem.kind in (Kind.BROKEN, Kind.PRINTED)]
     refuted = " ".join(sorted({_summary(wrong, name) for name in SOLVERS}))
-    print(_row(theorem.name, theorem.source, theorem.scope.value, *verdicts, f"{seconds:.2f}", refuted), flush=True)
+    _say(_row(theorem.name, theorem.source, theorem.scope.value, *verdicts, f"{seconds:.2f}", refuted))
     for outcome in outcomes:
         if not outcome.as_expected:
             told = ", ".join(f"{name}: {answer.verdict}" for name, answer in outcome.answers.items())
-            print(f"  {outcome.problem.name}: expected {outcome.problem.expected}, found {told}")
+            _say(f"  {outcome.problem.name}: expected {outcome.problem.expected}, found {told}")
         elif models and outcome in wrong:
-            print(f"  {outcome.problem.name}: {outcome.problem.words}")
+            _say(f"  {outcome.problem.name}: {outcome.problem.words}")
             for name, answer in outcome.answers.items():
-                print(f"    {name}: " + ", ".join(f"{term} = {value}" for term, value in answer.values.items()))
+                _say(f"    {name}: " + ", ".join(f"{term} = {value}" for term, value in answer.values.items()))
 
 
 def _summary(outcomes: Sequence[Outcome], solver: str) -> str:

@@ -39,12 +39,15 @@ WEAKER = {
 STRICTER = {
     "at least zero": ("both limits must be above zero.", "(and (< 0.0 left) (< 0.0 right))"),
     "above zero": (
-        "both limits must be above zero: pieces that start or end at zero are rejected, though the ends do not belong to them.",
+        "both limits must be above zero: pieces that start or end at zero are rejected, though the ends do not "
+        "belong to them.",
         "(and (< 0.0 left) (< 0.0 right))",
     ),
     "zero": ("never accepted.", "(and (= 0.0 left) (distinct 0.0 right))"),
     "not zero": ("both limits must be above zero.", "(and (< 0.0 left) (< 0.0 right))"),
 }
+
+
 def sufficient(name: str) -> Lemma:
     """Limits as required make the condition hold throughout the piece."""
     condition, limits, words = GOOD[name]
@@ -134,12 +137,17 @@ THEOREM = Theorem(
     name="breakpoints",
     title="Breakpoints are enough for piecewise linear conditions",
     source="ours (DESIGN §4)",
-    words="A comparison of a quantity that is linear between breakpoints holds throughout an open interval if and only if it "
-    "holds at the breakpoints inside, and on each piece between two neighbours the limits at its ends are such: for ≥ both "
+    words="A comparison of a quantity that is linear between breakpoints holds throughout an open interval if and "
+    "only if it "
+    "holds at the breakpoints inside, and on each piece between two neighbours the limits at its ends are such: "
+    "for ≥ both "
     "at least zero, for > both at least zero and one above, for = both zero, for ≠ both on one side and one not zero.",
-    formalisation="A piece is given by its limits at both ends; an instant strictly inside by its weight w, so that the "
-    "quantity is left + w·(right − left): real arithmetic with products. Necessity is shown at four places of the piece: "
-    "the middle, where it crosses zero, and halfway between that and the ends. The union over pieces is the last lemma.",
+    formalisation="A piece is given by its limits at both ends; an instant strictly inside by its weight w, so "
+    "that the "
+    "quantity is left + w·(right − left): real arithmetic with products. Necessity is shown at four places of the "
+    "piece: "
+    "the middle, where it crosses zero, and halfway between that and the ends. The union over pieces is the last "
+    "lemma.",
     scope=Scope.GENERAL,
     bound="any limits, any number of breakpoints; one comparison of one quantity.",
     lemmas=(

@@ -37,7 +37,10 @@ RESULT = {
 VALID = "the other box is valid: no bad point is in it"
 OTHER = {VALID: forall({"p": "Point"}, implies("(bad p)", neg(IN_OTHER)))}
 MORE = "the other box goes farther at one face"
-BEYOND = "(or (<= (+ (limit face) gain) (other face)) (and (= (limit face) (other face)) (other-closed face) (not (closed face))))"
+BEYOND = (
+    "(or (<= (+ (limit face) gain) (other face)) (and (= (limit face) (other face)) (other-closed face) (not "
+    "(closed face))))"
+)
 CONTAINS = "the other box contains the result"
 DECLARED = (
     *SPACE,
@@ -138,13 +141,18 @@ THEOREM = Theorem(
     name="exact_widening",
     title="Exact widening is sound, maximal and max–min fair",
     source="ours (DESIGN §5)",
-    words="Moving all faces outwards at the speed of their weights, and freezing those that bad values block, gives a box "
-    "without bad values that no valid box contains, with open and closed ends known. It is max–min fair: a valid box that "
+    words="Moving all faces outwards at the speed of their weights, and freezing those that bad values block, "
+    "gives a box "
+    "without bad values that no valid box contains, with open and closed ends known. It is max–min fair: a valid "
+    "box that "
     "goes farther at one face pays with another face that ends up poorer than it was and no farther out than the first "
     "face was. At least one face is frozen in each round, so there are at most 2n rounds.",
-    formalisation="`Face` and `Point` are arbitrary sets (two faces per parameter, points are parameter values); `reach` is "
-    "how far a point lies beyond the nominal one in a face's direction, in units of the weight; `limit` and `closed` are the "
-    "result. A face is frozen because of bad points that lie within the box of that round, at its stretch; that is what "
+    formalisation="`Face` and `Point` are arbitrary sets (two faces per parameter, points are parameter values); "
+    "`reach` is "
+    "how far a point lies beyond the nominal one in a face's direction, in units of the weight; `limit` and "
+    "`closed` are the "
+    "result. A face is frozen because of bad points that lie within the box of that round, at its stretch; that is "
+    "what "
     "the two assumptions on the result say.",
     scope=Scope.GENERAL,
     bound="any number of parameters, any bad set.",
@@ -191,7 +199,8 @@ THEOREM = Theorem(
         ),
         Lemma(
             "fair",
-            "A valid box that goes farther at one face has another face that lost, and that is now no farther out than the "
+            "A valid box that goes farther at one face has another face that lost, and that is now no farther out "
+            "than the "
             "first face was.",
             FAIR,
             (
@@ -203,7 +212,8 @@ THEOREM = Theorem(
                     .with_also("one point", ONE_POINT),
                 ),
                 Variant(
-                    "the textbook's form for convex sets, in which a face pays that had no more than the first: a face that "
+                    "the textbook's form for convex sets, in which a face pays that had no more than the first: a "
+                    "face that "
                     "had more can pay as well, by falling below the first.",
                     FAIR.claiming(TEXTBOOK)
                     .with_also(TWO_FACES, ONLY_TWO)

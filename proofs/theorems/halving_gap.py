@@ -101,11 +101,15 @@ THEOREM = Theorem(
     name="halving_gap",
     title="Faces found by halving are within the precision",
     source="[IRR, §4], ours (DESIGN §5)",
-    words="When the incremental search ends, each face is at most β from a place where the box would leave the envelope. This "
-    "needs β/2 in lines 6 and 7 of Algorithm 1: if the search ends when every step is below β (line 7, and the text), faces "
+    words="When the incremental search ends, each face is at most β from a place where the box would leave the "
+    "envelope. This "
+    "needs β/2 in lines 6 and 7 of Algorithm 1: if the search ends when every step is below β (line 7, and the "
+    "text), faces "
     "can be nearly 2β away; and a direction may be retried only after both directions of its parameter failed.",
-    formalisation="One direction of one parameter: where its face is, the step, whether it is open, whether it is fresh "
-    "(has not failed yet). `blocked x` says that the current box, with this face at x, leaves the envelope. Turns elsewhere "
+    formalisation="One direction of one parameter: where its face is, the step, whether it is open, whether it is "
+    "fresh "
+    "(has not failed yet). `blocked x` says that the current box, with this face at x, leaves the envelope. Turns "
+    "elsewhere "
     "let the box grow. The invariant is proved to hold after each turn; the last lemma reads the gap off it.",
     scope=Scope.GENERAL,
     bound="any number of parameters, any envelope, any order of turns.",
@@ -142,7 +146,8 @@ THEOREM = Theorem(
             ),
             (
                 Variant(
-                    "with line 7 as printed the search ends when steps are below β: with β = 1, a last step of 3/4 and an "
+                    "with line 7 as printed the search ends when steps are below β: with β = 1, a last step of 3/4 "
+                    "and an "
                     "envelope that ends at 5/4, the face at 0 is 5/4 > β away. Repair: β/2 in line 7.",
                     LAST.with_changed(DONE, "(< step precision)").with_also(NUMBERS, EXAMPLE),
                 ),

@@ -40,11 +40,15 @@ THEOREM = Theorem(
     name="irr_theorem_1",
     title="The containment check is correct",
     source="[IRR, Theorem 1]",
-    words="CheckInEnvelope(R) returns true if and only if R is a valid decoupled robustness envelope: enc_R ∧ ¬enc_valid is "
-    "unsatisfiable and (enc_tn ∧ enc_eff ∧ enc_R) → enc_proofs is valid exactly if every point of R leaves a run and all "
+    words="CheckInEnvelope(R) returns true if and only if R is a valid decoupled robustness envelope: enc_R ∧ "
+    "¬enc_valid is "
+    "unsatisfiable and (enc_tn ∧ enc_eff ∧ enc_R) → enc_proofs is valid exactly if every point of R leaves a run "
+    "and all "
     "runs that it allows meet the obligations.",
-    formalisation="`Value` is the set of parameter assignments, `Run` that of all other variables; `network`, `effects`, "
-    "`proofs` are enc_tn, enc_eff, enc_proofs, and `valid` is what quantifier elimination returned. R is any set: that it is "
+    formalisation="`Value` is the set of parameter assignments, `Run` that of all other variables; `network`, "
+    "`effects`, "
+    "`proofs` are enc_tn, enc_eff, enc_proofs, and `valid` is what quantifier elimination returned. R is any set: "
+    "that it is "
     "a box plays no part.",
     scope=Scope.GENERAL,
     bound="any sets of parameter values and runs, any formulas, any region.",

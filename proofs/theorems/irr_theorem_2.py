@@ -38,7 +38,8 @@ SHOW = {
 TURNS = Statement(
     consts("Real", PRECISION, STEP, NEXT_STEP, "width", "next-width", "extent", "open", "next-open", "others"),
     {
-        "the precision is positive, what other parameters contribute is not negative": "(and (< 0.0 precision) (<= 0.0 others))",
+        "the precision is positive, what other parameters contribute is not "
+        "negative": "(and (< 0.0 precision) (<= 0.0 others))",
         INVARIANT: conj("(< 0.0 step)", disj("(= open 1.0)", "(= open 2.0)"), "(<= 0.0 width)", "(<= width extent)"),
         PICKED: "(<= (/ precision 2.0) step)",
         TURN: disj(WIDENED, FAILED_ONCE, FAILED_TWICE),
@@ -66,11 +67,14 @@ THEOREM = Theorem(
     name="irr_theorem_2",
     title="The incremental search terminates",
     source="[IRR, Theorem 2, Algorithm 1]",
-    words="If the robustness envelope is bounded in all dimensions, IRR terminates. With β/2 in line 7 as in line 6; as printed "
+    words="If the robustness envelope is bounded in all dimensions, IRR terminates. With β/2 in line 7 as in line "
+    "6; as printed "
     "(line 6: Δ ≥ β/2, line 7: Δ ≥ β) the loop can go on with nothing to pick.",
-    formalisation="The state of one parameter is its step Δ, the width of its interval, and how many directions Θ has; the "
+    formalisation="The state of one parameter is its step Δ, the width of its interval, and how many directions Θ "
+    "has; the "
     "other parameters enter as one number, since a turn changes one parameter only. Every turn lowers the measure "
-    "Σ 8Δ + 2(extent − width) + β|Θ|, which is never negative, by at least β: so there are at most (first measure)/β turns.",
+    "Σ 8Δ + 2(extent − width) + β|Θ|, which is never negative, by at least β: so there are at most (first "
+    "measure)/β turns.",
     scope=Scope.GENERAL,
     bound="any number of parameters, any envelope, any order of turns.",
     lemmas=(
@@ -84,7 +88,8 @@ THEOREM = Theorem(
                     TURNS.without(INSIDE),
                 ),
                 Variant(
-                    "parameters are picked whatever their step is: turns of ever smaller steps lower the measure too little.",
+                    "parameters are picked whatever their step is: turns of ever smaller steps lower the measure "
+                    "too little.",
                     TURNS.with_changed(PICKED, "(< 0.0 step)"),
                 ),
                 Variant(
@@ -101,7 +106,8 @@ THEOREM = Theorem(
                 consts("Real", PRECISION, "scaled", STEP, "width", "extent"),
                 {
                     "the precision is positive": "(< 0.0 precision)",
-                    "the first step is the larger of the scaled value and the precision": "(= step (ite (<= scaled precision) precision scaled))",
+                    "the first step is the larger of the scaled value and the "
+                    "precision": "(= step (ite (<= scaled precision) precision scaled))",
                     "the first box is a point; the extent is not negative": "(and (= width 0.0) (<= 0.0 extent))",
                 },
                 conj("(< 0.0 step)", "(<= precision step)", "(<= 0.0 width)", "(<= width extent)"),

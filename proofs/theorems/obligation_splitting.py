@@ -82,7 +82,8 @@ THEOREM = Theorem(
     source="ours (DESIGN §4)",
     words="∀X(A → P₁∧P₂) ≡ ∀X(A → P₁) ∧ ∀X(A∧P₁ → P₂), and so on for any sequence of obligations: each may be examined "
     "under the assumption of those that come before it.",
-    formalisation="`Run` is an arbitrary set (schedules with states), `allowed` is A, and the obligations are arbitrary "
+    formalisation="`Run` is an arbitrary set (schedules with states), `allowed` is A, and the obligations are "
+    "arbitrary "
     "predicates of runs; the parameters are fixed and arbitrary, too.",
     scope=Scope.GENERAL,
     bound="any set of runs, any premise, any sequence of obligations.",

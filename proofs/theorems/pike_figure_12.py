@@ -52,12 +52,7 @@ def distance(start: str, end: str) -> str:
 DISTANCES = tuple(const(distance(a, b), "Real") for a in EVENTS for b in EVENTS)
 SHORTEST = conj(
     *(f"(= {distance(a, a)} 0.0)" for a in EVENTS),
-    *(
-        le(distance(a, b), plus(distance(a, k), distance(k, b)))
-        for a in EVENTS
-        for b in EVENTS
-        for k in EVENTS
-    ),
+    *(le(distance(a, b), plus(distance(a, k), distance(k, b))) for a in EVENTS for b in EVENTS for k in EVENTS),
 )
 
 
@@ -81,9 +76,7 @@ NOTHING = Statement(
     CASES.declarations,
     {
         NOW: CASES.assumptions[NOW],
-        "one of the cases C1, C4, C7, C8, C9, in which nothing is required": disj(
-            "threat-producer", "consumer-threat"
-        ),
+        "one of the cases C1, C4, C7, C8, C9, in which nothing is required": disj("threat-producer", "consumer-threat"),
     },
     SAFE,
     SHOW,
@@ -93,11 +86,15 @@ THEOREM = Theorem(
     name="pike_figure_12",
     title="The cases of a threat",
     source="[PIKE, Figure 12, §4.4]",
-    words="The constraint of each case of Figure 12 holds, for some value of the order variable, exactly if the threat is not between producer and consumer. Cases C4, C7 "
-    "and C8 are impossible only once the network has the link's own constraint; with the distances that Algorithm 5 uses, "
+    words="The constraint of each case of Figure 12 holds, for some value of the order variable, exactly if the "
+    "threat is not between producer and consumer. Cases C4, C7 "
+    "and C8 are impossible only once the network has the link's own constraint; with the distances that Algorithm "
+    "5 uses, "
     "which are of the network before, C4 and C8 occur. Nothing is required in them, and nothing is needed.",
-    formalisation="The times of producer, threat and consumer in one execution, and what the distances tell of their order, "
-    "as truth values that hold in this execution. For the impossible cases, the shortest distances between three events.",
+    formalisation="The times of producer, threat and consumer in one execution, and what the distances tell of "
+    "their order, "
+    "as truth values that hold in this execution. For the impossible cases, the shortest distances between three "
+    "events.",
     scope=Scope.GENERAL,
     bound="any producer, threat and consumer, any times.",
     lemmas=(
@@ -115,17 +112,22 @@ THEOREM = Theorem(
         ),
         Lemma(
             "necessary",
-            "If the threat is not between producer and consumer, the constraint of the case holds, with the order variable "
+            "If the threat is not between producer and consumer, the constraint of the case holds, with the order "
+            "variable "
             "set to what is the case.",
             COMPLETE,
             (
-                Variant("the order variable may have any value.", COMPLETE.without("the order variable says what is the case")),
+                Variant(
+                    "the order variable may have any value.",
+                    COMPLETE.without("the order variable says what is the case"),
+                ),
                 Variant("the distances may err.", COMPLETE.without(NOW)),
             ),
         ),
         Lemma(
             "nothing required",
-            "Where the threat always precedes the producer, or always follows the consumer, it is never between them: so "
+            "Where the threat always precedes the producer, or always follows the consumer, it is never between "
+            "them: so "
             "also in C4 and C8.",
             NOTHING,
             (Variant("the distances may err.", NOTHING.without(NOW)),),
@@ -142,8 +144,10 @@ THEOREM = Theorem(
             ),
             (
                 Variant(
-                    "\"cases C4, C7, and C8 represent impossible situations\": not with the distances of the plan before the "
-                    "link's constraint is added, which Algorithm 5 uses. A threat always one before the producer, and a "
+                    '"cases C4, C7, and C8 represent impossible situations": not with the distances of the plan '
+                    "before the "
+                    "link's constraint is added, which Algorithm 5 uses. A threat always one before the producer, "
+                    "and a "
                     "consumer at any time within 5 of both, is case C4. Nothing needs repair but the reason given.",
                     IMPOSSIBLE.without(LINKED).with_also(
                         "the threat is 1 before the producer, the consumer within 5 of both",

@@ -27,9 +27,11 @@ THEOREM = Theorem(
     name="pike_lemma_5_1",
     title="Consensus for finite-domain variables",
     source="[PIKE, Lemma 5.1]",
-    words="If a theory in disjunctive normal form has a term φᵢ ∧ x = vᵢ for each value vᵢ of the domain of x, then the "
+    words="If a theory in disjunctive normal form has a term φᵢ ∧ x = vᵢ for each value vᵢ of the domain of x, "
+    "then the "
     "conjunction of all φᵢ, if consistent, is an implicant of it.",
-    formalisation="One arbitrary scenario: `x` is the value of the variable, `rest v` says that φ of the term for v holds. "
+    formalisation="One arbitrary scenario: `x` is the value of the variable, `rest v` says that φ of the term for "
+    "v holds. "
     "`Value` is an arbitrary set.",
     scope=Scope.GENERAL,
     bound="any domain, any terms.",

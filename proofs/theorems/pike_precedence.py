@@ -17,9 +17,7 @@ ORDER = Statement(
     "(< (time one) (time two))",
     {**SHOW, "first at": "(time one)", "second at": "(time two)"},
 )
-BOTH = Statement(
-    (*NETWORK, *PAIR), dict(SHORTEST), "(not (and (< (d two one) 0.0) (< (d one two) 0.0)))", SHOW
-)
+BOTH = Statement((*NETWORK, *PAIR), dict(SHORTEST), "(not (and (< (d two one) 0.0) (< (d one two) 0.0)))", SHOW)
 NEITHER = "neither precedes the other"
 LATE = "one schedule: each event at its distance from the first"
 EARLY = "another: each event at its distance from the second"
@@ -41,10 +39,13 @@ THEOREM = Theorem(
     name="pike_precedence",
     title="Precedence and incomparability",
     source="[PIKE, §4.1, Definitions 4.2–4.3]",
-    words="If e precedes f, then e is before f in every consistent execution. Not both precede each other. If neither does, some "
-    "consistent execution has e at or before f, and some has f at or before e; before, as printed, need not be: they may be "
+    words="If e precedes f, then e is before f in every consistent execution. Not both precede each other. If "
+    "neither does, some "
+    "consistent execution has e at or before f, and some has f at or before e; before, as printed, need not be: "
+    "they may be "
     "tied to one instant.",
-    formalisation="The shortest distances of one context without a negative cycle; schedules are given by distances from "
+    formalisation="The shortest distances of one context without a negative cycle; schedules are given by "
+    "distances from "
     "one of the events.",
     scope=Scope.GENERAL,
     bound="any number of events, any distances. " + FINITE,
@@ -64,20 +65,18 @@ THEOREM = Theorem(
             "not both",
             "Not both precede each other.",
             BOTH,
-            (
-                Variant("distances are not shortest.", BOTH.without(TRIANGLE).with_also(TWO, ONLY_TWO)),
-            ),
+            (Variant("distances are not shortest.", BOTH.without(TRIANGLE).with_also(TWO, ONLY_TWO)),),
         ),
         Lemma(
             "incomparable",
-            "If neither precedes the other, there are consistent schedules with the one first or at once, and the other.",
+            "If neither precedes the other, there are consistent schedules with the one first or at once, and the "
+            "other.",
             INCOMPARABLE,
-            (
-                Variant("one of them precedes.", INCOMPARABLE.without(NEITHER).with_also(TWO, ONLY_TWO)),
-            ),
+            (Variant("one of them precedes.", INCOMPARABLE.without(NEITHER).with_also(TWO, ONLY_TWO)),),
             (
                 Variant(
-                    "\"executions in which e_i comes before e_j, and others in which e_j comes before e_i\": two events tied "
+                    '"executions in which e_i comes before e_j, and others in which e_j comes before e_i": two '
+                    "events tied "
                     "to one instant are incomparable, and neither is ever before the other. Repair: at or before.",
                     INCOMPARABLE.claiming(STRICT)
                     .with_also(TWO, ONLY_TWO)

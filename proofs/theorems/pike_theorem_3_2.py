@@ -17,7 +17,10 @@ DECLARED = (
     define("at", EVENT, "Real", "(ite (= i event) now (time i))"),
 )
 SO_FAR = "the executed events agree with the scenario's distances"
-WINDOWS = "no event that remains has missed its window: what was executed leaves it the present time, or later if it is not ours"
+WINDOWS = (
+    "no event that remains has missed its window: what was executed leaves it the present time, or later if it is "
+    "not ours"
+)
 DIRECT = "the event is directly executable, and not executed yet (constraint 2)"
 LOWER = "constraint 3: no lower bound from executed events is after the present time"
 UPPER = "constraint 4: no upper bound from executed events is before the present time"
@@ -76,7 +79,8 @@ SUFFICIENT = Statement(
         CONSISTENT,
         "(= (latest event) now)",
         "(=> (past done) (= (latest done) (time done)))",
-        "(=> (and (not (past other)) (distinct other event)) (ite (direct other) (<= now (latest other)) (< now (latest other))))",
+        "(=> (and (not (past other)) (distinct other event)) (ite (direct other) (<= now (latest other)) (< now "
+        "(latest other))))",
     ),
     SHOW,
 )
@@ -114,20 +118,26 @@ THEOREM = Theorem(
     name="pike_theorem_3_2",
     title="The constraints required to execute an event",
     source="[PIKE, Theorem 3.2]",
-    words="Let the executed events agree with a scenario φ_S, let no remaining event have missed its window, and let the event be "
-    "directly executable. Then φ_S satisfies the required constraints at time t if and only if φ_S has a consistent schedule "
-    "with the executed events at their times, the event at t, and everything else from now on (later than now what is not "
+    words="Let the executed events agree with a scenario φ_S, let no remaining event have missed its window, and "
+    "let the event be "
+    "directly executable. Then φ_S satisfies the required constraints at time t if and only if φ_S has a "
+    "consistent schedule "
+    "with the executed events at their times, the event at t, and everything else from now on (later than now what "
+    "is not "
     "directly executable). As printed, without these provisos, neither direction holds.",
-    formalisation="One scenario with its shortest distances. `past` are the executed events, `direct` those that the executive "
+    formalisation="One scenario with its shortest distances. `past` are the executed events, `direct` those that "
+    "the executive "
     "may execute. The schedule is given: each event as late as fixed ones allow.",
     scope=Scope.GENERAL,
     bound="any number of events, any distances. " + FINITE,
-    trusted="For one scenario, a constraint ¬φ per labeled value says that no value whose label holds is violated, so the "
+    trusted="For one scenario, a constraint ¬φ per labeled value says that no value whose label holds is violated, "
+    "so the "
     "query counts. Finitely many fixed events have one that allows the least time.",
     lemmas=(
         Lemma(
             "sufficient",
-            "If the constraints hold, the schedule in which each event is as late as allowed is consistent and lies ahead.",
+            "If the constraints hold, the schedule in which each event is as late as allowed is consistent and "
+            "lies ahead.",
             SUFFICIENT,
             (
                 dropped("constraint 3 is left out.", LOWER),
@@ -143,14 +153,15 @@ THEOREM = Theorem(
             ),
             (
                 Variant(
-                    "\"let the partial execution be temporally consistent\" does not say with which scenario: two executed "
+                    '"let the partial execution be temporally consistent" does not say with which scenario: two '
+                    "executed "
                     "events may agree with another scenario than φ_S, and the constraints do not look at them again. "
                     "Repair: they agree with φ_S (the theory has the constraints that were committed for them).",
-                    SUFFICIENT.without(SO_FAR)
-                    .with_also(THREE, conj(WORLD, "(past done)", "(past other)")),
+                    SUFFICIENT.without(SO_FAR).with_also(THREE, conj(WORLD, "(past done)", "(past other)")),
                 ),
                 Variant(
-                    "another event may have missed its window: the constraints are about the event to be executed only. "
+                    "another event may have missed its window: the constraints are about the event to be executed "
+                    "only. "
                     "Repair: missed windows are processed before (line 6 of Algorithm 1).",
                     SUFFICIENT.without(WINDOWS).with_also(THREE, PRESENT),
                 ),
@@ -173,7 +184,8 @@ THEOREM = Theorem(
             ),
             (
                 Variant(
-                    "Definition 2.7 lets an extension put a remaining event before the present time. Then such a schedule "
+                    "Definition 2.7 lets an extension put a remaining event before the present time. Then such a "
+                    "schedule "
                     "exists where constraint 5 fails: the other event must come 1 before this one, and was not "
                     "executed. Repair: remaining events are not in the past.",
                     NECESSARY.without(FUTURE)

@@ -4,7 +4,7 @@ from proofs.theorems._library.model import Lemma, Scope, Statement, Theorem, Var
 from proofs.theorems._library.network import FINITE, NETWORK, SHORTEST, TRIANGLE, only
 from proofs.theorems._library.terms import Command, Term, conj, const, consts, define, forall, function, sort
 
-# -- soundness: labeled values follow from the plan ---------------------------------------------------------------------
+# -- soundness: labeled values follow from the plan ------------------------------------------------------------------
 HOLD = "both labeled values follow from the plan: where a label holds, the difference of the times is at most the value"
 CHAIN = Statement(
     (*consts("Real", "t-i", "t-j", "t-k", "first", "second"), *consts("Bool", "label-1", "label-2")),
@@ -25,7 +25,7 @@ SELF = Statement(
     {"value": "value", "label holds": "label"},
 )
 
-# -- completeness: without a conflict the distances give a schedule ------------------------------------------------------
+# -- completeness: without a conflict the distances give a schedule --------------------------------------------------
 BOUND = "distances are at most the bounds of the plan's constraints that are activated"
 SCHEDULE = Statement(
     (
@@ -43,7 +43,7 @@ SCHEDULE = Statement(
     {"first event at": "(time one)", "second at": "(time two)", "bound": "(bound one two)"},
 )
 
-# -- the algorithm reaches shortest distances ----------------------------------------------------------------------------
+# -- the algorithm reaches shortest distances ------------------------------------------------------------------------
 SIZE = 4
 
 
@@ -90,7 +90,7 @@ def _loop(*, skip: int | None = None) -> Statement:
 
 LOOP = _loop()
 
-# -- labels: the query of a scenario is that of its conflicts ------------------------------------------------------------
+# -- labels: the query of a scenario is that of its conflicts --------------------------------------------------------
 MINIMUM = "the query of the scenario is the least value whose label it entails"
 QUERY = Statement(
     (
@@ -126,7 +126,9 @@ QUERY = Statement(
     ),
     {"query of the scenario": "(query scenario)", "of the environment": "(query environment)"},
 )
-DOMINATED = "the pair that was dropped is dominated by one that is kept: its label entails the other's, which is tighter"
+DOMINATED = (
+    "the pair that was dropped is dominated by one that is kept: its label entails the other's, which is tighter"
+)
 DROP = Statement(
     (*consts("Bool", "kept-label", "dropped-label"), *consts("Real", "kept", "dropped", "t")),
     {
@@ -141,11 +143,15 @@ THEOREM = Theorem(
     name="pike_theorem_4_1",
     title="Inconsistent subplans are those with a temporal conflict",
     source="[PIKE, Theorem 4.1]",
-    words="A candidate subplan φ_S is temporally inconsistent if and only if φ_S entails a temporal conflict: an environment "
+    words="A candidate subplan φ_S is temporally inconsistent if and only if φ_S entails a temporal conflict: an "
+    "environment "
     "under which an event has a negative labeled distance to itself.",
-    formalisation="In parts: labeled values that the loop combines follow from the plan, so a negative one from an event to "
-    "itself excludes its label; the loop on the bounds that φ_S activates reaches shortest distances; shortest distances "
-    "without negative cycle give a schedule; the query of φ_S is negative exactly if φ_S entails an environment with a negative "
+    formalisation="In parts: labeled values that the loop combines follow from the plan, so a negative one from an "
+    "event to "
+    "itself excludes its label; the loop on the bounds that φ_S activates reaches shortest distances; shortest "
+    "distances "
+    "without negative cycle give a schedule; the query of φ_S is negative exactly if φ_S entails an environment "
+    "with a negative "
     "query; dominated pairs may be dropped.",
     scope=Scope.BOUNDED,
     bound=f"the loop for {SIZE} events with any bounds; all other parts general. " + FINITE,

@@ -55,7 +55,8 @@ MANY = Statement(
 CHOSEN = "a producer is chosen, active and before the consumer"
 RESOLVED = "active threats that were kept are not between the chosen producer and the consumer"
 DROPPED = (
-    "a threat that was dropped is dominated: an active producer, or an active threat that was kept, comes after it and before "
+    "a threat that was dropped is dominated: an active producer, or an active threat that was kept, comes after it "
+    "and before "
     "the consumer"
 )
 KEPT_LATER = conj(
@@ -128,11 +129,15 @@ THEOREM = Theorem(
     name="pike_theorem_4_2",
     title="Dominated causal links are irrelevant",
     source="[PIKE, Theorem 4.2]",
-    words="A consumer that has a support has one whose causal link no other link dominates: dominated links of a consumer "
-    "may be dropped, all at once. Condition 1 of Definition 4.5 may be weakened to φ_Pj ∧ φ_c ⊨ φ_Pi. The proof as printed "
+    words="A consumer that has a support has one whose causal link no other link dominates: dominated links of a "
+    "consumer "
+    "may be dropped, all at once. Condition 1 of Definition 4.5 may be weakened to φ_Pj ∧ φ_c ⊨ φ_Pi. The proof as "
+    "printed "
     "takes the effect away from the dominated producer altogether; that may cost another consumer its support.",
-    formalisation="One execution, with arbitrarily many events; `adds` and `deletes` are effects on the condition. A support is "
-    "an active producer strictly before the consumer, with no active threat in the closed interval between them. Guards and "
+    formalisation="One execution, with arbitrarily many events; `adds` and `deletes` are effects on the condition. "
+    "A support is "
+    "an active producer strictly before the consumer, with no active threat in the closed interval between them. "
+    "Guards and "
     "precedence appear as what they say about this execution.",
     scope=Scope.GENERAL,
     bound="any number of events, any execution.",
@@ -143,24 +148,21 @@ THEOREM = Theorem(
             "A consumer with a support has another than a dominated producer.",
             ONE,
             (
-                Variant(
-                    "the dominating producer need not be active.", ONE.without(ACTIVATED).with_also(THREE, FIRST)
-                ),
+                Variant("the dominating producer need not be active.", ONE.without(ACTIVATED).with_also(THREE, FIRST)),
                 Variant(
                     "the dominating producer may come after the consumer.",
                     ONE.without(BEFORE).with_also(THREE, FIRST),
                 ),
                 Variant(
                     "the dominating producer may come earlier; a threat between the two spoils it.",
-                    ONE.without(LATER).with_also(
-                        "four events", only("dominating", "threat", "dominated", "consumer")
-                    ),
+                    ONE.without(LATER).with_also("four events", only("dominating", "threat", "dominated", "consumer")),
                 ),
             ),
         ),
         Lemma(
             "all links",
-            "The last producer supports, and no link dominates its own: dropping all dominated links at once leaves it.",
+            "The last producer supports, and no link dominates its own: dropping all dominated links at once "
+            "leaves it.",
             MANY,
             (
                 Variant(
@@ -174,7 +176,8 @@ THEOREM = Theorem(
         ),
         Lemma(
             "dropped threats",
-            "One set ξ for producers and threats, as in Algorithm 5, drops threats that a later producer dominates as well. A "
+            "One set ξ for producers and threats, as in Algorithm 5, drops threats that a later producer dominates "
+            "as well. A "
             "link may then hold although it is threatened; but the consumer has a support: the last producer.",
             THREATS,
             (
@@ -189,8 +192,10 @@ THEOREM = Theorem(
             ),
             (
                 Variant(
-                    "\"any threat cannot occur between e_P and e_c\" (proof of Theorem 4.5) is not so with Algorithm 5: the "
-                    "chosen producer at 0, a dropped threat at 1, a producer that dominates it at 2, the consumer at 3. What "
+                    '"any threat cannot occur between e_P and e_c" (proof of Theorem 4.5) is not so with '
+                    "Algorithm 5: the "
+                    "chosen producer at 0, a dropped threat at 1, a producer that dominates it at 2, the consumer "
+                    "at 3. What "
                     "holds is that the consumer has a support.",
                     THREATS.claiming("(supports chosen)")
                     .with_also("four events", only("chosen", "threat", "last", "consumer"))
@@ -244,7 +249,8 @@ THEOREM = Theorem(
             ),
             (
                 Variant(
-                    "the proof in Appendix A removes p from the effects of the dominated producer and concludes that only the "
+                    "the proof in Appendix A removes p from the effects of the dominated producer and concludes "
+                    "that only the "
                     "support of e_c could be lost. A second consumer at 1, between the dominated producer at 0 and the "
                     "dominating one at 2, loses its support. Repair: drop the link, not the effect.",
                     OTHERS.claiming(

@@ -17,13 +17,9 @@ FORWARD = Statement(
     (*PLAN, *rules(), const("condition", "Condition"), *consts("Event", "producer", "threat")),
     {
         **facts(),
-        COMPLETE: forall(
-            {"q": "Condition"}, implies("(active (consumer q))", "(supported-by q (support q))")
-        ),
+        COMPLETE: forall({"q": "Condition"}, implies("(active (consumer q))", "(supported-by q (support q))")),
         TRACED: forall({"q": "Condition"}, "(not (none q))"),
-        SIDES: forall(
-            {"q": "Condition", "p": "Event", "t": "Event"}, "(= (order-before q p t) (< (time t) (time p)))"
-        ),
+        SIDES: forall({"q": "Condition", "p": "Event", "t": "Event"}, "(= (order-before q p t) (< (time t) (time p)))"),
     },
     "(and (ordered condition) (theory condition))",
     SHOW,
@@ -58,24 +54,27 @@ THEOREM = Theorem(
     name="pike_theorem_4_3",
     title="Executions of the plan and of the augmented plan correspond",
     source="[PIKE, Theorem 4.3]",
-    words="An execution of the plan is correct if and only if the augmented plan has a correct execution with the same schedule "
-    "whose scenario extends it; and then there is one whose scenario satisfies the theory, which is what Theorems 4.6 and "
+    words="An execution of the plan is correct if and only if the augmented plan has a correct execution with the "
+    "same schedule "
+    "whose scenario extends it; and then there is one whose scenario satisfies the theory, which is what Theorems "
+    "4.6 and "
     "4.7 need. Without that addition, the statement holds for an empty reason: all support variables at ⊥. With it, "
     "orderings must be strict: with [ε, ∞) the schedules in which a link is shorter than ε have no counterpart.",
-    formalisation="As for Theorem 4.5. The support and order variables are traced from the execution: the support variable "
+    formalisation="As for Theorem 4.5. The support and order variables are traced from the execution: the support "
+    "variable "
     "names a support, the order variable the side on which the threat is.",
     scope=Scope.GENERAL,
     bound="any number of events, conditions, producers and threats; any execution.",
-    trusted="Both plans have the same events and effects, so that one schedule is causally complete in both or in neither.",
+    trusted="Both plans have the same events and effects, so that one schedule is causally complete in both or in "
+    "neither.",
     lemmas=(
         Lemma(
             "forwards",
-            "A causally complete execution meets the added constraints and the theory, with the variables traced from it.",
+            "A causally complete execution meets the added constraints and the theory, with the variables traced "
+            "from it.",
             FORWARD,
             (
-                Variant(
-                    "the execution is not causally complete.", FORWARD.without(COMPLETE).with_also(THREE, WORLD)
-                ),
+                Variant("the execution is not causally complete.", FORWARD.without(COMPLETE).with_also(THREE, WORLD)),
                 Variant("the order variable may have any value.", FORWARD.without(SIDES).with_also(THREE, WORLD)),
                 Variant("the distances may err.", FORWARD.without(HOLDS_NOW).with_also(THREE, WORLD)),
                 Variant("producers may be left out for no reason.", FORWARD.without(EXCLUDED).with_also(THREE, WORLD)),
@@ -83,10 +82,14 @@ THEOREM = Theorem(
             (
                 Variant(
                     "orderings by ε = 1/1000, as in Table 1: a producer at 0 and its consumer at 1/2000 are a correct "
-                    "execution, which no support other than ⊥ allows in the augmented plan. Repair: strict orderings, or ε "
+                    "execution, which no support other than ⊥ allows in the augmented plan. Repair: strict "
+                    "orderings, or ε "
                     "below every gap between events of executions (with integer bounds and n events, 1/n will do).",
                     Statement(
-                        (*PLAN, *rules(BY_EPSILON), *FORWARD.declarations[-3:]), FORWARD.assumptions, FORWARD.claim, SHOW
+                        (*PLAN, *rules(BY_EPSILON), *FORWARD.declarations[-3:]),
+                        FORWARD.assumptions,
+                        FORWARD.claim,
+                        SHOW,
                     )
                     .with_also(
                         "two events, one condition",
@@ -121,7 +124,8 @@ THEOREM = Theorem(
             BACK,
             (
                 Variant(
-                    "constraints may have been replaced: Algorithm 9 overwrites the entry of two events that have one already.",
+                    "constraints may have been replaced: Algorithm 9 overwrites the entry of two events that have "
+                    "one already.",
                     BACK.without("the augmented plan has all constraints of the plan"),
                 ),
             ),

@@ -49,10 +49,12 @@ THEOREM = Theorem(
     name="pike_theorem_4_4",
     title="Partial executions are correct for both plans or for neither",
     source="[PIKE, Theorem 4.4]",
-    words="A partial execution is correct for the augmented plan if and only if it is for the plan, if it assigns choices of the "
+    words="A partial execution is correct for the augmented plan if and only if it is for the plan, if it assigns "
+    "choices of the "
     "plan only. A partial execution of the augmented plan may also assign support variables, and may then be "
     "correct for the plan only.",
-    formalisation="`agrees` says that a scenario extends the partial one, `continues` that a schedule extends the partial one; "
+    formalisation="`agrees` says that a scenario extends the partial one, `continues` that a schedule extends the "
+    "partial one; "
     "correct means that an extending execution is correct (Definition 2.8). Theorem 4.3 enters as an assumption.",
     scope=Scope.GENERAL,
     bound="any scenarios and schedules.",
@@ -68,7 +70,8 @@ THEOREM = Theorem(
             ),
             (
                 Variant(
-                    "a partial execution of the augmented plan that assigns a support variable: one scenario has a correct "
+                    "a partial execution of the augmented plan that assigns a support variable: one scenario has a "
+                    "correct "
                     "execution, its only extension does not agree with the value that is assigned. Repair: partial "
                     "executions assign the plan's own choices.",
                     STATEMENT.with_changed(

@@ -29,10 +29,13 @@ THEOREM = Theorem(
     title="Consistent executions of the augmented plan are correct",
     source="[PIKE, Theorem 4.5]",
     words="Every temporally consistent execution of the augmented plan whose scenario satisfies the theory is causally "
-    "complete: each condition of an active event has a producer strictly before it and no active threat from the one to the "
+    "complete: each condition of an active event has a producer strictly before it and no active threat from the "
+    "one to the "
     "other. Algorithm 5 must look at the consumer's own event, too, or a threat there is missed.",
-    formalisation="One execution with arbitrarily many events and conditions, the rules of Algorithm 5 and Table 1 with the "
-    "cases of Figure 12 for the precedences that the distances tell; these hold in this execution. Orderings are strict "
+    formalisation="One execution with arbitrarily many events and conditions, the rules of Algorithm 5 and Table 1 "
+    "with the "
+    "cases of Figure 12 for the precedences that the distances tell; these hold in this execution. Orderings are "
+    "strict "
     "(ε → 0).",
     scope=Scope.GENERAL,
     bound="any number of events, conditions, producers and threats; any execution.",
@@ -45,14 +48,14 @@ THEOREM = Theorem(
                 Variant("the theory is not asked for.", STATEMENT.without(THEORY).with_also(THREE, WORLD)),
                 Variant("the added constraints are not met.", STATEMENT.without(ORDERED).with_also(THREE, WORLD)),
                 Variant("the distances may err.", STATEMENT.without(HOLDS_NOW).with_also(THREE, WORLD)),
-                Variant(
-                    "threats may be left out for no reason.", STATEMENT.without(EXCLUDED).with_also(THREE, WORLD)
-                ),
+                Variant("threats may be left out for no reason.", STATEMENT.without(EXCLUDED).with_also(THREE, WORLD)),
             ),
             (
                 Variant(
-                    "line 5 leaves the consumer's own event out. If that event deletes the condition (the end of another "
-                    "activity may be there), it lies in the closed interval of §4.3 from producer to consumer, and nothing "
+                    "line 5 leaves the consumer's own event out. If that event deletes the condition (the end of "
+                    "another "
+                    "activity may be there), it lies in the closed interval of §4.3 from producer to consumer, and "
+                    "nothing "
                     "is added against it: producer at 0, consumer and threat at 1. Repair: a threat at the consumer's "
                     "event is a definite threat.",
                     STATEMENT.with_changed(EXCLUDED, ITSELF_EXCLUDED)

@@ -1,4 +1,5 @@
-"""[PIKE] Theorem 4.6: scenarios of the theory are those with a correct execution, if read about the plan's own choices."""
+"""[PIKE] Theorem 4.6: scenarios of the theory are those with a correct execution, if read about the plan's own "
+"choices."""
 
 from proofs.theorems._library.augmented import PLAN, facts, rules, world
 from proofs.theorems._library.model import Lemma, Scope, Statement, Theorem, Variant
@@ -21,7 +22,9 @@ SPACE = (
 )
 BY_4_1 = "Theorem 4.1: without a temporal conflict there is a consistent schedule, with one there is none"
 BY_4_5 = "Theorem 4.5: consistent executions that satisfy the theory are causally complete"
-BY_4_3 = "Theorem 4.3: a correct execution has one of the augmented plan that satisfies the theory, with the same schedule"
+BY_4_3 = (
+    "Theorem 4.3: a correct execution has one of the augmented plan that satisfies the theory, with the same schedule"
+)
 BY_4_3_BACK = "Theorem 4.3, backwards: correct executions of the augmented plan are correct in the plan"
 THEOREMS = {
     BY_4_1: conj(
@@ -97,11 +100,15 @@ THEOREM = Theorem(
     name="pike_theorem_4_6",
     title="The theory describes the scenarios with a correct execution",
     source="[PIKE, Theorem 4.6]",
-    words="A scenario of the plan's own choices extends to one that satisfies the theory if and only if it has a correct "
-    "execution; and every solution of the theory has a correct execution. Not so the converse as printed: a correct execution "
+    words="A scenario of the plan's own choices extends to one that satisfies the theory if and only if it has a "
+    "correct "
+    "execution; and every solution of the theory has a correct execution. Not so the converse as printed: a "
+    "correct execution "
     "of the augmented plan may come with values of the support variables that the theory rejects.",
-    formalisation="`Scenario` assigns the plan's choices, `Extended` the support and order variables, too; `own` forgets these. "
-    "The other theorems enter as assumptions, each proved in its own file. The third lemma is about one execution, as in "
+    formalisation="`Scenario` assigns the plan's choices, `Extended` the support and order variables, too; `own` "
+    "forgets these. "
+    "The other theorems enter as assumptions, each proved in its own file. The third lemma is about one execution, "
+    "as in "
     "Theorem 4.5.",
     scope=Scope.GENERAL,
     bound="any scenarios and schedules.",
@@ -120,9 +127,7 @@ THEOREM = Theorem(
                     "the causal part is not sufficient: a solution may be consistent and not complete.",
                     STATEMENT.without(BY_4_5).with_also(SMALL, ONE),
                 ),
-                Variant(
-                    "the augmented plan loses executions.", STATEMENT.without(BY_4_3).with_also(SMALL, ONE)
-                ),
+                Variant("the augmented plan loses executions.", STATEMENT.without(BY_4_3).with_also(SMALL, ONE)),
             ),
             interesting="(and (causal extended) (conflict-free extended))",
         ),
@@ -152,9 +157,12 @@ THEOREM = Theorem(
             ),
             (
                 Variant(
-                    "\"φ'_S satisfies KB if and only if there exists a correct execution of φ'_S\": a producer at 0 and its "
-                    "consumer at 1 are a correct execution whatever the support variable says, and with ⊥ the theory is not "
-                    "satisfied. The proof assumes suitable values of the variables that φ'_S has fixed already. Repair: "
+                    "\"φ'_S satisfies KB if and only if there exists a correct execution of φ'_S\": a producer at "
+                    "0 and its "
+                    "consumer at 1 are a correct execution whatever the support variable says, and with ⊥ the "
+                    "theory is not "
+                    "satisfied. The proof assumes suitable values of the variables that φ'_S has fixed already. "
+                    "Repair: "
                     "state it of the plan's own scenario.",
                     OWN_VALUES.without(VALUES)
                     .with_also("two events, one condition", world("producer", "(consumer condition)"))

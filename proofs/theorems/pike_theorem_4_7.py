@@ -78,12 +78,17 @@ THEOREM = Theorem(
     name="pike_theorem_4_7",
     title="An event is executed exactly if the execution stays correct",
     source="[PIKE, Theorem 4.7]",
-    words="CanExecuteEventNow?(e, t) returns true if and only if the partial execution with e at t is correct: the theory "
-    "with the required constraints is satisfiable exactly if some correct execution continues it. It is stated of the plan's own "
-    "choices: if a partial execution of the augmented plan may assign support variables, the converse fails, since it rests on "
+    words="CanExecuteEventNow?(e, t) returns true if and only if the partial execution with e at t is correct: the "
+    "theory "
+    "with the required constraints is satisfiable exactly if some correct execution continues it. It is stated of "
+    "the plan's own "
+    "choices: if a partial execution of the augmented plan may assign support variables, the converse fails, since "
+    "it rests on "
     "Theorem 4.6 as printed.",
-    formalisation="`required` is F₁ ∧ … ∧ Fₙ, the theory is its causal part, temporal conflicts and what was committed; "
-    "`continues` says that an execution extends the partial one with the event at the present time. The other theorems enter as "
+    formalisation="`required` is F₁ ∧ … ∧ Fₙ, the theory is its causal part, temporal conflicts and what was "
+    "committed; "
+    "`continues` says that an execution extends the partial one with the event at the present time. The other "
+    "theorems enter as "
     "assumptions, in their repaired form.",
     scope=Scope.GENERAL,
     bound="any scenarios and schedules.",
@@ -107,11 +112,17 @@ THEOREM = Theorem(
             ),
             (
                 Variant(
-                    "partial executions of the augmented plan may assign support variables: with ⊥ assigned, an execution is "
-                    "consistent and complete, and the theory with it is not satisfiable. Repair: partial executions assign the "
+                    "partial executions of the augmented plan may assign support variables: with ⊥ assigned, an "
+                    "execution is "
+                    "consistent and complete, and the theory with it is not satisfiable. Repair: partial "
+                    "executions assign the "
                     "plan's own choices, as the executive's do.",
                     Statement(
-                        (*STATEMENT.declarations, function("assigned", ["Extended"], "Bool"), const("other", "Extended")),
+                        (
+                            *STATEMENT.declarations,
+                            function("assigned", ["Extended"], "Bool"),
+                            const("other", "Extended"),
+                        ),
                         STATEMENT.assumptions,
                         OVER_EXTENDED,
                         {**STATEMENT.show, "causal part with the values that are assigned": "(causal extended)"},

@@ -47,10 +47,13 @@ THEOREM = Theorem(
     name="pike_theorem_c_1",
     title="Completions of labeled value sets",
     source="[PIKE, Theorem C.1, Algorithm 8]",
-    words="If t < aᵢ holds under φᵢ ∧ x = vᵢ for every value vᵢ of x, then t is below the loosest of the aᵢ wherever all φᵢ "
-    "hold. Algorithm 8 computes it if it starts with the identity of the maximum; starting with the weakest value, as its "
+    words="If t < aᵢ holds under φᵢ ∧ x = vᵢ for every value vᵢ of x, then t is below the loosest of the aᵢ "
+    "wherever all φᵢ "
+    "hold. Algorithm 8 computes it if it starts with the identity of the maximum; starting with the weakest value, "
+    "as its "
     "explanation says, every completion is the weakest value.",
-    formalisation="One arbitrary scenario: x has a value, t and the aᵢ are numbers (any linear order would do), `rest v` says "
+    formalisation="One arbitrary scenario: x has a value, t and the aᵢ are numbers (any linear order would do), "
+    "`rest v` says "
     "that what is left of the label for v holds. The second lemma is the loop of Algorithm 8 for two values.",
     scope=Scope.GENERAL,
     bound="any domain, any labels and values; the loop of Algorithm 8: two values, longer loops repeat the step.",
@@ -80,7 +83,8 @@ THEOREM = Theorem(
             (Variant("the search starts with any value.", ALGORITHM.without(SEED)),),
             (
                 Variant(
-                    "\"W starts containing only the weakest possible completion\": with a weakest value of 100 (for ∞) the "
+                    '"W starts containing only the weakest possible completion": with a weakest value of 100 '
+                    "(for ∞) the "
                     "example {(3, x = 1), (4, x = 2)} gives 100, not 4. Repair: start with −∞.",
                     ALGORITHM.with_changed(SEED, "(= seed 100.0)").with_also(
                         "the example of the appendix", "(and (= a-1 3.0) (= a-2 4.0))"

@@ -30,7 +30,8 @@ EXCLUDED = "an event that is not considered comes after the consumer, if both ar
 
 
 def rules(ahead: Term = STRICTLY) -> tuple[Command, ...]:
-    """What Algorithm 5 adds, for a condition: temporal constraints on execution, and the theory; `ahead` orders events."""
+    """What Algorithm 5 adds, for a condition: temporal constraints on execution, and the theory; `ahead` orders "
+    "events."""
     undecided = "(and (not (producer-threat q p t)) (not (threat-producer q p t)))"
     loose = "(and (not (threat-consumer q p t)) (not (consumer-threat q p t)))"
     cases = conj(
@@ -117,9 +118,7 @@ def facts() -> dict[str, Term]:
         ),
         EXCLUDED: forall(
             {"q": "Condition", "e": "Event"},
-            implies(
-                "(and (not (kept e q)) (active e) (active (consumer q)))", "(< (time (consumer q)) (time e))"
-            ),
+            implies("(and (not (kept e q)) (active e) (active (consumer q)))", "(< (time (consumer q)) (time e))"),
         ),
     }
 

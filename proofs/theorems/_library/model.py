@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -134,7 +135,7 @@ def problems(theorem: Theorem) -> list[Problem]:
     """All questions of a theorem, claims first."""
     found = []
     for lemma in theorem.lemmas:
-        start = f"{theorem.name}.{lemma.name}"
+        start = f"{theorem.name}.{_plain(lemma.name)}"
         title = f"{theorem.title} [{theorem.source}]: {lemma.name}"
         whole = lemma.statement
         found.append(Problem(start, Kind.CLAIM, lemma.words, _script(title, whole, _denied(whole)), whole.show))
@@ -147,6 +148,11 @@ def problems(theorem: Theorem) -> list[Problem]:
                 script = _script(f"{title}: {kind.value} ({variant.words})", statement, _denied(statement))
                 found.append(Problem(f"{start}.{kind.value}-{index}", kind, variant.words, script, statement.show))
     return found
+
+
+def _plain(name: str) -> str:
+    """A lemma's name as part of a file's."""
+    return re.sub(r"[^A-Za-z0-9]+", "-", name)
 
 
 def _denied(statement: Statement) -> dict[str, Term]:

@@ -15,7 +15,8 @@ SHORTEST: dict[str, Term] = {
     ZERO: forall({"i": "Event"}, "(= (d i i) 0.0)"),
 }
 FINITE = (
-    "All distances are finite: ∞ stands for a horizon beyond all bounds, within which every consistent network has a schedule."
+    "All distances are finite: ∞ stands for a horizon beyond all bounds, within which every consistent network has "
+    "a schedule."
 )
 
 

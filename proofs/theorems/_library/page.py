@@ -8,15 +8,15 @@ from proofs.theorems._library.model import Kind, Lemma, Theorem, Variant, proble
 
 HEAD = """# Theorems
 
-What the methods of this tool rest on, stated as SMT problems and decided by two solvers. `python -m proofs` checks all of
-it and writes this page with `--write-docs`; `--smt2 DIR` writes the problems for any other solver. [IRR] and [PIKE] are
-the papers that the tool implements; [ours] are its own methods.
+What the methods of this tool rest on, stated as SMT problems and decided by two solvers. `python -m proofs` checks all
+of it and writes this page with `--write-docs`; `--smt2 DIR` writes the problems for any other solver. [IRR] and [PIKE]
+are the papers that the tool implements; *ours* are its own methods.
 
-Each problem negates a claim; both solvers, z3 and cvc5, say `unsat`. Constants and functions in a problem are arbitrary,
-so *general* means any number of events, parameters or values, and *bounded* means all structures up to the size given.
-Beside each claim stand its assumptions alone (both solvers say `sat`: the claim is not empty), and variants that we broke
-on purpose (both say `sat`: the claim needs what it assumes). Where a statement does not hold as printed, its countermodel is
-found in the same way, and the statement that is proved is the repaired one.
+Each problem negates a claim; both solvers, z3 and cvc5, say `unsat`. Constants and functions in a problem are
+arbitrary, so *general* means any number of events, parameters or values, and *bounded* means all structures up to the
+size given. Beside each claim stand its assumptions alone (both solvers say `sat`: the claim is not empty), and variants
+that we broke on purpose (both say `sat`: the claim needs what it assumes). Where a statement does not hold as printed,
+its countermodel is found in the same way, and what is proved is the repaired statement.
 
 What this does not show: that the formalisation says what the words say (read it: one file per theorem in
 `proofs/theorems/`), and that the tool's code does what the theorems are about (the tests are for that).

@@ -56,7 +56,9 @@ class Solver:
         terms = list(problem.show.values())
         values = f"(get-value ({' '.join(terms)}))" if terms else ""
         started = time.perf_counter()
-        line = self._exchange(json.dumps({"script": problem.script, "values": values, "model": problem.expected == "sat"}))
+        line = self._exchange(
+            json.dumps({"script": problem.script, "values": values, "model": problem.expected == "sat"})
+        )
         seconds = time.perf_counter() - started
         if line is None:
             self.close()
@@ -97,7 +99,7 @@ def read_values(text: str) -> list[str]:
 
     def read() -> str | list[object]:
         nonlocal position
-        token = tokens[position]
+        token: str = tokens[position]
         position += 1
         if token != "(":  # noqa: S105 - a parenthesis
             return token
