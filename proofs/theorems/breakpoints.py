@@ -1,7 +1,7 @@
 """A condition on a piecewise linear quantity needs checking at breakpoints only, with care for strict inequalities."""
 
 from proofs.theorems._library.model import Lemma, Scope, Statement, Theorem, Variant
-from proofs.theorems._library.terms import conj, consts, define, disj, function, implies
+from proofs.theorems._library.terms import conj, consts, define, forall, function, implies
 
 VALUE = define("value", {"w": "Real"}, "Real", "(+ left (* w (- right left)))")
 WITHIN = "a weight strictly between the ends"
@@ -99,24 +99,28 @@ def all_places(condition: str) -> str:
     )
 
 
+AT_BREAKPOINTS = "the condition holds at all breakpoints inside"
+ON_PIECES = "it holds on the open piece between any two neighbours"
 PIECES = Statement(
     (
         function("breakpoint", ["Real"], "Bool"),
         function("holds", ["Real"], "Bool"),
+        function("neighbours", ["Real", "Real"], "Bool"),
         *consts("Real", "start", "end", "t", "before", "after"),
     ),
     {
         "an instant of the open interval": "(and (< start t) (< t end))",
-        "the nearest breakpoints before and after it, or the ends": conj(
-            "(and (<= start before) (< before t) (< t after) (<= after end))",
-            disj("(= before start)", "(breakpoint before)"),
-            disj("(= after end)", "(breakpoint after)"),
+        "if it is no breakpoint, there are neighbours before and after it: breakpoints, or the ends": implies(
+            "(not (breakpoint t))",
+            "(and (<= start before) (< before t) (< t after) (<= after end) (neighbours before after))",
         ),
-        "the condition holds at the instant if it is a breakpoint": implies("(breakpoint t)", "(holds t)"),
-        "and on the piece between the nearest breakpoints if it is not": implies("(not (breakpoint t))", "(holds t)"),
+        AT_BREAKPOINTS: forall({"u": "Real"}, "(=> (and (breakpoint u) (< start u) (< u end)) (holds u))"),
+        ON_PIECES: forall(
+            {"a": "Real", "b": "Real", "u": "Real"}, "(=> (and (neighbours a b) (< a u) (< u b)) (holds u))"
+        ),
     },
     "(holds t)",
-    {"instant": "t", "is a breakpoint": "(breakpoint t)"},
+    {"instant": "t", "is a breakpoint": "(breakpoint t)", "from": "start", "to": "end"},
 )
 EITHER = Statement(
     (
@@ -160,11 +164,11 @@ THEOREM = Theorem(
             (
                 Variant(
                     "breakpoints inside are not looked at: a quantity may jump there.",
-                    PIECES.without("the condition holds at the instant if it is a breakpoint"),
+                    PIECES.without(AT_BREAKPOINTS),
                 ),
                 Variant(
                     "only the breakpoints are looked at.",
-                    PIECES.without("and on the piece between the nearest breakpoints if it is not"),
+                    PIECES.without(ON_PIECES),
                 ),
             ),
         ),

@@ -82,6 +82,17 @@ NOTHING = Statement(
     SHOW,
 )
 
+OWN = Statement(
+    CASES.declarations,
+    {
+        NOW: CASES.assumptions[NOW],
+        "the producer is before the consumer": "(< p c)",
+        "the threat is at the producer's or the consumer's own event": "(or (= t p) (= t c))",
+    },
+    f"(not {conj(C2, C3, C5, C6)})",
+    SHOW,
+)
+
 THEOREM = Theorem(
     name="pike_figure_12",
     title="The cases of a threat",
@@ -131,6 +142,20 @@ THEOREM = Theorem(
             "also in C4 and C8.",
             NOTHING,
             (Variant("the distances may err.", NOTHING.without(NOW)),),
+        ),
+        Lemma(
+            "own event",
+            "If the threat is at the producer's or the consumer's own event, no schedule meets the constraint of "
+            "its case: "
+            "the link is in conflict. (Algorithm 5 does not look at the consumer's event; see Theorem 4.5.)",
+            OWN,
+            (
+                Variant(
+                    "the threat may be anywhere.",
+                    OWN.without("the threat is at the producer's or the consumer's own event"),
+                ),
+                Variant("the distances may err: a case may apply in which nothing is required.", OWN.without(NOW)),
+            ),
         ),
         Lemma(
             "impossible",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 
 from proofs.theorems._library.model import Kind, Lemma, Theorem, Variant, problems
@@ -26,6 +27,7 @@ What this does not show: that the formalisation says what the words say (read it
 
 def page(theorems: Sequence[Theorem]) -> str:
     """The whole page: a table, then each theorem; without times, which differ from run to run."""
+    theorems = sorted(theorems, key=_by_source)
     lines = ["| theorem | source | scope | z3 | cvc5 | broken variants | as printed |", "|---|---|---|---|---|---|---|"]
     lines += [_row(theorem) for theorem in theorems]
     return HEAD + "\n".join(lines) + "\n" + "".join(_section(theorem) for theorem in theorems)
@@ -35,10 +37,20 @@ def _row(theorem: Theorem) -> str:
     asked = problems(theorem)
     count = {kind: sum(problem.kind is kind for problem in asked) for kind in Kind}
     claims = f"{count[Kind.CLAIM]} unsat"
-    link = f"[{theorem.title}](#{theorem.name.replace('_', '-')})"
+    link = f"[{theorem.title}](#{_anchor(theorem.title)})"
     printed = f"{count[Kind.PRINTED]} refuted" if count[Kind.PRINTED] else "holds" if _is_printed(theorem) else ""
     cells = [link, theorem.source, theorem.scope.value, claims, claims, f"{count[Kind.BROKEN]} refuted", printed]
     return "| " + " | ".join(cells) + " |"
+
+
+def _anchor(heading: str) -> str:
+    """The name that the manual gives a heading."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+
+
+def _by_source(theorem: Theorem) -> tuple[int, str]:
+    """The papers first, then our own."""
+    return ["[IRR", "[PIKE", "ours"].index(re.split(r"[, ]", theorem.source)[0]), theorem.name
 
 
 def _is_printed(theorem: Theorem) -> bool:
@@ -47,7 +59,7 @@ def _is_printed(theorem: Theorem) -> bool:
 
 def _section(theorem: Theorem) -> str:
     parts = [
-        f"\n({theorem.name.replace('_', '-')})=\n## {theorem.title}\n",
+        f"\n## {theorem.title}\n",
         f"**Source:** {theorem.source}. **File:** `proofs/theorems/{theorem.name}.py`. "
         f"**Scope:** {theorem.scope.value}: {theorem.bound}\n",
         f"{theorem.words}\n",
