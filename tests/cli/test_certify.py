@@ -24,8 +24,10 @@ def test_schemas_are_schemas(name):
     assert schema(name)["title"] == name
 
 
-@pytest.mark.parametrize("kind", ["plan", "box", "maximal", "region"])
-@pytest.mark.parametrize("encoding", ["relational", "positions"])
+@pytest.mark.parametrize(
+    ("kind", "encoding"),
+    [*((kind, "relational") for kind in ("plan", "box", "maximal", "region")), ("plan", "positions")],
+)
 def test_plans(tmp_path, kind, encoding):
     path = tmp_path / "plan.cert"
     words = ("--kind", kind, "--encoding", encoding, "--json")
