@@ -192,6 +192,13 @@ THEOREM = Theorem(
                     .with_also(THREE, PRESENT)
                     .with_also("the other must be 1 before", "(and (= (d event other) (- 1.0)) (= now 5.0))"),
                 ),
+                Variant(
+                    "constraint 2 is false for an event that the executive may not execute itself, though a consistent "
+                    "schedule with this event at the present time may exist. Repair: the event is directly executable.",
+                    NECESSARY.without(DIRECT)
+                    .claiming("(and (not (past event)) (direct event))")
+                    .with_also(THREE, conj(PRESENT, "(not (past event))")),
+                ),
             ),
             interesting=PRESENT,
         ),
