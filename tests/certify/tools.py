@@ -69,7 +69,7 @@ def certificate(files, path, *, kind="box", encoding="relational", box=None):
 
 
 def lines_of(path):
-    return [json.loads(line) for line in gzip.decompress(path.read_bytes()).splitlines()]
+    return [json.loads(line) for line in gzip.decompress(path.read_bytes()).split(b"\n") if line]
 
 
 def write_lines(path, lines):
@@ -126,7 +126,9 @@ def _shift_face(header, random):
     if side % 2:
         ends[side] = not ends[side]
     else:
-        ends[side] = str(Fraction(ends[side] or 0) + Fraction(random.choice((-7, -1, 1, 3)), random.choice((1, 2, 1000))))
+        ends[side] = str(
+            Fraction(ends[side] or 0) + Fraction(random.choice((-7, -1, 1, 3)), random.choice((1, 2, 1000)))
+        )
 
 
 def _change_number(lines, place, random):
@@ -208,7 +210,9 @@ def claim_is_true(path, plan: ParametrizedPlan) -> bool:
     box = Box(
         {
             name: Interval(_end(low), _end(high), low_closed, high_closed)
-            for (name, *_), (low, low_closed, high, high_closed) in zip(header["parameters"], header["box"], strict=True)
+            for (name, *_), (low, low_closed, high, high_closed) in zip(
+                header["parameters"], header["box"], strict=True
+            )
         }
     )
     if check(plan, at=box.intervals).answer is not Answer.PROVED:
