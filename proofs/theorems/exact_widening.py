@@ -196,7 +196,8 @@ THEOREM = Theorem(
                     .with_also("one point", ONE_POINT),
                 ),
             ),
-            interesting="(and (closed face) (distinct face second) (not (closed second)) (< (limit face) (limit second)))",
+            interesting="(and (closed face) (distinct face second) (not (closed second)) "
+            "(< (limit face) (limit second)))",
         ),
         Lemma(
             "fair",
