@@ -83,7 +83,7 @@ THEOREM = Theorem(
                 Variant(
                     "orderings by ε = 1/1000, as in Table 1: a producer at 0 and its consumer at 1/2000 are a correct "
                     "execution, which no support other than ⊥ allows in the augmented plan. Repair: strict "
-                    "orderings; or claim only that some schedule exists (with integer bounds and fewer than 1/ε events).",
+                    "orderings; or claim only that some schedule exists (integer bounds, fewer than 1/ε events).",
                     Statement(
                         (*PLAN, *rules(BY_EPSILON), *FORWARD.declarations[-3:]),
                         FORWARD.assumptions,
