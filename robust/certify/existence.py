@@ -124,10 +124,8 @@ def _linear_times(
                 total += unknowns[point][0].scaled(sign)
                 for name, coefficient in zip(names, unknowns[point][1:], strict=True):
                     slopes[name] += coefficient.scaled(sign)
-        for name, slope in slopes.items():
+        for name, slope in ((name, slope) for name, slope in slopes.items() if slope != constant(0)):
             low, high = ranges[name]
-            if slope == constant(0):
-                continue
             share = variable(Auxiliary("share", shares))
             shares += 1
             total += share

@@ -103,7 +103,7 @@ class Witnesses:
                 raise UnsupportedError(f"no bad values at the {side.value} end of {name}: the box is not maximal")
             nearest = self._nearest(list(piece.constraints), list(piece.parameters), beyond, name, side)
             if nearest is not None and nearest.limit[name] == end:
-                line = self._explain(piece, nearest, beyond, index, side, end)
+                line = self._explain(piece, nearest, beyond=beyond, index=index, side=side, end=end)
                 if line is not None:
                     return line
                 raise UnsupportedError(f"no witness that can be written down at the {side.value} end of {name}")
@@ -132,7 +132,7 @@ class Witnesses:
         return Approach(inside, inside) if best.point[name] == inside[name] else Approach(best.point, inside)
 
     def _explain(
-        self, piece: Polyhedron, nearest: Approach, beyond: Box, index: int, side: Side, end: Fraction
+        self, piece: Polyhedron, nearest: Approach, *, beyond: Box, index: int, side: Side, end: Fraction
     ) -> Line | None:
         obligation = self._obligations.get(self._bad.reasons[piece])
         if obligation is not None:

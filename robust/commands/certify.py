@@ -43,13 +43,15 @@ def certify(
         Kind,
         typer.Option(
             "--kind",
-            help="plan: valid at the nominal values; box: all over a box; maximal: and no valid box contains it; "
-            "region: all over the robustness envelope",
+            help="plan: valid at the nominal values; box: all over a box; maximal: and no valid box contains "
+            "it; region: all over the robustness envelope",
         ),
     ] = Kind.PLAN,
     box: Annotated[
         Path | None,
-        typer.Option("--box", metavar="FILE", help="the box, an answer of robust envelope in JSON; else widening finds it"),
+        typer.Option(
+            "--box", metavar="FILE", help="the box, an answer of robust envelope in JSON; else widening finds it"
+        ),
     ] = None,
     alethe: Annotated[
         Path | None,

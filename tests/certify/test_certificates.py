@@ -63,7 +63,7 @@ def test_certificates_of_all_recorded_plans_are_accepted(files, tmp_path):
 
 
 def test_a_box_that_is_not_valid_has_no_certificate(tmp_path):
-    plan, box = tools.certificate(tools.GENERATOR, tmp_path / "made.cert", kind="box")
+    _, box = tools.certificate(tools.GENERATOR, tmp_path / "made.cert", kind="box")
     name = next(iter(box.intervals))
     wider = box.replace(name, Interval(box[name].lower, None, box[name].lower_closed, False))
     with pytest.raises((InputError, UnsupportedError)):

@@ -147,7 +147,7 @@ def test_faces_may_not_move(maximal, tmp_path):
 def test_open_boxes_have_witnesses_on_the_face(tmp_path):
     """Taking an end away from the box makes it smaller, so that it is not maximal any more."""
     path = tmp_path / "open.cert"
-    plan, box = tools.certificate(tools.GENERATOR, path, kind="maximal")
+    _, box = tools.certificate(tools.GENERATOR, path, kind="maximal")
     name = next(iter(box.intervals))
     interval = box[name]
     smaller = box.replace(name, Interval(interval.lower, interval.some_value(), interval.lower_closed, True))

@@ -13,12 +13,12 @@ from random import Random
 
 from robust.api import check, envelope
 from robust.certify.circuit import Boolean, Circuit, Conjunction, Equivalence
+from robust.certify.ground import GroundPlan
 from robust.certify.linear import Atom
 from robust.certify.matching import _literal, _node, read
 from robust.certify.produce import PlanCertificate, digests
 from robust.certify.verify import checker_path
 from robust.certify.witness import Witnesses
-from robust.certify.ground import GroundPlan
 from robust.encode.interface import create_encoding
 from robust.errors import UnsupportedError
 from robust.irr.box import Box, Interval
