@@ -12,8 +12,8 @@ from pathlib import Path
 from robust.errors import RobustError
 from robust.smt.limits import Deadline, OutOfTimeError
 
-_PACKAGED = Path(__file__).with_name("checker.py")
-_CHECKOUT = Path(__file__).parents[2] / "proofs" / "checker" / "check.py"
+_PACKAGED = Path(__file__).resolve().with_name("checker.py")
+_CHECKOUT = Path(__file__).resolve().parents[2] / "proofs" / "checker" / "check.py"
 
 
 class CheckerMissingError(RobustError):
