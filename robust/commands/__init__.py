@@ -18,6 +18,7 @@ for _name in (
     "compare",
     "convert",
     "execute",
+    "certify",
     "pike",
     "demo",
     "bench",

@@ -31,6 +31,8 @@ Commands:
   compare   The exact region beside the boxes of all methods.
   convert   Make a flexible plan of a planner's output.
   execute   Execute in simulated worlds, and plan anew when needed.
+  certify   Write down why a plan is valid, for a checker without solver.
+  verify    Check a certificate, in a process of its own.
   demo      Take a tour on shipped examples.
   pike      Plans with choices: which still lead to a correct execution?
   bench     Measure: recorded data sets, the figures of the paper,...
@@ -48,6 +50,9 @@ OPTIONS = {
     "--encoding --solver --timeout --plot --axes --json --quiet --verbose",
     ("compare",): "--beta --parameter --parameters --epsilon --encoding --solver --timeout --plot --axes --html "
     "--json --quiet --verbose",
+    ("certify",): "--output --kind --box --alethe --parameter --parameters --epsilon --encoding --solver --timeout --json "
+    "--quiet --verbose",
+    ("verify",): "--parameter --parameters --timeout --json",
     ("demo",): "",
     ("convert",): "--output --mode --parametrize --epsilon --solver --timeout --json --quiet --verbose",
     ("execute",): "--executor --planner --world --seed --runs --parametrize --parameters --method --controllability "

@@ -12,6 +12,8 @@ FILES = {
     "robust/error/1": "error.schema.json",
     "robust/region/1": "region.schema.json",
     "robust/compare/1": "compare.schema.json",
+    "robust/certify/1": "certify.schema.json",
+    "robust/verify/1": "certify-verify.schema.json",
     "robust/convert/1": "convert.schema.json",
     "robust/execute/1": "execute.schema.json",
     "robust/pike-check/1": "pike-check.schema.json",

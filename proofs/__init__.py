@@ -1,0 +1,1 @@
+"""Machine-checked statements, independent of the tool: nothing here imports `robust`."""

@@ -1,0 +1,1 @@
+"""What theorem modules are written with, and what checks them."""

@@ -1,0 +1,124 @@
+"""`robust certify` and `robust verify`: every kind of certificate, made, checked, and held against other files."""
+
+import json
+
+import jsonschema
+import pytest
+
+from robust.pike_bridge.generators.sat_reduction import sat_plan
+from robust.report.schemas import schema
+from tests.cli.running import EXAMPLES, command, example, process
+
+KITCHEN = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
+
+
+def answer_of(ended, name):
+    answer = json.loads(ended.out)
+    jsonschema.validate(answer, schema(f"robust/{name}/1"), cls=jsonschema.Draft202012Validator)
+    return answer
+
+
+@pytest.mark.parametrize("name", ["robust/certify/1", "robust/verify/1"])
+def test_schemas_are_schemas(name):
+    jsonschema.Draft202012Validator.check_schema(schema(name))
+    assert schema(name)["title"] == name
+
+
+@pytest.mark.parametrize(
+    ("kind", "encoding"),
+    [*((kind, "relational") for kind in ("plan", "box", "maximal", "region")), ("plan", "positions")],
+)
+def test_plans(tmp_path, kind, encoding):
+    path = tmp_path / "plan.cert"
+    words = ("--kind", kind, "--encoding", encoding, "--json")
+    made = command("certify", *example(), "-o", path, *words)
+    answer = answer_of(made, "certify")
+    assert (made.code, made.err, answer["kind"], answer["bytes"]) == (0, "", kind, path.stat().st_size)
+    assert any("trusted" not in line and encoding in line for line in answer["trusted"])
+    checked = command("verify", path, *example(), "--json")
+    answer = answer_of(checked, "verify")
+    assert (checked.code, answer["verdict"], answer["matched"], answer["reason"]) == (0, "established", True, None)
+    assert any("no valid box contains" in line for line in answer["established"]) == (kind == "maximal")
+
+
+def test_verify_is_a_process_of_its_own(tmp_path):
+    path = tmp_path / "plan.cert"
+    assert process("certify", *example(), "-o", path, "--quiet").out.startswith(f"certificate: {path}, ")
+    ended = process("verify", path)
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.out.startswith("established: the network has a schedule at the point\n")
+    assert ", not compared\n" in ended.out
+
+
+def test_another_plan_is_rejected(tmp_path):
+    path = tmp_path / "plan.cert"
+    assert command("certify", *example(), "-o", path).code == 0
+    ended = command("verify", path, *example("plan-flexible-wait.stn"), "--json")
+    answer = answer_of(ended, "verify")
+    assert (ended.code, answer["verdict"], answer["established"]) == (1, "rejected", [])
+    assert "is not the plan that the certificate is about" in answer["reason"]
+
+
+def test_a_box_from_a_file(tmp_path):
+    box, path = tmp_path / "box.json", tmp_path / "box.cert"
+    box.write_text(command("envelope", *example(), "--json").out, encoding="utf-8")
+    assert command("certify", *example(), "-o", path, "--kind", "maximal", "--box", box).code == 0
+    answer = json.loads(box.read_text(encoding="utf-8"))
+    name, ends = next(iter(answer["parameters"].items()))
+    answer["parameters"][name] = {**ends, "lower": ends["nominal"], "lower_closed": True}
+    box.write_text(json.dumps(answer), encoding="utf-8")
+    assert command("certify", *example(), "-o", path, "--kind", "box", "--box", box).code == 0
+    smaller = command("certify", *example(), "-o", path, "--kind", "maximal", "--box", box)
+    assert smaller.code == 4
+    assert "the box is not maximal" in smaller.err
+    answer["parameters"][name] = {**ends, "upper": "1000000"}
+    box.write_text(json.dumps(answer), encoding="utf-8")
+    assert command("certify", *example(), "-o", path, "--kind", "box", "--box", box).code == 2
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"a": 1}', '{"parameters": 3}', "\x00", "[" * 100000])
+def test_wrong_boxes(tmp_path, text):
+    box = tmp_path / "box.json"
+    box.write_text(text, encoding="utf-8")
+    ended = command("certify", *example(), "-o", tmp_path / "x", "--kind", "box", "--box", box)
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+
+
+def test_wrong_plans_and_options(tmp_path):
+    path = tmp_path / "plan.cert"
+    assert command("certify", *example("plan-flexible-wait.stn"), "-o", path).code == 2
+    assert not path.exists()
+    assert command("certify", *example()[:2], "-o", path).code == 2
+    assert command("certify", *example(), "-o", tmp_path / "no" / "where").code == 2
+    assert command("certify", *example(), "-o", path, "--timeout", "0.000001").code == 3
+    assert command("certify", *example(), "-o", path, "--kind", "region", "--alethe", tmp_path / "proofs").code == 2
+
+
+@pytest.mark.parametrize("content", [b"", b"no gzip", b"\x1f\x8b\x08\x00"])
+def test_unreadable_certificates(tmp_path, content):
+    path = tmp_path / "plan.cert"
+    path.write_bytes(content)
+    ended = command("verify", path)
+    assert ended.code in (1, 2)
+    assert command("verify", tmp_path / "missing").code == 2
+
+
+def test_knowledge(tmp_path):
+    wrong = sat_plan([[1, 2], [-1, 2], [1, -2], [-1, -2]]).write(tmp_path / "wrong")
+    path = tmp_path / "empty.cert"
+    answer = answer_of(command("certify", wrong, "-o", path, "--json"), "certify")
+    assert (answer["kind"], answer["established"]) == ("knowledge", ["the formula of the certificate has no model"])
+    assert command("verify", path, wrong).code == 0
+    assert command("verify", path, KITCHEN).code == 1
+    right = command("certify", KITCHEN, "-o", path)
+    assert right.code == 2
+    assert "the plan has a correct execution" in right.err
+
+
+def test_alethe(tmp_path):
+    proofs = tmp_path / "proofs"
+    made = command("certify", *example(), "-o", tmp_path / "c", "--kind", "box", "--alethe", proofs, "--json")
+    assert answer_of(made, "certify")["alethe_holes"] == 0
+    written = sorted(path.suffix for path in proofs.iterdir())
+    assert written.count(".alethe") == written.count(".smt2") > 0
+    assert all(path.read_text(encoding="utf-8").startswith("(\n(assume") for path in proofs.glob("*.alethe"))
