@@ -50,8 +50,8 @@ OPTIONS = {
     "--encoding --solver --timeout --plot --axes --json --quiet --verbose",
     ("compare",): "--beta --parameter --parameters --epsilon --encoding --solver --timeout --plot --axes --html "
     "--json --quiet --verbose",
-    ("certify",): "--output --kind --box --alethe --parameter --parameters --epsilon --encoding --solver --timeout --json "
-    "--quiet --verbose",
+    ("certify",): "--output --kind --box --alethe --parameter --parameters --epsilon --encoding --solver --timeout "
+    "--json --quiet --verbose",
     ("verify",): "--parameter --parameters --timeout --json",
     ("demo",): "",
     ("convert",): "--output --mode --parametrize --epsilon --solver --timeout --json --quiet --verbose",
