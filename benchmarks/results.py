@@ -21,6 +21,7 @@ from pathlib import Path
 from statistics import median
 from typing import Protocol
 
+from benchmarks.parts import joined
 from benchmarks.results_text import EXACT_METHODS, Delivery, Machine, Measurements, as_markdown
 from robust.bench import process
 from robust.bench.figure3 import run_figure3
@@ -196,7 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         limits = _Limits(options.limit, options.comparison_limit, options.exact_limit)
         for limit in (limits.general, limits.comparison, limits.exact):
             check_limit(limit)
-        text = as_markdown(measure(options.suite, limits, options.plots))
+        text = joined(as_markdown(measure(options.suite, limits, options.plots)))
         options.output.write_text(text, encoding="utf-8")
     except (RobustError, OSError) as error:
         parser.error(str(error))
