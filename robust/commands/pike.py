@@ -38,6 +38,21 @@ class TemporalReasoning(StrEnum):
     APSP = "apsp"
 
 
+class HumanKind(StrEnum):
+    """How uncontrollable choices are made."""
+
+    RATIONAL = "rational"
+    CARELESS = "careless"
+
+
+class PaceKind(StrEnum):
+    """How long activities take."""
+
+    COOPERATIVE = "cooperative"
+    LEAST = "least"
+    RANDOM = "random"
+
+
 pike_app = typer.Typer(
     name="pike",
     help="Plans with choices: which still lead to a correct execution?",
@@ -164,6 +179,71 @@ def compile_(
         progress=not (quiet or verbose),
     )
     return run_pike_compile(request, guard_of(context))
+
+
+@pike_app.command(epilog=EPILOG, short_help="Execute a plan with choices with a simulated team.")
+def run(
+    context: typer.Context,
+    file: File,
+    *,
+    human: Annotated[
+        HumanKind,
+        typer.Option("--human", help="how uncontrollable choices are made: among what remains correct, or anyhow"),
+    ] = HumanKind.RATIONAL,
+    pace: Annotated[
+        PaceKind,
+        typer.Option(
+            "--pace", help="how long activities take: so that a correct execution is left if possible, or regardless"
+        ),
+    ] = PaceKind.COOPERATIVE,
+    outcome: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--outcome", metavar="NAME=VALUE[@TIME]", help="what is chosen, and when it is known; may be repeated"
+        ),
+    ] = None,
+    disturb: Annotated[
+        list[str] | None,
+        typer.Option("--disturb", metavar="LITERAL@TIME", help="what goes wrong: '(not (atom))@3'; may be repeated"),
+    ] = None,
+    delay: Annotated[str, typer.Option("--delay", metavar="T", help="humans hesitate this long at most")] = "0",
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="decides what is left open")] = 0,
+    infer: Annotated[
+        bool, typer.Option("--infer/--no-infer", help="find out which values open choices may still have")
+    ] = True,
+    picture: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="draw who did what when: .svg, .png or .pdf")
+    ] = None,
+    epsilon: Epsilon = "1/1000",
+    solver: SolverOption = Solver.Z3,
+    timeout: Timeout = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Execute a plan with choices: dispatch, recognise intent, adapt, watch for what goes wrong."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.pike.running import PikeRunRequest, run_pike_run  # noqa: PLC0415 - heavy
+
+    request = PikeRunRequest(
+        file=file,
+        human=human.value,
+        pace=pace.value,
+        outcomes=tuple(outcome or ()),
+        disturbances=tuple(disturb or ()),
+        delay=delay,
+        seed=seed,
+        infer=infer,
+        plot=picture,
+        solver=solver.value,
+        epsilon=epsilon,
+        timeout=timeout,
+        json=json,
+        quiet=quiet,
+        progress=not (quiet or verbose),
+    )
+    return run_pike_run(request, guard_of(context))
 
 
 @pike_app.command(epilog=EPILOG, short_help="Draw a plan with choices.")

@@ -58,13 +58,16 @@ def least_stretch(
         fixed: faces that stand still.
         moving: faces that stand at `base ± λ · speed`, as pairs (base, speed).
     """
-    names = [*piece.parameters, STRETCH]
+    # Sides of other parameters leave room for every value: a box is nowhere empty.
+    used = {name for constraint in piece.constraints for name, _ in constraint.coefficients}
+    names = [*(name for name in piece.parameters if name in used), STRETCH]
     constraints = [*piece.constraints, LinearConstraint.of({STRETCH: 1}, ">=", 0)]
     for (name, side), limit in fixed.items():
-        if limit.value is not None:
+        if name in used and limit.value is not None:
             constraints.append(_within(name, side, {}, limit.value, limit.closed))
     for (name, side), (base, speed) in moving.items():
-        constraints.append(_within(name, side, {STRETCH: speed}, base, True))
+        if name in used:
+            constraints.append(_within(name, side, {STRETCH: speed}, base, True))
     return infimum(names, constraints, {STRETCH: Fraction(1)})
 
 

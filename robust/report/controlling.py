@@ -146,7 +146,8 @@ def _print_part(out: Console, report: ControllabilityReport, shrunk: Shrunk, los
         return
     out.print()
     share = "" if lost.share is None else f"; {float(lost.share):.1%} of the total width is lost"
-    out.print(Text(f"no {_ADVERB[report.wanted]} controllable part of the box contains this one{share}."))
+    largest = f"no {_ADVERB[report.wanted]} controllable part of the box contains this one{share}."
+    out.print(Text(largest), soft_wrap=True)
     if shrunk.cut:
         names = ", ".join(dict.fromkeys(name for name, _ in shrunk.cut))
         text = f"{names} may be any finite amount larger: ends were set {readable(HORIZON)} weights from the centre."

@@ -44,6 +44,7 @@ ROBOTS = DOMAINS / "robot_delivery"
 VALID = [
     Example(NAVIGATION, "domain.pddl", "problem.pddl", "plan.stn"),
     Example(EXAMPLES / "generator", "domain.pddl", "problem.pddl", "plan.stn"),
+    Example(EXAMPLES / "delivery", "domain.pddl", "problem.pddl", "plan.stn"),
     Example(DOMAINS / "generator", "domain.pddl", "problem-5.pddl", "plan-5-2.stn"),
     Example(DOMAINS / "generator", "domain.pddl", "problem-5.pddl", "plan-5-4.stn"),
     Example(DOMAINS / "generator", "domain.pddl", "problem-5.pddl", "plan-5-pauses-3.stn"),

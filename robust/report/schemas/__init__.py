@@ -19,6 +19,7 @@ FILES = {
     "robust/pike-check/1": "pike-check.schema.json",
     "robust/pike-compile/1": "pike-compile.schema.json",
     "robust/pike-cross/1": "pike-cross.schema.json",
+    "robust/pike-run/1": "pike-run.schema.json",
     "robust/pike-plot/1": "pike-plot.schema.json",
 }
 
