@@ -1,0 +1,83 @@
+"""`robust pike run`, as users run it."""
+
+import json
+
+import jsonschema
+import pytest
+
+from robust.cli import run as robust
+from robust.report.schemas import schema
+from tests.pike_bridge.online.examples import KITCHEN
+
+
+def run(capsys, *arguments):
+    code = robust(["pike", "run", str(KITCHEN), *arguments])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_a_story_as_json(capsys):
+    code, out, _ = run(capsys, "--outcome", "xA1=mug", "--json")
+    answer = json.loads(out)
+    jsonschema.validate(answer, schema("robust/pike-run/1"))
+    assert code == 0
+    assert answer["status"] == "succeeded"
+    assert answer["choices"]["xA2"] == "coffee"
+    possible = next(step["possible"] for step in answer["steps"] if step["possible"])
+    assert possible["xA3"] == ["cereal"]
+    assert answer["conflict"] == []
+
+
+def test_a_failure_names_the_facts_that_contradict_each_other(capsys):
+    code, out, _ = run(capsys, "--outcome", "xA1=mug", "--outcome", "xA3=bagel")
+    assert code == 1
+    assert out.startswith("failed at ")
+    assert "observed  xA3 = bagel" in out
+    assert out.rstrip().splitlines()[-2:] == ["  xA2 = coffee", "  xA3 = bagel"]
+
+
+def test_the_same_seed_gives_the_same_execution(capsys):
+    steps = []
+    for _ in range(2):
+        _, out, _ = run(capsys, "--seed", "5", "--json")
+        steps.append([(step["time"], step["messages"], step["decisions"]) for step in json.loads(out)["steps"]])
+    assert steps[0] == steps[1]
+
+
+def test_a_chart_is_drawn(capsys, tmp_path):
+    picture = tmp_path / "run.svg"
+    code, _, _ = run(capsys, "--outcome", "xA1=mug", "--plot", str(picture), "--quiet")
+    assert code == 0
+    text = picture.read_text(encoding="utf-8")
+    assert "(make-coffee human)" in text
+    assert "xA3 must be cereal" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--outcome", "xA1"], "expected NAME=VALUE or NAME=VALUE@TIME"),
+        (["--outcome", "xA1=bucket"], "'bucket' is not a value of xA1"),
+        (["--outcome", "xB=mug"], "there is no choice 'xB'"),
+        (["--outcome", "xR1=juice"], "xR1 is for the executive to choose"),
+        (["--outcome", "xA1=mug@soon"], "soon"),
+        (["--outcome", "xA1=mug@-1"], "expected 0 or later"),
+        (["--disturb", "working toaster@1"], "expected '(atom)@TIME' or '(not (atom))@TIME'"),
+        (["--disturb", "(not (working toaster))"], "expected '(atom)@TIME' or '(not (atom))@TIME'"),
+        (["--disturb", "(working toster)@1"], "nothing in the plan is about (working toster); did you mean"),
+        (["--delay", "x"], "--delay"),
+        (["--plot", "run.txt"], "expected a name that ends in"),
+    ],
+)
+def test_bad_options_are_one_line(capsys, arguments, said):
+    code, out, err = run(capsys, *arguments)
+    assert code == 2
+    assert out == ""
+    assert said in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_a_time_out_says_what_has_happened(capsys):
+    code, out, err = run(capsys, "--timeout", "0.000001", "--json")
+    assert code == 3
+    assert json.loads(out or err)
