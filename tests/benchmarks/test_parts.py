@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from benchmarks.parts import MARK, PARTS, RESULTS, joined, team_plans, team_report
+from benchmarks.parts import MARK, PARTS, RESULTS, joined, latencies, team_plans, team_report
+from robust.bench.latency import Latency, measure_latencies
 
 PRINTED = {
     "complete": True,
@@ -56,3 +57,22 @@ def test_team_plans_from_what_was_printed():
     assert "| oracle | 1 | 1 | 0.50 | 0.50 | 0.50 | 0 | 80 |" in text
     assert "0.15 s median, 0.15 s at most" in text
     assert "More implicants than models: 1 of 1 plans" in text
+
+
+def test_latencies_of_executions():
+    (measured,) = measure_latencies([53])
+    assert measured.outcome == "succeeded"
+    assert measured.steps
+    assert measured.wakes
+    assert min(*measured.steps, *measured.wakes, measured.preparation) > 0
+
+
+def test_the_part_about_latencies():
+    found = [
+        Latency("a", 3, "succeeded", 0.2, (0.001, 0.004), (0.002,)),
+        Latency("b", 4, "failed", 0.1, (0.003, 0.2), (0.005,)),
+    ]
+    text = latencies(found, "2026-01-01")
+    assert "2 executions: 1 succeeded, 1 failed; 4 steps." in text
+    assert "under 0.1 s in 1 of 2" in " ".join(text.split())
+    assert "| slowest step of each execution | 102.00 | 200.00 | 200.00 |" in text

@@ -76,8 +76,10 @@ class Rehearsal:
     solver: str = "z3"
     deadline: Deadline = Deadline()  # noqa: RUF009 - immutable
     on_step: Callable[[Step], None] | None = None
-    _steps: list[Step] = field(default_factory=list)
-    _known: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    _steps: list[Step] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._known = dict(self.plan.network.domains)
 
     def run(self) -> Record:
         """Execute; a deadline or Ctrl-C ends it with what has happened.
@@ -86,11 +88,7 @@ class Rehearsal:
             SolverError: if the solver is unknown, or an execution that ended well is not correct.
         """
         self._executive = PlanExecutive(self.plan, self._reasoner, deadline=self.deadline)
-        self._known = dict(self.plan.network.domains)
-        judge = self._executive.reasoner
-        if not isinstance(judge, SemanticReasoner):
-            raise TypeError(type(judge))
-        world = SimulatedTeam(self.plan, self._executive, judge, self.story, seed=self.seed)
+        world = SimulatedTeam(self.plan, self._executive, self._judge, self.story, seed=self.seed)
         try:
             simulate(_Recorded(self), world)
         except OutOfTimeError:
@@ -139,7 +137,8 @@ class Rehearsal:
         return self._executive
 
     def _reasoner(self, progress: Progress) -> SemanticReasoner:
-        return SemanticReasoner(progress, solver=self.solver)
+        self._judge = SemanticReasoner(progress, solver=self.solver)
+        return self._judge
 
     def _inferred(self) -> dict[str, tuple[str, ...]]:
         changed: dict[str, tuple[str, ...]] = {}
