@@ -6,6 +6,8 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import reduce
+from math import gcd
 
 import networkx
 
@@ -31,6 +33,11 @@ class Progress:
     def __post_init__(self) -> None:
         self.pending = dict.fromkeys(event.name for event in self.plan.network.events)
         self.structure = Structure(self.plan)
+
+    @property
+    def grid(self) -> Fraction:
+        """What all bounds of the plan and its ε are multiples of: so are the times at which anything changes."""
+        return self.structure.grid
 
     def compatible(self, guard: Guard) -> bool:
         """Whether no choice is known to be otherwise."""
@@ -109,6 +116,8 @@ class Structure:
 
     def __init__(self, plan: TeamPlan) -> None:
         network = plan.network
+        bounds = (bound for each in network.temporal_constraints for bound in (each.lower, each.upper))
+        self.grid = reduce(_common_measure, (bound for bound in bounds if bound is not None), plan.epsilon)
         self.guards: dict[str, Guard] = network.guards
         self.incoming: dict[str, list[Constraint]] = {event.name: [] for event in network.events}
         """Every bound on an event as a constraint whose target it is."""
@@ -165,6 +174,11 @@ class Structure:
             event: tuple(earlier for earlier in graph.predecessors(event) if component[earlier] != component[event])
             for event in graph
         }
+
+
+def _common_measure(a: Fraction, b: Fraction) -> Fraction:
+    """The greatest number that both are multiples of."""
+    return Fraction(gcd(a.numerator * b.denominator, b.numerator * a.denominator), a.denominator * b.denominator)
 
 
 def _reversed(constraint: Constraint) -> Constraint:

@@ -3,7 +3,7 @@
 All reasoners mean the same by them. A *continuation* is a correct execution that agrees with all that has happened, and
 in which every pending event has the present time or a later one. An event is *executable* now if some continuation
 executes it now, in which whatever is not the executive's to execute comes later: what is not reported has not happened.
-Times are on the grid of the plan's ε, and so is "strictly before": by ε at least.
+Times are on the grid that the plan's bounds and its ε are on; "strictly before" is by ε at least.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ class SemanticReasoner(WitnessedReasoner):
         if earliest is not None:
             return earliest
         last = self._latest(deadline)
-        return None if last is None else last + self._epsilon
+        return None if last is None else last + self.progress.grid
 
     def allows(self, moment: Fraction, environment: Guard, event: str | None, deadline: Deadline) -> bool:
         """Whether some continuation in the environment has nothing before a moment, and then the event, if given."""
@@ -118,6 +118,11 @@ class SemanticReasoner(WitnessedReasoner):
             horizon = self._horizon()
             greatest = self._best(horizon, deadline, sign=-1)
         return least, None if greatest == horizon else greatest
+
+    def quiet_until(self, deadline: Deadline) -> Fraction | None:
+        """The greatest time before which nothing need be executed; None if nothing ever need, or nothing is correct."""
+        self._tell_time()
+        return self._latest(deadline)
 
     def _from(self, moment: Fraction, environment: Guard) -> Iterator[Formula]:
         self._tell_time()
@@ -197,7 +202,7 @@ class SemanticReasoner(WitnessedReasoner):
     def _earliest_execution(self, deadline: Deadline) -> Fraction | None:
         """The least time after now at which an event is executable if nothing happens before."""
         candidates = [event for event in self.progress.frontier if self.progress.ours(event)]
-        soonest = self.progress.now + self._epsilon
+        soonest = self.progress.now + self.progress.grid
         floor = max(soonest, min((self.progress.earliest(event) or soonest for event in candidates), default=soonest))
         hypothesis = [
             self._terms.disjunction(
@@ -247,9 +252,9 @@ class SemanticReasoner(WitnessedReasoner):
             return None
         best = self._on_grid(self._value(), sign)
         improvements = 0
-        while sign * (best - bound) > self._epsilon:
+        while sign * (best - bound) > self.progress.grid:
             improvements += 1
-            aim = best - sign * self._epsilon
+            aim = best - sign * self.progress.grid
             if improvements > _BISECTION:
                 aim = self._on_grid((best + bound) / 2, sign)
             with self._session.frame(self._terms.at_least((self._first - aim).scaled(-sign))):
@@ -267,5 +272,6 @@ class SemanticReasoner(WitnessedReasoner):
 
     def _on_grid(self, time: Fraction, sign: int) -> Fraction:
         """The nearest time on the grid towards the bound, which is possible if the time is: bounds are on the grid."""
-        steps = time / self._epsilon
-        return (steps.__floor__() if sign > 0 else steps.__ceil__()) * self._epsilon
+        grid = self.progress.grid
+        steps = time / grid
+        return (steps.__floor__() if sign > 0 else steps.__ceil__()) * grid

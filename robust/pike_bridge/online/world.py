@@ -1,4 +1,4 @@
-"""Simulated humans and worlds for executives: seeded, and on the grid of the plan's ε.
+"""Simulated humans and worlds for executives: seeded, and on the grid of the plan's numbers.
 
 A world decides uncontrollable choices, how long activities take, and what goes wrong with the state.
 """
@@ -14,7 +14,7 @@ from heapq import heappop, heappush
 from math import ceil, floor
 from random import Random
 
-from robust.pike_bridge.model import Assignment, Literal, TeamPlan
+from robust.pike_bridge.model import ALWAYS, Assignment, Literal, TeamPlan
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.messages import Completion, Decision, Dispatched, Estimate, Message, Outcome
 from robust.pike_bridge.online.semantic import SemanticReasoner
@@ -33,8 +33,8 @@ class Human(Enum):
 class Pace(Enum):
     """How long activities take, between their bounds.
 
-    Agents that cooperate end their activities while that leaves a correct execution, if there is such a time; PIKE
-    counts on them [PIKE, Definition 2.8].
+    Agents that cooperate end their activities while that leaves a correct execution, if there is such a time, and act
+    otherwise than they meant to when something else has happened; PIKE counts on them [PIKE, Definition 2.8].
     """
 
     COOPERATIVE = "cooperative"
@@ -92,6 +92,11 @@ class SimulatedTeam:
         self._random = Random(seed)  # noqa: S311 - reproducible
         self._agenda: list[tuple[Fraction, int, Callable[[Fraction], Message | None]]] = []
         self._due: set[str] = set()
+        self._running: dict[str, Completion] = {}
+        """What cooperative agents do, by the event at which it ends."""
+        self._waiting: list[str] = []
+        """Activities that cannot end before something else has happened."""
+        self._advised = True
         self._number = 0
         for disturbance in story.disturbances:
             self._plan_for(disturbance.time, partial(_seen, disturbance.literal))
@@ -102,6 +107,11 @@ class SimulatedTeam:
 
     def receive(self, now: Fraction, decisions: Sequence[Decision]) -> None:
         """Begin what was dispatched, and make choices whose time has come."""
+        self._advised = False
+        if decisions:
+            for end in self._waiting:
+                self._plan_for(now, partial(self._complete, end))
+            self._waiting.clear()
         for decision in decisions:
             if isinstance(decision, Dispatched):
                 self._begin(now, decision)
@@ -117,6 +127,9 @@ class SimulatedTeam:
 
     @property
     def next_time(self) -> Fraction | None:
+        if not self._advised and self._running:
+            self._hurry()
+        self._advised = True
         return self._agenda[0][0] if self._agenda else None
 
     def messages(self, now: Fraction) -> Sequence[Message]:
@@ -141,16 +154,37 @@ class SimulatedTeam:
                 if found is not None:
                     first, last = found[0], min(last, found[1] or last)
                 time = first + self._drawn(max(last - first, Fraction(0)))
-                self._plan_for(time, partial(self._complete, completion, activity.end))
+                self._running[activity.end] = completion
+                self._plan_for(time, partial(self._complete, activity.end))
 
-    def _complete(self, completion: Completion, end: str, now: Fraction) -> Message | None:
-        """End an activity, unless that is better done later."""
-        if not self._judge.allows(now, frozenset(), end, NEVER):
+    def _complete(self, end: str, now: Fraction) -> Message | None:
+        """End an activity, unless that is better done later, or is done already."""
+        if end in self._running and not self._judge.allows(now, ALWAYS, end, NEVER):
             found = self._judge.times_of(end, now, NEVER)
             if found is not None:
-                self._plan_for(found[0], partial(self._complete, completion, end))
+                self._plan_for(found[0], partial(self._complete, end))
                 return None
-        return completion
+            if self._judge.possible(NEVER):
+                self._waiting.append(end)
+                return None
+        return self._running.pop(end, None)
+
+    def _hurry(self) -> None:
+        """End an activity before it was meant to, where nothing correct would be left if all waited for the next."""
+        wake = self._executive.wake
+        if self._executive.ended or (self._agenda and self._judge.allows(self._agenda[0][0], ALWAYS, None, NEVER)):
+            return
+        latest = self._judge.quiet_until(NEVER)
+        if wake is not None and (latest is None or wake <= latest):
+            return
+        for end in self._running:
+            found = self._judge.times_of(end, self._executive.progress.now, NEVER)
+            if found is not None:
+                times = found[:1] if latest is None else (min(latest, found[1] or latest), found[0])
+                time = next((each for each in times if self._judge.allows(each, ALWAYS, end, NEVER)), None)
+                if time is not None:
+                    self._plan_for(time, partial(self._complete, end))
+                    return
 
     def _choose(self, choice: str, now: Fraction) -> Message:
         wanted = (self._story.outcomes or {}).get(choice)
@@ -166,11 +200,13 @@ class SimulatedTeam:
 
     def _drawn(self, greatest: Fraction) -> Fraction:
         """A random time on the grid, from 0 to the greatest."""
-        return self._random.randint(0, floor(greatest / self._plan.epsilon)) * self._plan.epsilon
+        grid = self._executive.progress.grid
+        return self._random.randint(0, floor(greatest / grid)) * grid
 
     def _plan_for(self, time: Fraction, message: Callable[[Fraction], Message | None]) -> None:
         self._number += 1
-        on_grid = ceil(time / self._plan.epsilon) * self._plan.epsilon
+        grid = self._executive.progress.grid
+        on_grid = ceil(time / grid) * grid
         heappush(self._agenda, (on_grid, self._number, message))
 
 
