@@ -253,7 +253,6 @@ class _Builder:
     """What may be true at some time, as far as this can be seen without time and deletions."""
 
     def build(self, candidates: list[_Candidate]) -> RelaxedProblem:
-        self.ever = set(self.problem.atoms) | {atom for _, atom, value in self._literals if value}
         possible = self._possible(candidates)
         effects = [effect for action, _ in possible for effect in action.atom_effects]
         added = {one.atom for one in effects if one.value}
@@ -293,20 +292,41 @@ class _Builder:
         return tuple(sorted(one for one in wanted & self.ever if one in deleted or one not in self.problem.atoms))
 
     def _possible(self, candidates: list[_Candidate]) -> list[_Candidate]:
-        """The actions whose conditions may hold, without regard to time and deletions."""
-        possible: list[_Candidate] = []
+        """The actions whose conditions may hold, without regard to time and deletions.
+
+        Those of its end may come to hold because of its start. An action that cannot end is never started.
+        """
+        begin = set(self.problem.atoms) | {atom for _, atom, value in self._literals if value}
+        while True:
+            self.ever = set(begin)
+            self._grow(candidates)
+            possible = [one for one in candidates if self._may_happen(one, Timing.AT_END)]
+            if len(possible) == len(candidates):
+                return possible
+            candidates = possible
+
+    def _grow(self, candidates: list[_Candidate]) -> None:
+        """Add what the actions can make true to what may be true."""
+        waiting = [(one, timing) for one in candidates for timing in (Timing.AT_START, Timing.AT_END)]
         while True:
             left = []
-            for candidate in candidates:
-                action = candidate[0]
-                if all(self._may_hold(timed.condition) for timed in action.conditions):
-                    possible.append(candidate)
-                    self.ever |= {effect.atom for effect in action.atom_effects if effect.value}
+            for candidate, timing in waiting:
+                if self._may_happen(candidate, timing):
+                    effects = candidate[0].atom_effects
+                    self.ever |= {one.atom for one in effects if one.value and one.timing is timing}
                 else:
-                    left.append(candidate)
-            if len(left) == len(candidates):
-                return possible
-            candidates = left
+                    left.append((candidate, timing))
+            if len(left) == len(waiting):
+                return
+            waiting = left
+
+    def _may_happen(self, candidate: _Candidate, timing: Timing) -> bool:
+        """Whether all conditions up to the start or the end of an action may hold at some time."""
+        action, shortest = candidate
+        timings = {Timing.AT_START}
+        if timing is Timing.AT_END:
+            timings |= {Timing.AT_END, Timing.OVER_ALL} if shortest else {Timing.AT_END}
+        return all(self._may_hold(timed.condition) for timed in action.conditions if timed.timing in timings)
 
     def _may_hold(self, condition: Condition) -> bool:
         match condition:
