@@ -8,6 +8,7 @@ from random import Random
 
 import pytest
 
+from robust.bench.conversion_plans import drawn_plan
 from robust.execute.delivery import DeliveryVariant, delivery_domain, table_problems
 from robust.execute.planners import relaxed
 from robust.execute.planners.earliest import EarliestTimes
@@ -183,6 +184,87 @@ def test_plans_of_deliveries_keep_to_the_bounds():
         assert 400 < EarliestTimes(found, Deadline()).condition(found.goal) / found.ticks <= end
 
 
+# -- corners of the semantics ------------------------------------------------------------------------------------------
+
+
+def durative(name: str, duration: str, conditions: str, effects: str) -> str:
+    return (
+        f"(:durative-action {name} :parameters () :duration (= ?duration {duration}) "
+        f":condition (and {conditions}) :effect (and {effects}))"
+    )
+
+
+CORNERS = {
+    # Each makes true at its start what the other one needs while it runs.
+    "starts that support each other": (
+        durative("a", "1", "(over all (q))", "(at start (p)) (at end (x))")
+        + durative("b", "1", "(over all (p))", "(at start (q)) (at end (y))"),
+        "",
+        "0: (a) [1]\n0: (b) [1]",
+    ),
+    # Each makes false at its end what the other one needs until then.
+    "ends that would break each other": (
+        durative("a", "1", "(over all (q))", "(at end (not (p))) (at end (x))")
+        + durative("b", "1", "(over all (p))", "(at end (not (q))) (at end (y))"),
+        "(p) (q)",
+        "0: (a) [1]\n0: (b) [1]",
+    ),
+    # Both copies have to start before 2; what the first one brings is used up when the second one brings it again.
+    "an action that overlaps itself": (
+        durative("a", "4", "(at start (p))", "(at end (x))") + "(:action b :parameters () :precondition (x) "
+        ":effect (and (not (x)) (y)))",
+        "(p) (at 2 (not (p)))",
+        "0: (a) [4]\n1: (a) [4]\n4.5: (b)",
+    ),
+    # What the end needs comes while the action runs, and not before it.
+    "what an end needs comes meanwhile": (
+        durative("a", "4", "(over all (p)) (at end (x))", "(at end (y))") + durative("b", "3", "", "(at end (x))"),
+        "(p) (at 5 (not (p)))",
+        "0: (a) [4]\n0: (b) [3]",
+    ),
+    # The start of an action brings about what its own end needs.
+    "an end that needs what its start brings": (
+        durative("a", "2", "(at end (q))", "(at start (p)) (at end (x)) (at end (y))")
+        + durative("b", "1", "(at start (p))", "(at end (q))"),
+        "",
+        "0: (a) [2]\n0.5: (b) [1]",
+    ),
+    # Nothing is strictly between the start and the end of an action without a duration.
+    "an action without a duration": (
+        durative("a", "0", "(over all (q))", "(at end (x)) (at end (y))"),
+        "",
+        "0: (a) [0]",
+    ),
+    # A condition over all may cease to hold when the action ends, and begin to when it starts.
+    "a window as long as the action": (
+        durative("a", "3", "(over all (p))", "(at end (x)) (at end (y))"),
+        "(at 1 (p)) (at 4 (not (p)))",
+        "1: (a) [3]",
+    ),
+}
+
+
+@pytest.mark.parametrize("corner", CORNERS)
+def test_corners_of_the_semantics(corner):
+    actions, initial, steps = CORNERS[corner]
+    domain = parse_domain(f"(define (domain c) (:predicates (p) (q) (x) (y)) {actions})")
+    problem = parse_problem(f"(define (problem c) (:domain c) (:init {initial}) (:goal (and (x) (y))))", domain)
+    plan = parse_timed_plan(steps)
+    check(plan, domain, problem, EPSILON)  # it is a plan
+    assert unreachable(domain, problem, Deadline()) is None
+    found = relaxed_problem(domain, problem, Deadline())
+    end = max(step.time + (step.duration or 0) for step in plan.steps)
+    assert EarliestTimes(found, Deadline()).condition(found.goal) <= end * found.ticks
+
+
+@pytest.mark.parametrize("seed", range(0, 60, 4))
+def test_drawn_plans_are_not_refused(seed):
+    """Of domains with parameters, numbers and continuous effects."""
+    drawn = drawn_plan(seed)
+    domain = parse_domain(drawn.domain)
+    assert unreachable(domain, parse_problem(drawn.problem, domain), Deadline()) is None
+
+
 # -- random worlds -----------------------------------------------------------------------------------------------------
 
 ATOMS = tuple(f"p{i}" for i in range(5))
@@ -251,15 +333,15 @@ class Schedules:
             self.chosen += new
 
     def _instance(self) -> tuple[str, Fraction, Fraction]:
-        """An action at a moment; often one at which something starts or ends already."""
+        """An action as soon and as short as it goes, or at some moment, often one at which something happens."""
         name = self.random.choice(sorted(self.domain.actions))
-        moments = [moment for _, start, end in self.chosen for moment in (start, end)]
-        start = self.random.choice(moments if moments and self.random.random() < 0.5 else HALVES)
+        moments = [moment for _, start, end in self.chosen for moment in (start, end, end, end + EPSILON)]
+        start = self.random.choice((F(0), self.random.choice(moments or HALVES), self.random.choice(HALVES)))
         schema = self.domain.actions[name]
         if not schema.durative:
             return name, start, start
         bound = schema.durations[0]
-        more = F(0) if bound.comparator.value == "=" else self.random.choice(HALVES[:4])
+        more = F(0) if bound.comparator.value == "=" else self.random.choice((F(0), F(0), *HALVES[:4]))
         return name, start, start + bound.bound.value + more
 
     def states(self):
@@ -283,7 +365,7 @@ def sweep(seeds) -> tuple[int, int, int]:
         found = relaxed_problem(domain, problem, Deadline())
         times = EarliestTimes(found, Deadline())
         schedules = Schedules(domain, problem, random)
-        for _ in range(12):
+        for _ in range(20):
             schedules.extend()
         for moment, atoms in schedules.states():
             assert atoms <= found.ever | problem.atoms, seed
@@ -296,15 +378,15 @@ def sweep(seeds) -> tuple[int, int, int]:
 
 
 def test_whatever_a_valid_plan_reaches_is_not_before_its_bound():
-    seen, later, exact = sweep(range(250))
-    assert seen > 2000
+    seen, later, exact = sweep(range(100))
+    assert seen > 1000
     assert later > 200
-    assert exact > 30  # the bounds are not idle
+    assert exact > 20  # the bounds are not idle
 
 
 @pytest.mark.slow
 def test_whatever_many_valid_plans_reach_is_not_before_its_bound():
-    assert min(sweep(range(1000, 11000))) > 1000
+    assert min(sweep(range(1000, 5000))) > 1000
 
 
 @pytest.mark.slow

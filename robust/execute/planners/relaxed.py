@@ -201,11 +201,12 @@ def _literals(schema: ActionSchema) -> Iterator[LiteralEffect]:
 def _arguments(
     schema: ActionSchema, domain: Domain, problem: Problem, constants: _Constants
 ) -> Iterator[tuple[str, ...]]:
-    """The arguments with which the constant propositions among an action's conditions hold."""
+    """The arguments with which the constant propositions among an action's conditions at start and end hold."""
     places = {parameter.name: i for i, parameter in enumerate(schema.parameters)}
     checks: dict[int, list[Proposition]] = {}
     for timed in schema.conditions:
-        for one in _propositions(timed.condition):
+        # what holds over all is left for later: without a duration, it need not hold
+        for one in _propositions(timed.condition) if timed.timing is not Timing.OVER_ALL else ():
             if constants.fixed(one.predicate):
                 place = max((places[term.name] for term in one.arguments if term.variable), default=-1)
                 checks.setdefault(place, []).append(one)
