@@ -53,7 +53,10 @@ class EarliestTimes:
         self._last: list[Time] = [problem.last.get(fact, inf) for fact in range(self._atoms)]
         self._last += [self._latest_end(action) for action in problem.actions]
         self._overlapping: set[int] = set()
-        self._steps = [_Step(number, action, problem, self._atoms) for number, action in enumerate(problem.actions)]
+        durative = [(one, one.end) for one in problem.actions if one.end is not None]
+        begun = frozenset(fact for action, _ in durative for fact in action.start.adds)
+        undone = frozenset(fact for _, end in durative for fact in end.deletes)
+        self._steps = [_Step(number, one, begun, undone) for number, one in enumerate(problem.actions)]
         self._run(deadline)
 
     @property
@@ -103,11 +106,16 @@ class EarliestTimes:
                 self._arrive(time, fact)
             for step in self._steps:
                 deadline.enforce()
-                if step.reads_all or not step.inputs.isdisjoint(changed | self._changed):
+                if self._is_due(step, changed):
                     self._start(step)
                     self._end(step)
             if not self._changed:
                 self._changed = self._let_overlap()
+
+    def _is_due(self, step: _Step, changed: set[int]) -> bool:
+        """Whether something has changed that the bounds of a step depend on; without needs, that is everything."""
+        inputs = (*step.all_needs, self._atoms + step.number)
+        return not step.needs or any(fact in changed or fact in self._changed for fact in inputs)
 
     def _let_overlap(self) -> set[int]:
         """Actions that may be started while they run, found out just now: their ends leave them running."""
@@ -122,6 +130,13 @@ class EarliestTimes:
             ]
             self._achieve((fact,), time, values)
 
+    def _broken(self, change: Change) -> Iterator[int]:
+        """The running actions that something breaks: facts that it makes false hold during them."""
+        if change.deletes:
+            for number, action in enumerate(self._problem.actions):
+                if not change.deletes.isdisjoint(action.during):
+                    yield self._atoms + number
+
     def _start(self, step: _Step) -> None:
         base = self.together(step.needs)
         latest = step.latest_start(self._last)
@@ -132,9 +147,11 @@ class EarliestTimes:
         values = [v if v <= last else inf for v, last in zip(values, self._last, strict=True)]
         if latest < inf:
             values = [v if v <= latest else inf for v in values]
-        for fact in step.excluded_at_start:
-            values[fact] = inf
         action = step.action
+        for fact in action.start.deletes:
+            values[fact] = inf
+        for running in self._broken(action.start):
+            values[running] = inf
         if action.end is None:
             self._achieve(action.start.adds, base, values)
             return
@@ -204,9 +221,12 @@ class EarliestTimes:
 
 
 class _Step:
-    """What of an action is looked at again and again."""
+    """What of an action is looked at again and again.
 
-    def __init__(self, number: int, action: RelaxedAction, problem: RelaxedProblem, atoms: int) -> None:
+    Some start makes the facts `begun` true, and some end makes the facts `undone` false.
+    """
+
+    def __init__(self, number: int, action: RelaxedAction, begun: frozenset[int], undone: frozenset[int]) -> None:
         self.number = number
         self.action = action
         self.restart: Time = inf
@@ -214,21 +234,11 @@ class _Step:
         self.late_start: Time = inf
         self.late_end: Time = inf
         """When its end comes at the earliest if that is too late, as seen from its start, or from its end."""
-        ends = _ends(problem)
-        begun = {fact for one in problem.actions if one.end is not None for fact in one.start.adds}
-        self.needs = tuple(action.start.needs | (action.during - action.start.adds - begun))
         at_end = frozenset() if action.end is None else action.end.needs
-        undone = {fact for change in ends for fact in change.deletes}
+        self.needs = tuple(action.start.needs | (action.during - action.start.adds - begun))
         self.before_end = tuple(at_end | action.during)
         self.at_end = tuple(at_end | (action.during - undone))
         self.all_needs = action.start.needs | action.during | at_end
-        deletes = action.start.deletes
-        self.excluded_at_start = (
-            *deletes,
-            *(atoms + i for i, one in enumerate(problem.actions) if not deletes.isdisjoint(one.during)),
-        )
-        self.inputs = frozenset((*self.all_needs, atoms + number))
-        self.reads_all = not self.needs
 
     def latest_start(self, last: list[Time]) -> Time:
         """When it starts at the latest to end in time."""
@@ -236,10 +246,6 @@ class _Step:
         at_end = frozenset() if action.end is None else action.end.needs
         lasts = [last[fact] - action.shortest for fact in action.during | at_end]
         return earliest([*lasts, *(last[fact] for fact in action.start.needs)])
-
-
-def _ends(problem: RelaxedProblem) -> Iterator[Change]:
-    return (action.end for action in problem.actions if action.end is not None)
 
 
 def _parts(condition: Condition) -> Iterator[Condition]:

@@ -49,7 +49,7 @@ from robust.smt.limits import Deadline
 Time = float
 """Ticks: whole numbers as `int`, which are exact, and `inf` for never."""
 
-MOST_ACTIONS = 1500
+MOST_ACTIONS = 1000
 """Ground actions; what is computed for pairs of facts takes too long for more."""
 
 
