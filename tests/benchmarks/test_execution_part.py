@@ -81,6 +81,7 @@ def test_tables():
     assert "more than every other executor in 1 of 1 columns" in flowing
     assert "fewer than 0.3 re-plans on average in 0" in flowing
     assert "BLEX(0) succeeds in 1 runs, 1 of them with re-plans" in flowing
+    assert flowing.count("The charge was fixed before the runs, so that about one run in ten") == 1
     assert "1 of 3 failed runs ended because the planner ran out of time" in flowing
     assert (
         "Percentage points from the paper: DREEX +7.8 to +7.8 (mean +7.8), BLEX -78.8 to +50.0 (mean -14.4)" in flowing
