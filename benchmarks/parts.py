@@ -2,7 +2,8 @@
 
 `python -m benchmarks.parts team-plans FILE.json` writes `parts/1-team-plans.md` from what `robust bench figure20a
 --json` printed, and puts all parts at the end of `RESULTS.md`. With `latency`, the plans that admit a correct execution
-there are executed, and `parts/3-latency.md` is written.
+there are executed, and `parts/3-latency.md` is written. With `execution`, any number of files of `robust bench table1`,
+`table2`, `conversions` and `figure4` become `parts/5-execution.md`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from statistics import median
 from textwrap import fill
 from typing import Any
 
+from benchmarks.execution_part import execution
 from robust.bench.latency import Latency, measure_latencies
 from robust.bench.team_plans import CONTENDERS, FIGURE20A, TeamReport, TeamRun
 from robust.bench.team_tables import (
@@ -143,6 +145,16 @@ def _measured(report: TeamReport) -> list[Latency]:
     return measure_latencies(indices, seed=report.seed, on_result=_progress)
 
 
+def _part(part: str, printed: Sequence[dict[str, Any]], date: str) -> tuple[str, str]:
+    """The file of a part, and its text."""
+    if part == "execution":
+        return "5-execution.md", execution(printed, date)
+    report = team_report(printed[0])
+    if part == "team-plans":
+        return "1-team-plans.md", team_plans(report, date)
+    return "3-latency.md", latencies(_measured(report), date)
+
+
 def _progress(latency: Latency) -> None:
     print(f"{latency.instance}: {latency.outcome}, {max(latency.steps):.3f} s at most", file=sys.stderr, flush=True)
 
@@ -150,24 +162,23 @@ def _progress(latency: Latency) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.parts", description=__doc__)
     parser.add_argument(
-        "part", choices=["team-plans", "latency", "join"], help="join: put the parts into the page, no more"
+        "part",
+        choices=["team-plans", "latency", "execution", "join"],
+        help="join: put the parts into the page, no more",
     )
-    parser.add_argument("file", type=Path, nargs="?", metavar="FILE.json", help="what the measurement printed")
+    parser.add_argument("files", type=Path, nargs="*", metavar="FILE.json", help="what the measurement printed")
     options = parser.parse_args(arguments)
     try:
         if options.part != "join":
-            if options.file is None:
-                parser.error(f"{options.part} needs FILE.json")
-            report = team_report(json.loads(options.file.read_text(encoding="utf-8")))
-            date = datetime.now(UTC).date().isoformat()
-            if options.part == "team-plans":
-                name, text = "1-team-plans.md", team_plans(report, date)
-            else:
-                name, text = "3-latency.md", latencies(_measured(report), date)
+            if not options.files or (len(options.files) > 1 and options.part != "execution"):
+                several = " and more" if options.part == "execution" else ""
+                parser.error(f"{options.part} needs FILE.json{several}")
+            printed = [json.loads(path.read_text(encoding="utf-8")) for path in options.files]
+            name, text = _part(options.part, printed, datetime.now(UTC).date().isoformat())
             (PARTS / name).write_text(text + "\n", encoding="utf-8")
         RESULTS.write_text(joined(RESULTS.read_text(encoding="utf-8")), encoding="utf-8")
     except (OSError, ValueError, KeyError, TypeError) as error:
-        parser.error(f"{options.file or RESULTS}: {error}")
+        parser.error(f"{', '.join(map(str, options.files)) or RESULTS}: {error}")
     print(RESULTS)
     return 0
 

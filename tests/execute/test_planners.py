@@ -383,7 +383,7 @@ def test_no_plan_before_the_window_closes(planner):
 def test_kairos_proves_that_there_is_no_plan():
     pytest.importorskip("kairos")
     domain = "(define (domain d) (:predicates (p) (q)) (:action a :parameters () :precondition (q) :effect (p)))"
-    answer = solve(create_planner("kairos"), domain, "(define (problem x) (:domain d) (:init) (:goal (p)))")
+    answer = solve(kairos.kairos_planner(), domain, "(define (problem x) (:domain d) (:init) (:goal (p)))")
     assert (answer.status, answer.plan) == (PlannerStatus.NO_PLAN, None)
     assert "unsolvable" in answer.message
 
@@ -431,7 +431,7 @@ def test_what_aries_does_not_solve_is_known_beforehand(old, new, message):
     pytest.importorskip("up_aries")
     assert old in DOMAIN
     with pytest.raises(UnsupportedError, match=message):
-        solve(create_planner("aries"), DOMAIN.replace(old, new), PROBLEM)
+        solve(aries.aries_planner(), DOMAIN.replace(old, new), PROBLEM)
 
 
 def test_separations_that_aries_cannot_count():

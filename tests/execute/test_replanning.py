@@ -149,6 +149,20 @@ def test_running_actions_may_be_stopped():
     assert Atom("done", ("a",)) not in planner.problems[0].atoms  # that at the end has not
 
 
+def test_a_plan_that_is_given_up_when_all_is_done_has_succeeded():
+    """The last action takes longer than the executor accepts; it is waited for, and there is nothing left to plan."""
+    planner = Scripted()
+    chosen = mission(constant(Subject.DURATION, "(work b)", 9), planner=planner)
+    chosen = replace(chosen, options=replace(chosen.options, executor=Blex(F(1, 10))))
+    run = execute(chosen, 0, prepared(chosen))
+    assert (run.status, run.reason, run.replans, planner.problems) == (RunStatus.SUCCEEDED, "", 0, [])
+    assert (run.inside, run.segments[-1].executed[-1].outcome) == (False, Outcome.DONE)
+    stopped = execute(replace(chosen, drain=False), 0, prepared(chosen))
+    assert (len(planner.problems), stopped.segments[0].executed[-1].outcome) == (1, Outcome.STOPPED)
+    late = execute(replace(chosen, rules=Rules((constant(Subject.DURATION, "(work b)", 90),))), 0, prepared(chosen))
+    assert late.status is RunStatus.FAILED  # what has to hold during the action does not
+
+
 def test_a_planner_that_finds_nothing_ends_the_run():
     chosen = mission(constant(Subject.DURATION, "(work a)", 45), planner=Scripted(silent_after=0))
     run = execute(chosen, 0, prepared(chosen))

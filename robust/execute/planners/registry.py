@@ -11,6 +11,7 @@ from robust.execute.planners.aries import aries_planner
 from robust.execute.planners.command import command_planner
 from robust.execute.planners.interface import Planner
 from robust.execute.planners.kairos import kairos_planner
+from robust.execute.planners.reachability import ReachabilityFirst
 
 _COMMAND = "command:"
 _MAKERS: Mapping[str, Callable[..., Planner]] = {"aries": aries_planner, "kairos": kairos_planner}
@@ -24,7 +25,7 @@ def create_planner(name_or_command: str, *, epsilon: Fraction = EPSILON) -> Plan
 
     In a template, `{domain}` and `{problem}` are PDDL files, `{output}` is a file for the plan (standard output is read
     if it is not written), and `{timeout}` is the seconds that are left. Plans are checked with mutex time points
-    `epsilon` apart.
+    `epsilon` apart. None of them is asked for what :mod:`robust.execute.planners.reachability` proves to be impossible.
 
     Raises:
         InputError: for an unknown name or a template that cannot be used.
@@ -32,8 +33,8 @@ def create_planner(name_or_command: str, *, epsilon: Fraction = EPSILON) -> Plan
     """
     text = name_or_command.strip()
     if text.startswith(_COMMAND):
-        return command_planner(text.removeprefix(_COMMAND), epsilon=epsilon)
+        return ReachabilityFirst(command_planner(text.removeprefix(_COMMAND), epsilon=epsilon))
     if text not in _MAKERS:
         known = f"{', '.join(PLANNERS)} or command:TEMPLATE"
         raise InputError(f"found planner {name_or_command!r}, expected {known}{did_you_mean(text, PLANNERS)}")
-    return _MAKERS[text](epsilon=epsilon)
+    return ReachabilityFirst(_MAKERS[text](epsilon=epsilon))

@@ -28,6 +28,7 @@ from robust.execute.worlds.world import Executed, Outcome, SimulatedWorld
 from robust.plan.model import GoalCondition, TimePointKind
 from robust.plan.numerals import format_number
 from robust.plan.pddl.syntax import Domain, Problem
+from robust.plan.timeline import Reading
 from robust.smt.limits import Deadline
 
 REPLANS = 10
@@ -101,7 +102,8 @@ def execute(
 
     Returns:
         What happened. The run has succeeded only if the simulator, told all that was executed and drawn, finds the
-        goal reached and nothing broken. That a planner finds nothing, or that a plan cannot be made ready, ends the run
+        goal reached and nothing broken; also when a plan is given up at the end of all that it was for. That a planner
+        finds nothing, or that a plan cannot be made ready, ends the run
         as failed.
 
     Raises:
@@ -140,6 +142,8 @@ class _Running:
             self._note(dispatcher, world, origin, last, spent)
             if dispatcher.ending is None or not dispatcher.ended:
                 return self._finished(dispatcher)
+            if self._achieved(world):
+                return self._result(RunStatus.SUCCEEDED, "")
             if len(self._segments) > self._mission.replans:
                 return self._result(RunStatus.FAILED, self._because(f"gave up after {self._mission.replans} re-plans"))
             epsilon = self._mission.options.epsilon
@@ -188,15 +192,25 @@ class _Running:
         if not dispatcher.ended:
             waiting = ", ".join(dispatcher.running) or "an observation"
             return self._result(RunStatus.FAILED, f"waits for ever for {waiting}")
+        fault = self._fault()
+        return self._result(RunStatus.SUCCEEDED if fault is None else RunStatus.FAILED, fault or "")
+
+    def _achieved(self, world: SimulatedWorld) -> bool:
+        """Whether a plan was given up when all had been done: the goal is reached [IRR, Alg. 2, line 16]."""
+        reading = Reading(world.state.snapshot(), {})
+        goal = self._beginning.goal if self._beginning is not None else ()
+        return all(reading.holds(one.condition) for one in goal) and self._fault() is None
+
+    def _fault(self) -> str | None:
+        """What the simulator, told all that was executed and drawn, finds broken."""
         executed = [one for segment in self._segments for one in segment.executed]
         if self._beginning is None or any(one.outcome is Outcome.RUNNING for one in executed):
-            return self._result(RunStatus.FAILED, "an instance did not end")
+            return "an instance did not end"
         violations = judged(self._beginning, executed, self._mission.options.epsilon).violations
-        if violations:
-            first = min(violations, key=lambda violation: violation.time)
-            text = f"broke {first.obligation!r} at {format_number(first.time)}: {first.detail}"
-            return self._result(RunStatus.FAILED, text)
-        return self._result(RunStatus.SUCCEEDED, "")
+        if not violations:
+            return None
+        first = min(violations, key=lambda violation: violation.time)
+        return f"broke {first.obligation!r} at {format_number(first.time)}: {first.detail}"
 
     def _because(self, text: str) -> str:
         last = self._segments[-1].ending if self._segments else None

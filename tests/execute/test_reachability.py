@@ -1,0 +1,408 @@
+"""Proofs that there is no plan: bounds against everything that random valid plans do, and against planners."""
+
+from fractions import Fraction
+from functools import cache
+from itertools import product
+from math import inf
+from random import Random
+
+import pytest
+
+from robust.bench.conversion_plans import drawn_plan
+from robust.execute.delivery import DeliveryVariant, delivery_domain, table_problems
+from robust.execute.planners import relaxed
+from robust.execute.planners.earliest import EarliestTimes
+from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
+from robust.execute.planners.output import check
+from robust.execute.planners.reachability import ReachabilityFirst, unreachable
+from robust.execute.planners.registry import PLANNERS, create_planner
+from robust.execute.planners.relaxed import relaxed_problem
+from robust.execute.planners.remembering import RememberingPlanner
+from robust.plan.load import assemble
+from robust.plan.pddl.reader import parse_domain, parse_problem
+from robust.plan.simulate import simulate
+from robust.plan.stn import InstanceDeclaration, STNPlan
+from robust.plan.timed import parse_timed_plan
+from robust.smt.limits import Deadline
+from tests.execute.planner_delivery import FIRST_ORDER, SECOND_ORDER
+from tests.execute.planner_fakes import DOMAIN, PROBLEM, VALID, Fake, errand, errands
+
+F = Fraction
+EPSILON = F(1, 1000)
+
+
+class Silent:
+    """A planner that notes what it is asked, and when it has to be done."""
+
+    name = "silent"
+
+    def __init__(self):
+        self.asked = []
+
+    def solve(self, domain, problem, deadline):
+        self.asked.append((problem, deadline))
+        return PlannerAnswer(self.name, PlannerStatus.TIMEOUT, None, 0.0, "no idea")
+
+
+def proof(domain_text: str, problem_text: str, deadline: Deadline = Deadline()) -> str | None:  # noqa: B008 - immutable
+    domain = parse_domain(domain_text)
+    return unreachable(domain, parse_problem(problem_text, domain), deadline)
+
+
+# -- before a planner --------------------------------------------------------------------------------------------------
+
+
+def test_a_planner_is_only_asked_where_there_is_no_proof():
+    silent = Silent()
+    planner = ReachabilityFirst(silent)
+    deadline = Deadline.after(20)
+    assert planner.name == "silent"
+    assert planner.solve(errands, errand, deadline).message == "no idea"
+    assert silent.asked == [(errand, deadline)]
+    early = parse_problem(PROBLEM.replace("at 20", "at 9.499"), errands)
+    answer = planner.solve(errands, early, deadline)
+    assert (answer.planner, answer.status, answer.plan) == ("reachability", PlannerStatus.NO_PLAN, None)
+    assert answer.message == (
+        "the goal is out of reach: (open) ends at 9.499, and what needs it would end at 9.5 or later"
+    )
+    assert 0 < answer.seconds < 10
+    assert len(silent.asked) == 1
+    assert planner.solve(errands, parse_problem(PROBLEM.replace("at 20", "at 9.5"), errands), deadline).plan is None
+    assert len(silent.asked) == 2
+
+
+def test_every_planner_comes_after_the_proof(tmp_path):
+    fake = Fake(tmp_path)
+    early = parse_problem(PROBLEM.replace("at 20", "at 9"), errands)
+    assert create_planner(fake.printing(VALID)).solve(errands, early, Deadline.after(20)).planner == "reachability"
+    assert create_planner(fake.printing(VALID)).solve(errands, errand, Deadline.after(20)).plan is not None
+    for name in PLANNERS:
+        assert isinstance(create_planner(name), ReachabilityFirst)
+
+
+def test_no_time_no_proof():
+    late = Deadline.after(0)
+    assert unreachable(errands, parse_problem(PROBLEM.replace("at 20", "at 9"), errands), late) is None
+    assert proof(DOMAIN, PROBLEM.replace("at 20", "at 9")) is not None
+
+
+def test_too_many_actions_are_not_looked_at(monkeypatch):
+    early = PROBLEM.replace("at 20", "at 9")
+    monkeypatch.setattr(relaxed, "MOST_ACTIONS", 4)  # go both ways, shop twice
+    assert proof(DOMAIN, early) is not None
+    monkeypatch.setattr(relaxed, "MOST_ACTIONS", 3)
+    assert proof(DOMAIN, early) is None
+
+
+def test_what_cannot_be_made_ground_is_left_to_the_planner():
+    domain = DOMAIN.replace("(= ?duration (distance ?a ?b))", "(= ?duration (/ 1 (distance ?a ?b)))")
+    problem = PROBLEM.replace("(= (distance home market) 7.5)", "(= (distance home market) 0)")
+    assert proof(domain, problem.replace("at 20", "at 1")) is None
+
+
+@pytest.mark.parametrize(
+    ("condition", "shortest"),
+    [
+        ("", "7.5"),
+        ("(at start (>= (distance ?a ?b) 8))", None),
+        ("(at start (>= (distance ?a ?b) 7))", "7.5"),
+        ("(over all (not (at ?b)))", "7.5"),
+        ("(at start (or (done ?a) (done ?b)))", "7.5"),
+        ("(at end (done ?a))", "9.5"),  # which is not done on the way
+        ("(at start (open)) (at end (not (open)))", "7.5"),
+        ("(at start (done ?b))", None),
+    ],
+)
+def test_bounds_by_hand(condition, shortest):
+    """When the robot can be at the market, if going there needs this."""
+    domain = parse_domain(DOMAIN.replace("(at start (at ?a))", f"(and (at start (at ?a)) {condition})"))
+    problem = parse_problem(PROBLEM.replace("(done market)", "(at market)"), domain)
+    found = relaxed_problem(domain, problem, Deadline())
+    bound = EarliestTimes(found, Deadline()).condition(found.goal)
+    assert (None if bound == inf else F(bound, found.ticks)) == (None if shortest is None else F(shortest))
+
+
+def test_the_same_question_has_the_same_answer():
+    silent = Silent()
+    planner = RememberingPlanner(silent)
+    assert planner.name == "silent"
+    first = planner.solve(errands, errand, Deadline())
+    again = parse_problem(PROBLEM, errands)
+    assert planner.solve(errands, again, Deadline.after(1)) is first
+    assert len(silent.asked) == 1
+    for other in (PROBLEM.replace("7.5", "8"), PROBLEM.replace("(open)", "", 1), PROBLEM.replace("at 20", "at 21")):
+        planner.solve(errands, parse_problem(other, errands), Deadline())
+    planner.solve(errands, parse_problem(PROBLEM.replace("(done market)", "(done home)"), errands), Deadline())
+    planner.solve(parse_domain(DOMAIN), errand, Deadline())
+    assert len(silent.asked) == 6
+
+
+# -- delivery ----------------------------------------------------------------------------------------------------------
+
+
+@cache
+def delivery(variant: DeliveryVariant = DeliveryVariant.DURATIONS):
+    return delivery_domain(variant), table_problems(variant)[0].text
+
+
+def delivery_until(near: str, far: str) -> tuple[str, str]:
+    domain, text = delivery()
+    first, second = table_problems()[0].deadlines
+    assert text.count(f"(at {float(first):g} ") == text.count(f"(at {float(second):g} ") == 1
+    return domain, text.replace(f"(at {float(first):g} ", f"(at {near} ").replace(
+        f"(at {float(second):g} ", f"(at {far} "
+    )
+
+
+def test_the_bound_of_a_delivery_is_what_it_takes():
+    """One robot can only be in one place: the bounds are those of the best plans, without the gaps between actions."""
+    assert proof(*delivery_until("414", "1")) is None
+    assert proof(*delivery_until("1", "504")) is None
+    text = proof(*delivery_until("413.999", "503.999"))
+    assert text == (
+        "the goal is out of reach: (window_open order1) ends at 413.999, and what needs it would end at 414 or later; "
+        "(window_open order2) ends at 503.999, and what needs it would end at 504 or later"
+    )
+
+
+@pytest.mark.parametrize("variant", DeliveryVariant)
+def test_problems_with_plans_are_not_refused(variant):
+    domain = parse_domain(delivery_domain(variant))
+    for one in table_problems(variant)[::11]:
+        assert unreachable(domain, parse_problem(one.text, domain), Deadline()) is None
+
+
+def test_plans_of_deliveries_keep_to_the_bounds():
+    for text, order in ((FIRST_ORDER, "order1"), (SECOND_ORDER, "order2")):
+        domain_text, problem_text = delivery_until("416", "731")
+        domain = parse_domain(domain_text)
+        problem = parse_problem(problem_text.replace("some_fulfilled)))", f"fulfilled {order})))"), domain)
+        plan = parse_timed_plan(text)
+        check(plan, domain, problem, EPSILON)
+        end = max(step.time + step.duration for step in plan.steps)
+        found = relaxed_problem(domain, problem, Deadline())
+        assert 400 < EarliestTimes(found, Deadline()).condition(found.goal) / found.ticks <= end
+
+
+# -- corners of the semantics ------------------------------------------------------------------------------------------
+
+
+def durative(name: str, duration: str, conditions: str, effects: str) -> str:
+    return (
+        f"(:durative-action {name} :parameters () :duration (= ?duration {duration}) "
+        f":condition (and {conditions}) :effect (and {effects}))"
+    )
+
+
+CORNERS = {
+    # Each makes true at its start what the other one needs while it runs.
+    "starts that support each other": (
+        durative("a", "1", "(over all (q))", "(at start (p)) (at end (x))")
+        + durative("b", "1", "(over all (p))", "(at start (q)) (at end (y))"),
+        "",
+        "0: (a) [1]\n0: (b) [1]",
+    ),
+    # Each makes false at its end what the other one needs until then.
+    "ends that would break each other": (
+        durative("a", "1", "(over all (q))", "(at end (not (p))) (at end (x))")
+        + durative("b", "1", "(over all (p))", "(at end (not (q))) (at end (y))"),
+        "(p) (q)",
+        "0: (a) [1]\n0: (b) [1]",
+    ),
+    # Both copies have to start before 2; what the first one brings is used up when the second one brings it again.
+    "an action that overlaps itself": (
+        durative("a", "4", "(at start (p))", "(at end (x))") + "(:action b :parameters () :precondition (x) "
+        ":effect (and (not (x)) (y)))",
+        "(p) (at 2 (not (p)))",
+        "0: (a) [4]\n1: (a) [4]\n4.5: (b)",
+    ),
+    # What the end needs comes while the action runs, and not before it.
+    "what an end needs comes meanwhile": (
+        durative("a", "4", "(over all (p)) (at end (x))", "(at end (y))") + durative("b", "3", "", "(at end (x))"),
+        "(p) (at 5 (not (p)))",
+        "0: (a) [4]\n0: (b) [3]",
+    ),
+    # The start of an action brings about what its own end needs.
+    "an end that needs what its start brings": (
+        durative("a", "2", "(at end (q))", "(at start (p)) (at end (x)) (at end (y))")
+        + durative("b", "1", "(at start (p))", "(at end (q))"),
+        "",
+        "0: (a) [2]\n0.5: (b) [1]",
+    ),
+    # Nothing is strictly between the start and the end of an action without a duration.
+    "an action without a duration": (
+        durative("a", "0", "(over all (q))", "(at end (x)) (at end (y))"),
+        "",
+        "0: (a) [0]",
+    ),
+    # A condition over all may cease to hold when the action ends, and begin to when it starts.
+    "a window as long as the action": (
+        durative("a", "3", "(over all (p))", "(at end (x)) (at end (y))"),
+        "(at 1 (p)) (at 4 (not (p)))",
+        "1: (a) [3]",
+    ),
+}
+
+
+@pytest.mark.parametrize("corner", CORNERS)
+def test_corners_of_the_semantics(corner):
+    actions, initial, steps = CORNERS[corner]
+    domain = parse_domain(f"(define (domain c) (:predicates (p) (q) (x) (y)) {actions})")
+    problem = parse_problem(f"(define (problem c) (:domain c) (:init {initial}) (:goal (and (x) (y))))", domain)
+    plan = parse_timed_plan(steps)
+    check(plan, domain, problem, EPSILON)  # it is a plan
+    assert unreachable(domain, problem, Deadline()) is None
+    found = relaxed_problem(domain, problem, Deadline())
+    end = max(step.time + (step.duration or 0) for step in plan.steps)
+    assert EarliestTimes(found, Deadline()).condition(found.goal) <= end * found.ticks
+
+
+@pytest.mark.parametrize("seed", range(0, 60, 4))
+def test_drawn_plans_are_not_refused(seed):
+    """Of domains with parameters, numbers and continuous effects."""
+    drawn = drawn_plan(seed)
+    domain = parse_domain(drawn.domain)
+    assert unreachable(domain, parse_problem(drawn.problem, domain), Deadline()) is None
+
+
+# -- random worlds -----------------------------------------------------------------------------------------------------
+
+ATOMS = tuple(f"p{i}" for i in range(5))
+HALVES = tuple(F(i, 2) for i in range(13))
+
+
+def random_world(random: Random) -> tuple[str, str]:
+    """A few actions of all kinds over a few atoms."""
+
+    def literal(negative: float) -> str:
+        atom = f"({random.choice(ATOMS)})"
+        return f"(not {atom})" if random.random() < negative else atom
+
+    def condition() -> str:
+        return f"(or {literal(0.2)} {literal(0.2)})" if random.random() < 0.1 else literal(0.15)
+
+    def effect(timing: str) -> str:
+        made = f"(at {timing} {literal(0.4)})"
+        return f"(when (at {timing} {literal(0.2)}) {made})" if random.random() < 0.1 else made
+
+    def action(name: str) -> str:
+        if random.random() < 0.15:
+            return f"(:action {name} :parameters () :precondition {condition()} :effect {literal(0.4)})"
+        shortest = random.choice((0, 0.5, 1, 1, 2, 3))
+        duration = random.choice((f"(= ?duration {shortest})", f"(>= ?duration {shortest})"))
+        timings = ["at start", "over all", "at end"]
+        conditions = " ".join(f"({random.choice(timings)} {condition()})" for _ in range(random.randint(0, 3)))
+        effects = " ".join(effect(random.choice(("start", "end"))) for _ in range(random.randint(1, 3)))
+        return (
+            f"(:durative-action {name} :parameters () :duration {duration} "
+            f":condition (and {conditions}) :effect (and {effects}))"
+        )
+
+    actions = " ".join(action(f"a{i}") for i in range(random.randint(2, 5)))
+    domain = f"(define (domain w) (:predicates {' '.join(f'({one})' for one in ATOMS)}) {actions})"
+    literals = {(random.choice(HALVES[1:]), one): random.random() < 0.5 for one in ATOMS if random.random() < 0.25}
+    timed = (f"(at {float(t)} {f'({one})' if value else f'(not ({one}))'})" for (t, one), value in literals.items())
+    initial = " ".join(f"({one})" for one in ATOMS if random.random() < 0.4)
+    return domain, f"(define (problem r) (:domain w) (:init {initial} {' '.join(timed)}) (:goal (p0)))"
+
+
+class Schedules:
+    """Valid schedules of a world, made by chance: what is added is kept if nothing is broken."""
+
+    def __init__(self, domain, problem, random: Random) -> None:
+        self.domain, self.problem, self.random = domain, problem, random
+        self.chosen: list[tuple[str, Fraction, Fraction]] = []
+
+    def run(self, chosen):
+        declared, schedule = [], {}
+        for i, (name, _, _) in enumerate(chosen):
+            durative = self.domain.actions[name].durative
+            declared.append(InstanceDeclaration(f"n{i}", name, (), durative, self.domain.location))
+        plan = assemble(self.domain, self.problem, STNPlan((), tuple(declared), (), "random"))
+        for instance, (_, start, end) in zip(plan.instances, chosen, strict=True):
+            schedule[instance.start] = start
+            schedule[instance.end] = end
+        complete = {point: point.time for point in plan.time_points if point.time is not None}
+        zero = {point: F(0) for point in plan.time_points if point.instance is None and point.time is None}
+        return simulate(plan, {}, {**zero, **complete, **schedule}, epsilon=EPSILON)
+
+    def extend(self) -> None:
+        new = [self._instance() for _ in range(self.random.choice((1, 1, 1, 2, 2, 3)))]
+        simulation = self.run([*self.chosen, *new])
+        if not [one for one in simulation.violations if not one.obligation.startswith("goal")]:
+            self.chosen += new
+
+    def _instance(self) -> tuple[str, Fraction, Fraction]:
+        """An action as soon and as short as it goes, or at some moment, often one at which something happens."""
+        name = self.random.choice(sorted(self.domain.actions))
+        moments = [moment for _, start, end in self.chosen for moment in (start, end, end, end + EPSILON)]
+        start = self.random.choice((F(0), self.random.choice(moments or HALVES), self.random.choice(HALVES)))
+        schema = self.domain.actions[name]
+        if not schema.durative:
+            return name, start, start
+        bound = schema.durations[0]
+        more = F(0) if bound.comparator.value == "=" else self.random.choice((F(0), F(0), *HALVES[:4]))
+        return name, start, start + bound.bound.value + more
+
+    def states(self):
+        """Moments with the atoms that hold right after what happens then."""
+        atoms = set(self.problem.atoms)
+        yield F(0), frozenset(atoms)
+        for step in self.run(self.chosen).trace if self.chosen else ():
+            for atom, value in step.atoms_changed:
+                (atoms.add if value else atoms.discard)(atom)
+            yield step.time, frozenset(atoms)
+
+
+def sweep(seeds) -> tuple[int, int, int]:
+    """Pairs of atoms that were seen together, later ones, and those seen no later than their bound."""
+    seen = later = exact = 0
+    for seed in seeds:
+        random = Random(seed)  # noqa: S311 - reproducible
+        domain_text, problem_text = random_world(random)
+        domain = parse_domain(domain_text)
+        problem = parse_problem(problem_text, domain)
+        found = relaxed_problem(domain, problem, Deadline())
+        times = EarliestTimes(found, Deadline())
+        schedules = Schedules(domain, problem, random)
+        for _ in range(20):
+            schedules.extend()
+        for moment, atoms in schedules.states():
+            assert atoms <= found.ever | problem.atoms, seed
+            numbers = [found.number[atom] for atom in sorted(atoms) if atom in found.number]
+            for a, b in product(numbers, repeat=2):
+                bound = times.together((a, b))
+                assert bound <= moment * found.ticks, (seed, found.facts[a], found.facts[b], moment)
+                seen, later, exact = seen + 1, later + (bound > 0), exact + (0 < bound == moment * found.ticks)
+    return seen, later, exact
+
+
+def test_whatever_a_valid_plan_reaches_is_not_before_its_bound():
+    seen, later, exact = sweep(range(100))
+    assert seen > 1000
+    assert later > 200
+    assert exact > 20  # the bounds are not idle
+
+
+@pytest.mark.slow
+def test_whatever_many_valid_plans_reach_is_not_before_its_bound():
+    assert min(sweep(range(1000, 5000))) > 1000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["aries", "kairos"])
+def test_no_planner_solves_what_is_refused(name):
+    planner = create_planner(name)
+    assert isinstance(planner, ReachabilityFirst)
+    refused = 0
+    for seed in range(20000, 20120):
+        random = Random(seed)  # noqa: S311 - reproducible
+        domain_text, problem_text = random_world(random)
+        if "(when" in domain_text:
+            continue
+        domain = parse_domain(domain_text)
+        problem = parse_problem(problem_text, domain)
+        if unreachable(domain, problem, Deadline()) is not None:
+            refused += 1
+            assert planner.planner.solve(domain, problem, Deadline.after(2)).plan is None, seed
+    assert refused > 10
