@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
+from math import gcd, lcm
 
 import networkx
 
@@ -144,6 +145,9 @@ class Structure:
             for event, constraints in self.incoming.items()
         }
         """Events that are executed strictly earlier than an event, whenever that is."""
+        self.grid: Fraction = _grid(plan)
+        """What ε and all bounds are multiples of, and so all times at which anything becomes possible or impossible, as
+        long as the reported ones are."""
 
     def _certain(self, constraint: Constraint, event: str) -> bool:
         """Whether the constraint and its source are activated whenever an event is."""
@@ -165,6 +169,12 @@ class Structure:
             event: tuple(earlier for earlier in graph.predecessors(event) if component[earlier] != component[event])
             for event in graph
         }
+
+
+def _grid(plan: TeamPlan) -> Fraction:
+    bounds = [bound for each in plan.network.temporal_constraints for bound in (each.lower, each.upper) if bound]
+    denominator = lcm(plan.epsilon.denominator, *(bound.denominator for bound in bounds))
+    return Fraction(gcd(*(int(each * denominator) for each in (plan.epsilon, *bounds))), denominator)
 
 
 def _reversed(constraint: Constraint) -> Constraint:
