@@ -161,6 +161,26 @@ class BddKnowledgeBase(KnowledgeBase):
         self._root = self._narrowed(commitments, deadline)
         self.statistics.sizes["diagram nodes"] = len(self._root)
 
+    def find_model(
+        self, commitments: Sequence[Commitment], preferred: Mapping[str, str], deadline: Deadline = NEVER
+    ) -> Mapping[str, str] | None:
+        """One variable after the other keeps its preferred value, if it can."""
+        deadline.enforce()
+        self.statistics.queries += 1
+        root = self._narrowed(commitments, deadline)
+        false = self._diagrams.manager.false
+        if root == false:
+            return None
+        model = {}
+        for variable, values in self.theory.domains.items():
+            first = preferred.get(variable)
+            for value in values if first is None else (first, *values):
+                rest = root & self._diagrams.environment([Assignment(variable, value)])
+                if rest != false:
+                    root, model[variable] = rest, value
+                    break
+        return model
+
     def count_models(self, deadline: Deadline = NEVER) -> int:
         """Exact: CUDD's own count is a floating-point number."""
         deadline.enforce()
