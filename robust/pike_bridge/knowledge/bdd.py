@@ -22,6 +22,8 @@ from robust.smt.limits import Deadline
 NEVER = Deadline()
 LARGEST_DIAGRAM = 5_000_000
 """Nodes; conjunction with one more constraint of this size takes seconds, which no deadline can cut short."""
+GLANCE = 32
+"""Conflicts of a question between two looks at the number of nodes, which takes longer than most conjunctions."""
 
 Node: TypeAlias = Any
 """A function in `dd`, which has no types."""
@@ -289,8 +291,10 @@ class BddKnowledgeBase(KnowledgeBase):
         if not asked.consistent:
             return self._diagrams.manager.false
         root = self._root & self._diagrams.environment(Assignment(*item) for item in asked.required.items())
-        for conflict in asked.conflicts:
-            self._look(deadline)
+        for number, conflict in enumerate(asked.conflicts):
+            deadline.enforce()
+            if number % GLANCE == GLANCE - 1:
+                self._look(deadline)
             root &= ~self._diagrams.environment(conflict)
         return root
 

@@ -14,10 +14,10 @@ from robust.pike_bridge.generators.k_intents import k_intents
 from robust.pike_bridge.generators.random_plans import random_plan
 from robust.pike_bridge.generators.wing import wing
 from robust.pike_bridge.load import load_team_plan
-from robust.pike_bridge.model import guard
+from robust.pike_bridge.model import ALWAYS, Activity, Choice, Constraint, Event, TeamPlan, Tpnu, guard
 from robust.pike_bridge.online.companion import Accompanied, Compared
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.messages import Failed
+from robust.pike_bridge.online.messages import Executed, Failed
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
@@ -61,6 +61,15 @@ def contested(number):
     return sweeps.random_plan(Random(number), events=8)  # noqa: S311 - reproducible
 
 
+class Exactly(Compared):
+    """Looks again when the companion would, too, not earlier."""
+
+    def next_time(self, deadline):
+        ours, theirs = self.deciding.next_time(deadline), self.companion.next_time(deadline)
+        assert ours == theirs
+        return ours
+
+
 class Execution:
     """One simulated execution, decided by a reasoner that is compared with `smt` in every question.
 
@@ -78,7 +87,7 @@ class Execution:
 
         def both(progress):
             judges.append(SemanticReasoner(progress))
-            return (Compared if compared else Accompanied)(make(progress), judges[0])
+            return (Exactly if compared else Accompanied)(make(progress), judges[0])
 
         self.executive = PlanExecutive(plan, both, ranking=shuffled(number))
         decide = self.executive.step
@@ -180,6 +189,47 @@ def test_broken_links_are_left(temporal):
         executive = Execution(plan, (backend, temporal), 0, tale=tale).executive
         assert executive.progress.void
         assert executive.progress.chosen["xA3"] == "cereal"
+
+
+def network(*constraints, choices=()):
+    """Someone works from `begin` to `end`; the event `own` is ours."""
+    events = tuple(Event(name, ALWAYS) for name in ("begin", "end", "own"))
+    work = Activity("(work)", "begin", "end", Fraction(2), Fraction(5), agent="human")
+    return TeamPlan(Tpnu("work", choices, events, constraints, (work,)), (), ())
+
+
+def compare_at(plan, way, moment):
+    """The decisions at a moment at which nothing has been reported."""
+    make = make_reasoner(way[0], temporal=way[1])
+    executive = PlanExecutive(plan, lambda progress: Compared(make(progress), SemanticReasoner(progress)))
+    executive.step(Fraction(0))
+    found = executive.step(Fraction(moment))
+    assert not executive.ended
+    return {each.event for each in found if isinstance(each, Executed)}
+
+
+@each_way
+def test_nothing_happens_with_what_is_due_but_not_reported(backend, temporal):
+    """At 5, the work must end, but has not; what is ours comes later than that, or never."""
+    plan = network(
+        Constraint("begin", "own", Fraction(1), None, ALWAYS), Constraint("begin", "own", None, Fraction(9), ALWAYS)
+    )
+    assert compare_at(plan, (backend, temporal), 4) == {"own"}
+    assert compare_at(plan, (backend, temporal), 5) == set()
+
+
+@each_way
+def test_nothing_happens_before_what_is_to_be_reported(backend, temporal):
+    """Only x = 1 has times, although nobody has chosen it; then the work has ended when our event happens."""
+    first, second = (guard({"x": value}) for value in "12")
+    plan = network(
+        Constraint("begin", "own", Fraction(1), None, ALWAYS),
+        Constraint("end", "own", Fraction(0), None, first),
+        Constraint("begin", "own", Fraction(5), None, second),
+        Constraint("begin", "own", None, Fraction(4), second),
+        choices=(Choice("x", ("1", "2"), True, None),),
+    )
+    assert compare_at(plan, (backend, temporal), 3) == set()
 
 
 @each_way
