@@ -17,7 +17,7 @@ from robust.pike_bridge.load import load_team_plan
 from robust.pike_bridge.model import ALWAYS, Activity, Choice, Constraint, Event, TeamPlan, Tpnu, guard
 from robust.pike_bridge.online.companion import Accompanied, Compared
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.messages import Executed, Failed
+from robust.pike_bridge.online.messages import Completion, Executed, Failed
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
@@ -104,6 +104,13 @@ class Execution:
         simulate(self.executive, team, horizon=Fraction(500))
 
 
+def infer(executive):
+    """Ask, and compare, which values choices may still have."""
+    if not executive.ended:
+        for choice in executive.plan.network.choices:
+            assert executive.possible_values(choice.name)
+
+
 def shuffled(seed):
     """Ties are broken anyhow, but always in the same way."""
     random = Random(seed)  # noqa: S311 - reproducible
@@ -164,7 +171,7 @@ def test_answers_about_small_contested_plans_are_those_of_the_semantics(backend,
     ended = set()
     for seed in range(30):
         plan = contested(seed)
-        executive = Execution(plan, (backend, temporal), seed).executive
+        executive = Execution(plan, (backend, temporal), seed, after_step=infer).executive
         ended.add(type(executive.outcome).__name__)
     assert {"Succeeded", "Failed"} <= ended
 
@@ -186,7 +193,7 @@ def test_broken_links_are_left(temporal):
     for backend in BACKENDS:
         broken = (Disturbance(Fraction(1), toaster.negation),)
         tale = Story(outcomes={"xA1": ("glass", None)}, disturbances=broken)
-        executive = Execution(plan, (backend, temporal), 0, tale=tale).executive
+        executive = Execution(plan, (backend, temporal), 0, tale=tale, after_step=infer).executive
         assert executive.progress.void
         assert executive.progress.chosen["xA3"] == "cereal"
 
@@ -230,6 +237,16 @@ def test_nothing_happens_before_what_is_to_be_reported(backend, temporal):
         choices=(Choice("x", ("1", "2"), True, None),),
     )
     assert compare_at(plan, (backend, temporal), 3) == set()
+
+
+@each_way
+def test_what_is_due_first_is_looked_for_first(backend, temporal):
+    plan = network(Constraint("begin", "own", Fraction(7), None, ALWAYS))
+    executive = PlanExecutive(plan, make_reasoner(backend, temporal=temporal))
+    executive.step(Fraction(0))
+    assert executive.wake == 5 + plan.epsilon
+    executive.step(Fraction(3), [Completion("(work)")])
+    assert executive.wake == 7
 
 
 @each_way
