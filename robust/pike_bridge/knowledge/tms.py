@@ -22,7 +22,7 @@ from robust.pike_bridge.knowledge.queries import Partial, allowing, could_hold, 
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.knowledge.simplify import simplify
 from robust.pike_bridge.knowledge.space import LARGEST_LABEL, Effort
-from robust.pike_bridge.model import Guard
+from robust.pike_bridge.model import Assignment, Guard
 from robust.pike_bridge.theory import Theory
 from robust.smt.limits import Deadline
 
@@ -120,7 +120,7 @@ class LabelKnowledgeBase(KnowledgeBase):
             return None
         kept = {variable: preferred.get(variable, values[0]) for variable, values in self.theory.domains.items()}
         conflicts = [self._conflict(each) for each in asked.conflicts]
-        wanted = self._partial(kept).environment
+        wanted = self._vocabulary.encode(Assignment(*item) for item in kept.items()) & self._vocabulary.made
         found = find_model(self._factors, self._partial(asked.required), conflicts, wanted, deadline)
         return None if found is None else kept | dict(self._vocabulary.decode(found))
 
