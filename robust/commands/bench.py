@@ -310,6 +310,38 @@ def figure20a(
     return _team_plans(context, "figure20a", instances, seed, backend, jobs, limit, plot, json, quiet, verbose)
 
 
+@bench_app.command(short_help="Latency of executions of plans with choices, by every back end.")
+def figure20b(
+    context: typer.Context,
+    *,
+    problems: Annotated[
+        int, typer.Option("--problems", metavar="N", help="how many random plans, of which some can be executed")
+    ] = 500,
+    seed: Seed = 0,
+    backend: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--backend", metavar="NAME", help="only this one of smt, pitms, atms, bdd and sat; may be repeated"
+        ),
+    ] = None,
+    jobs: Jobs = 1,
+    limit: Annotated[
+        str, typer.Option("--timeout", "--limit", metavar="S", help="seconds for each compilation and execution")
+    ] = "60",
+    plot: PlotFile = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> int:
+    """Execute the random plans with choices that admit it: how long each back end takes to decide."""
+    configure_logging(verbose)
+    with guard_of(context).working():
+        from robust.report.benching import BenchRequest, bench_figure20b  # noqa: PLC0415 - heavy
+
+    request = BenchRequest(jobs=jobs, limit=limit, plot=plot, json=json, progress=not (quiet or verbose))
+    return bench_figure20b(problems, seed, tuple(backend or ()), request, guard_of(context))
+
+
 @bench_app.command(short_help="Prime implicants beside models of plans with choices.")
 def figure21(
     context: typer.Context,

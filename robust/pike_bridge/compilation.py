@@ -14,7 +14,7 @@ from robust.pike_bridge.knowledge.interface import KnowledgeBase, KnowledgeStati
 from robust.pike_bridge.model import Guard, TeamPlan
 from robust.pike_bridge.temporal.circulation import temporal_conflicts
 from robust.pike_bridge.temporal.interface import Precedence
-from robust.pike_bridge.temporal.labeled_apsp import labeled_distances
+from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances, labeled_distances
 from robust.pike_bridge.temporal.structural import structural_precedence
 from robust.smt.limits import Deadline
 
@@ -39,6 +39,8 @@ class Compilation:
     conflicts: tuple[Guard, ...]
     """Temporal conflicts of the augmented plan; none if the back end reasons about time itself."""
     knowledge: KnowledgeBase
+    distances: LabeledDistances | None = None
+    """Of the augmented plan, where they were computed to find the conflicts."""
 
 
 @dataclass
@@ -69,6 +71,7 @@ class Compiling:
     augmented: AugmentedPlan | None = None
     conflicts: tuple[Guard, ...] | None = None
     knowledge: KnowledgeBase | None = None
+    distances: LabeledDistances | None = None
 
     def run(self) -> Compilation:
         """Compile.
@@ -95,7 +98,7 @@ class Compiling:
                 deadline=self.deadline,
                 statistics=self.statistics,
             )
-        return Compilation(self.backend, augmented, conflicts, knowledge)
+        return Compilation(self.backend, augmented, conflicts, knowledge, self.distances)
 
     def _precedence(self) -> Precedence:
         match self.temporal:
@@ -107,7 +110,7 @@ class Compiling:
     def _conflicts(self, augmented: AugmentedPlan) -> tuple[Guard, ...]:
         match self.temporal:
             case Temporal.APSP:
-                distances = labeled_distances(augmented.network, self.deadline)
+                distances = self.distances = labeled_distances(augmented.network, self.deadline)
                 return tuple(distances.vocabulary.decode(conflict) for conflict in distances.conflicts)
             case Temporal.LAZY:
                 return temporal_conflicts(augmented.network, augmented.theory, self.deadline, solver=self.solver)

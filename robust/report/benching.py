@@ -159,6 +159,28 @@ def bench_team_plans(  # noqa: PLR0917 (what the commands were told)
     )
 
 
+def bench_figure20b(problems: int, seed: int, backends: tuple[str, ...], request: BenchRequest, guard: Guard) -> int:
+    """Execute random plans with choices by every back end, or only by those named."""
+    from robust.bench.figure20b import chosen, run_figure20b  # noqa: PLC0415 - only what is asked for
+
+    limit = options.seconds(request.limit, "--limit")
+    plot = options.plot_file(request.plot)
+    names = chosen(backends)
+    return _run(
+        request,
+        guard,
+        lambda display: run_figure20b(
+            backends=names,
+            problems=problems,
+            seed=seed,
+            limit=limit,
+            jobs=request.jobs,
+            plot=plot,
+            on_result=display.batch,
+        ),
+    )
+
+
 def bench_figure4(suite: Path | None, baseline_limit: str | None, request: BenchRequest, guard: Guard) -> int:
     """Run every method on the delivery plans."""
     from robust.bench.figure4 import run_figure4  # noqa: PLC0415 - only what is asked for

@@ -22,6 +22,8 @@ from robust.smt.limits import Deadline
 NEVER = Deadline()
 LARGEST_DIAGRAM = 5_000_000
 """Nodes; conjunction with one more constraint of this size takes seconds, which no deadline can cut short."""
+GLANCE = 32
+"""Conflicts of a question between two looks at the number of nodes, which takes longer than most conjunctions."""
 
 Node: TypeAlias = Any
 """A function in `dd`, which has no types."""
@@ -161,6 +163,26 @@ class BddKnowledgeBase(KnowledgeBase):
         self._root = self._narrowed(commitments, deadline)
         self.statistics.sizes["diagram nodes"] = len(self._root)
 
+    def find_model(
+        self, commitments: Sequence[Commitment], preferred: Mapping[str, str], deadline: Deadline = NEVER
+    ) -> Mapping[str, str] | None:
+        """One variable after the other keeps its preferred value, if it can."""
+        deadline.enforce()
+        self.statistics.queries += 1
+        root = self._narrowed(commitments, deadline)
+        false = self._diagrams.manager.false
+        if root == false:
+            return None
+        model = {}
+        for variable, values in self.theory.domains.items():
+            first = preferred.get(variable)
+            for value in values if first is None else (first, *values):
+                rest = root & self._diagrams.environment([Assignment(variable, value)])
+                if rest != false:
+                    root, model[variable] = rest, value
+                    break
+        return model
+
     def count_models(self, deadline: Deadline = NEVER) -> int:
         """Exact: CUDD's own count is a floating-point number."""
         deadline.enforce()
@@ -269,8 +291,10 @@ class BddKnowledgeBase(KnowledgeBase):
         if not asked.consistent:
             return self._diagrams.manager.false
         root = self._root & self._diagrams.environment(Assignment(*item) for item in asked.required.items())
-        for conflict in asked.conflicts:
-            self._look(deadline)
+        for number, conflict in enumerate(asked.conflicts):
+            deadline.enforce()
+            if number % GLANCE == GLANCE - 1:
+                self._look(deadline)
             root &= ~self._diagrams.environment(conflict)
         return root
 

@@ -66,6 +66,16 @@ class KnowledgeBase(ABC):
         """CommitToConstraints: from now on only models that satisfy the commitments count."""
 
     @abstractmethod
+    def find_model(
+        self, commitments: Sequence[Commitment], preferred: Mapping[str, str], deadline: Deadline = ...
+    ) -> Mapping[str, str] | None:
+        """A model that satisfies the commitments as well; None if there is none.
+
+        Args:
+            preferred: values that variables keep where that costs nothing; each back end tries in its own way.
+        """
+
+    @abstractmethod
     def count_models(self, deadline: Deadline = ...) -> int:
         """How many models are left."""
 

@@ -90,6 +90,42 @@ def allowing(factor: Factor, asked: Partial, deadline: Deadline) -> Iterator[Env
         yield environment
 
 
+def find_model(
+    factors: Sequence[Factor], asked: Partial, conflicts: Sequence[Conflict], preferred: Environment, deadline: Deadline
+) -> Environment | None:
+    """Assignments that entail what is asked, resolve all conflicts and have only models as extensions; None if there
+    are none.
+
+    Args:
+        preferred: an assignment to every variable, of which each factor is given its part if that is allowed.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    for resolved in resolutions(asked, conflicts, deadline, factors):
+        whole = resolved.environment
+        for factor in factors:
+            rest = factor.scope & ~resolved.scope
+            kept = Partial(resolved.environment | preferred & rest, resolved.scope | rest)
+            if next(allowing(factor, kept, deadline), None) is not None:
+                whole |= kept.environment
+                continue
+            part = next(_extensions(factor, resolved, deadline), None)
+            if part is None:
+                break
+            whole |= part.environment
+        else:
+            return whole
+    return None
+
+
+def _extensions(factor: Factor, asked: Partial, deadline: Deadline) -> Iterator[Partial]:
+    """What entails an environment of a factor's label and what is asked, and resolves the factor's conflicts."""
+    for environment, scope in consistent_with(factor.label, asked.environment, asked.scope):
+        both = Partial(environment | asked.environment, scope | asked.scope)
+        yield from resolutions(both, factor.conflicts, deadline)
+
+
 def require(factors: Sequence[Factor], asked: Partial, joining: Joining, effort: Effort) -> list[Factor]:
     """The factors with all assignments of an environment conjoined.
 

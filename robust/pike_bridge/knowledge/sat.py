@@ -147,6 +147,15 @@ class SatKnowledgeBase(KnowledgeBase):
         self._formulas += terms
         self._session.add(*terms)
 
+    def find_model(
+        self, commitments: Sequence[Commitment], preferred: Mapping[str, str], deadline: Deadline = NEVER
+    ) -> Mapping[str, str] | None:
+        """The model that the solver finds; it has preferences of its own."""
+        deadline.enforce()
+        self.statistics.queries += 1
+        with self._session.frame(*self._narrow(commitments)):
+            return self._encoding.model(self._session) if self._check(self._session, deadline) else None
+
     def count_models(self, deadline: Deadline = NEVER) -> int:
         """Counts by listing; see :meth:`models`."""
         return sum(1 for _ in self.models(deadline))

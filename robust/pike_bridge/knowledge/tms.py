@@ -18,11 +18,11 @@ from robust.pike_bridge.knowledge.interface import Commitment, KnowledgeBase, Kn
 from robust.pike_bridge.knowledge.labels import Conflict, Label, Scope, conflict, environments, size, split
 from robust.pike_bridge.knowledge.nodes import Node, encode
 from robust.pike_bridge.knowledge.propagation import TruthMaintenance
-from robust.pike_bridge.knowledge.queries import Partial, allowing, could_hold, exclude, require
+from robust.pike_bridge.knowledge.queries import Partial, allowing, could_hold, exclude, find_model, require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.knowledge.simplify import simplify
 from robust.pike_bridge.knowledge.space import LARGEST_LABEL, Effort
-from robust.pike_bridge.model import Guard
+from robust.pike_bridge.model import Assignment, Guard
 from robust.pike_bridge.theory import Theory
 from robust.smt.limits import Deadline
 
@@ -108,6 +108,21 @@ class LabelKnowledgeBase(KnowledgeBase):
         self._factors = narrowed
         self._committed += tuple(conflicts)
         self._measure()
+
+    def find_model(
+        self, commitments: Sequence[Commitment], preferred: Mapping[str, str], deadline: Deadline = NEVER
+    ) -> Mapping[str, str] | None:
+        """Independent parts keep all of their preferred values, if they can."""
+        deadline.enforce()
+        self.statistics.queries += 1
+        asked = narrowing(commitments, self.theory)
+        if not asked.consistent:
+            return None
+        kept = {variable: preferred.get(variable, values[0]) for variable, values in self.theory.domains.items()}
+        conflicts = [self._conflict(each) for each in asked.conflicts]
+        wanted = self._vocabulary.encode(Assignment(*item) for item in kept.items()) & self._vocabulary.made
+        found = find_model(self._factors, self._partial(asked.required), conflicts, wanted, deadline)
+        return None if found is None else kept | dict(self._vocabulary.decode(found))
 
     def count_models(self, deadline: Deadline = NEVER) -> int:
         deadline.enforce()

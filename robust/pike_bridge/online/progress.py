@@ -6,8 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import reduce
-from math import gcd
+from math import gcd, lcm
 
 import networkx
 
@@ -116,8 +115,6 @@ class Structure:
 
     def __init__(self, plan: TeamPlan) -> None:
         network = plan.network
-        bounds = (bound for each in network.temporal_constraints for bound in (each.lower, each.upper))
-        self.grid = reduce(_common_measure, (bound for bound in bounds if bound is not None), plan.epsilon)
         self.guards: dict[str, Guard] = network.guards
         self.incoming: dict[str, list[Constraint]] = {event.name: [] for event in network.events}
         """Every bound on an event as a constraint whose target it is."""
@@ -153,6 +150,9 @@ class Structure:
             for event, constraints in self.incoming.items()
         }
         """Events that are executed strictly earlier than an event, whenever that is."""
+        self.grid: Fraction = _grid(plan)
+        """What ε and all bounds are multiples of, and so all times at which anything becomes possible or impossible, as
+        long as the reported ones are."""
 
     def _certain(self, constraint: Constraint, event: str) -> bool:
         """Whether the constraint and its source are activated whenever an event is."""
@@ -176,9 +176,11 @@ class Structure:
         }
 
 
-def _common_measure(a: Fraction, b: Fraction) -> Fraction:
-    """The greatest number that both are multiples of."""
-    return Fraction(gcd(a.numerator * b.denominator, b.numerator * a.denominator), a.denominator * b.denominator)
+def _grid(plan: TeamPlan) -> Fraction:
+    """The greatest number that ε and all bounds are multiples of."""
+    bounds = [bound for each in plan.network.temporal_constraints for bound in (each.lower, each.upper) if bound]
+    denominator = lcm(plan.epsilon.denominator, *(bound.denominator for bound in bounds))
+    return Fraction(gcd(*(int(each * denominator) for each in (plan.epsilon, *bounds))), denominator)
 
 
 def _reversed(constraint: Constraint) -> Constraint:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from fractions import Fraction
+from math import ceil, floor
 
 from robust.pike_bridge.execution import Execution, holds
 from robust.pike_bridge.model import Assignment, Condition, Effect, Guard
@@ -60,6 +61,16 @@ class Reasoner(ABC):
     @abstractmethod
     def next_time(self, deadline: Deadline) -> Fraction | None:
         """A time from which on more may be executable or lost, though nothing happens before; None: never."""
+
+    def _opening(self, moment: Fraction) -> Fraction:
+        """When to look again if something is executable from a moment on."""
+        grid = self.progress.grid
+        return max(self.progress.now + grid, floor(moment / grid) * grid)
+
+    def _closing(self, moment: Fraction) -> Fraction:
+        """When to look again if nothing is possible after a moment."""
+        grid = self.progress.grid
+        return ceil(moment / grid) * grid + grid
 
 
 class WitnessedReasoner(Reasoner):

@@ -68,6 +68,7 @@ class SemanticReasoner(WitnessedReasoner):
         self._session = Session(self._terms, solver=solver)
         self._session.add(*self._semantics.formulas)
         self._epsilon = progress.plan.epsilon
+        self._grid = progress.grid
         self._first = Polynomial.variable(_FIRST)
         self._told = False
         """Whether the session knows the present time."""
@@ -94,9 +95,9 @@ class SemanticReasoner(WitnessedReasoner):
         self._tell_time()
         earliest = self._earliest_execution(deadline)
         if earliest is not None:
-            return earliest
+            return self._opening(earliest)
         last = self._latest(deadline)
-        return None if last is None else last + self.progress.grid
+        return None if last is None else self._closing(last)
 
     def allows(self, moment: Fraction, environment: Guard, event: str | None, deadline: Deadline) -> bool:
         """Whether some continuation in the environment has nothing before a moment, and then the event, if given."""
@@ -252,9 +253,9 @@ class SemanticReasoner(WitnessedReasoner):
             return None
         best = self._on_grid(self._value(), sign)
         improvements = 0
-        while sign * (best - bound) > self.progress.grid:
+        while sign * (best - bound) > self._grid:
             improvements += 1
-            aim = best - sign * self.progress.grid
+            aim = best - sign * self._grid
             if improvements > _BISECTION:
                 aim = self._on_grid((best + bound) / 2, sign)
             with self._session.frame(self._terms.at_least((self._first - aim).scaled(-sign))):
@@ -272,6 +273,5 @@ class SemanticReasoner(WitnessedReasoner):
 
     def _on_grid(self, time: Fraction, sign: int) -> Fraction:
         """The nearest time on the grid towards the bound, which is possible if the time is: bounds are on the grid."""
-        grid = self.progress.grid
-        steps = time / grid
-        return (steps.__floor__() if sign > 0 else steps.__ceil__()) * grid
+        steps = time / self._grid
+        return (steps.__floor__() if sign > 0 else steps.__ceil__()) * self._grid

@@ -47,6 +47,9 @@ def test_answers_are_those_of_brute_force(name, data):
         assert listed(knowledge.models()) == listed(left)
         step = data.draw(commitments(theory.domains))
         assert knowledge.could_commit(step) == any(allowed(model, step) for model in left)
+        found = knowledge.find_model(step, data.draw(st.sampled_from([*left, {}])))
+        assert (found is not None) == any(allowed(model, step) for model in left)
+        assert found is None or (allowed(found, step) and found in left)
         knowledge.commit(step)
         left = [model for model in left if allowed(model, step)]
     assert knowledge.satisfiable() == bool(left)
@@ -62,6 +65,7 @@ def test_an_expired_deadline_changes_nothing(name):
         lambda: knowledge.satisfiable(EXPIRED),
         lambda: knowledge.could_commit(step, EXPIRED),
         lambda: knowledge.commit(step, EXPIRED),
+        lambda: knowledge.find_model(step, {}, EXPIRED),
         lambda: knowledge.count_models(EXPIRED),
         lambda: list(knowledge.models(EXPIRED)),
     ):
