@@ -155,10 +155,14 @@ class SemanticReasoner(WitnessedReasoner):
                 raise OutOfTimeError
 
     def _model(self) -> Execution:
-        scenario = self._semantics.chosen(self._session.values(self._semantics.choices))
-        activated = [name for name, guard in self.progress.structure.guards.items() if holds(guard, scenario)]
-        values = self._session.values(self._semantics.times(activated))
-        return Execution(scenario, {name: self._semantics.time(name, values) for name in activated})
+        """The solver's model; what is known already is not read from it again, because reading takes long."""
+        read = self._semantics.chosen(self._session.values(self._semantics.choices))
+        scenario = read | self.progress.chosen
+        guards, pending = self.progress.structure.guards, self.progress.pending
+        coming = [name for name in pending if holds(guards[name], scenario)]
+        values = self._session.values(self._semantics.times(coming))
+        times = {name: self._semantics.time(name, values) for name in coming}
+        return Execution(scenario, {**self.progress.times, **times})
 
     def _tell_time(self) -> None:
         """No pending event is in the past; it is enough to say so of the frontier."""
