@@ -82,11 +82,15 @@ class Z3(Backend):
 
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
         """As for all, from one copy of the model: pySMT would make two for each symbol."""
+        import z3  # noqa: PLC0415 - slow to import
+
         model, converter = self._solver.z3.model(), self._solver.converter
-        return {
-            symbol.symbol_name(): _z3_value(model.eval(converter.convert(symbol), model_completion=True))
-            for symbol in symbols
-        }
+        found: dict[str, Value] = {}
+        for symbol in symbols:
+            value = model.eval(converter.convert(symbol), model_completion=True)
+            numeral = not z3.is_bool(value)
+            found[symbol.symbol_name()] = Fraction(value.as_string()) if numeral else z3.is_true(value)
+        return found
 
     def _was_interrupted(self, deadline: Deadline) -> bool:
         """z3 gives the same reason for a time limit as for some interruptions; then the clock tells them apart."""
@@ -190,12 +194,6 @@ def _solve(solver: Any) -> Verdict:
 def _python_value(constant: Formula) -> Value:
     value = constant.constant_value()
     return value if isinstance(value, bool) else Fraction(value.numerator, value.denominator)
-
-
-def _z3_value(constant: Any) -> Value:
-    import z3  # noqa: PLC0415 - slow to import
-
-    return z3.is_true(constant) if z3.is_bool(constant) else Fraction(constant.as_fraction())
 
 
 def _read_until(reader: int, deadline: Deadline) -> bytes:

@@ -201,6 +201,8 @@ class SemanticReasoner(WitnessedReasoner):
     def _earliest_execution(self, deadline: Deadline) -> Fraction | None:
         """The least time after now at which an event is executable if nothing happens before."""
         candidates = [event for event in self.progress.frontier if self.progress.ours(event)]
+        if not candidates:
+            return None
         soonest = self.progress.now + self._epsilon
         floor = max(soonest, min((self.progress.earliest(event) or soonest for event in candidates), default=soonest))
         hypothesis = [

@@ -149,8 +149,12 @@ class Kirk:
         }
 
     def prepare(self) -> bool:
-        """Whether the plan admits a correct execution at all."""
-        return self._guess is not None
+        """Find out whether the plan admits a correct execution at all, before the first step.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        return self._guess is not None and self._inner.prepare()
 
     def step(self, now: Fraction, messages: Sequence[Message] = ()) -> list[KirkDecision]:
         """Take note of what has happened, plan anew if that contradicts the guess, and do what can be done now.
