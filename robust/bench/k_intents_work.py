@@ -69,9 +69,7 @@ def do(task: KIntentsTask) -> dict[str, Any]:
         deadline = Deadline.after(task.limit)
         reasoner = make_reasoner(task.reasoner, deadline=deadline)
         recovery = problem.recovery if mode is Mode.KIRK else {}
-        return execute(
-            plan, script, lambda: make_executive(mode, plan, reasoner, recovery=recovery, deadline=deadline)
-        )
+        return execute(plan, script, lambda: make_executive(mode, plan, reasoner, recovery=recovery, deadline=deadline))
 
     return {"structure": list(problem.structure), **{mode.value: executed(mode) for mode in (Mode.PIKE, Mode.KIRK)}}
 

@@ -32,5 +32,7 @@ def make_reasoner(
     if name not in reasoner_names():
         raise InputError(f"unknown reasoner {name!r}{did_you_mean(name, reasoner_names())}")
     from robust.pike_bridge.online.semantic import SemanticReasoner  # noqa: PLC0415 - imports solvers
+    from robust.smt.terms import Terms  # noqa: PLC0415
 
-    return lambda progress: SemanticReasoner(progress, solver=solver)
+    terms = Terms()  # shared: executives that plan anew ask about one candidate after the other
+    return lambda progress: SemanticReasoner(progress, solver=solver, terms=terms)

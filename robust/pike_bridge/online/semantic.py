@@ -17,7 +17,7 @@ from robust.pike_bridge.semantics import Semantics
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
-from robust.smt.terms import Formula
+from robust.smt.terms import Formula, Terms
 
 _FIRST = "first time"
 _BISECTION = 3
@@ -27,10 +27,10 @@ _BISECTION = 3
 class OnlineSemantics(Semantics):
     """The semantics of executions in which links can break and "before" means by ε, as in augmented plans."""
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: Progress, terms: Terms | None = None) -> None:
         self._epsilon = progress.plan.epsilon
         self._void: dict[tuple[Effect, Condition], Formula] = {}
-        super().__init__(progress.plan)
+        super().__init__(progress.plan, terms)
 
     def void(self, effect: Effect, condition: Condition) -> Formula:
         """That the effect does not support the condition."""
@@ -55,15 +55,18 @@ class OnlineSemantics(Semantics):
 class SemanticReasoner(WitnessedReasoner):
     """Asks one solver session.
 
+    Args:
+        terms: where formulas are built; reasoners about plans that are much alike are made faster if they share them.
+
     Raises:
         SolverError: if the solver is unknown or not installed.
     """
 
     name = "smt"
 
-    def __init__(self, progress: Progress, *, solver: str = "z3") -> None:
+    def __init__(self, progress: Progress, *, solver: str = "z3", terms: Terms | None = None) -> None:
         super().__init__(progress)
-        self._semantics = OnlineSemantics(progress)
+        self._semantics = OnlineSemantics(progress, terms)
         self._terms = self._semantics.terms
         self._session = Session(self._terms, solver=solver)
         self._session.add(*self._semantics.formulas)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import ceil
@@ -76,17 +76,15 @@ def candidate(
     plan: TeamPlan,
     scenario: Mapping[str, str],
     *,
-    executed: Set[str] = frozenset(),
-    running: Set[str] = frozenset(),
     undo: Sequence[Recovery] = (),
+    waiting: Container[str] = (),
     number: int = 0,
 ) -> TeamPlan:
     """The plan without choices in a scenario; what undoes wrong activities is put before all that is to come.
 
     Args:
-        executed: events that have their times already.
-        running: ends of activities that go on meanwhile.
         undo: activities that are executed first, one after the other.
+        waiting: events that wait for them; those of other scenarios do not matter.
         number: of the candidate, for the names of events.
     """
     chosen = restrict(plan, guard(scenario))
@@ -99,9 +97,7 @@ def candidate(
         for one, begin, end in zip(undo, moments, moments[1:], strict=False)
     )
     first = tuple(
-        Constraint(moments[-1], event.name, Fraction(0), None)
-        for event in network.events
-        if event.name not in executed | running
+        Constraint(moments[-1], event.name, Fraction(0), None) for event in network.events if event.name in waiting
     )
     return replace(
         chosen,

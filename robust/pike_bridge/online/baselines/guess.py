@@ -7,7 +7,7 @@ the plan, or in another one; first those of uncontrollable choices, one choice a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Container, Iterator, Mapping, Set
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -54,7 +54,9 @@ class Guesser:
     """
 
     def __init__(self, plan: TeamPlan, *, ranking: Ranking = as_written, solver: str = "z3") -> None:
-        self._semantics = OnlineSemantics(Progress(plan))
+        progress = Progress(plan)
+        self._not_before = progress.structure.not_before
+        self._semantics = OnlineSemantics(progress)
         self._session = Session(self._semantics.terms, solver=solver)
         self._session.add(*self._semantics.formulas)
         self._guards = plan.network.guards
@@ -81,6 +83,21 @@ class Guesser:
                     frames.enter_context(self._session.frame(self._value(choice.name, value)))
         return scenario
 
+    def foremost(self, executed: Container[str], running: Set[str]) -> list[str]:
+        """Events that wait for what comes first, if it does; all others that do come after one of them.
+
+        Ends of `running` activities do not wait.
+        """
+
+        def waits(event: str) -> bool:
+            return event not in executed and event not in running
+
+        return [
+            event
+            for event in self._guards
+            if waits(event) and not any(waits(earlier) for earlier in self._not_before[event])
+        ]
+
     def _first(self, choice: Choice, preferred: str | None, deadline: Deadline) -> str:
         order = list(self._ranking(choice.domain))
         if preferred is not None:
@@ -93,14 +110,13 @@ class Guesser:
 
     def _formulas(self, facts: Facts) -> Iterator[Formula]:
         yield self._semantics.guard(facts.known)
-        known = dict(facts.known)
-        for event, label in self._guards.items():
-            if event in facts.times:
-                yield self._semantics.guard(label)
-                yield self._semantics.at(event, facts.times[event])
-            elif all(known.get(each.variable, each.value) == each.value for each in label):
-                earliest = facts.now if event in facts.running else facts.release
-                yield self._semantics.unless(label, self._semantics.not_before(event, earliest))
+        for event, time in facts.times.items():
+            yield self._semantics.guard(self._guards[event])
+            yield self._semantics.at(event, time)
+        for event in facts.running:
+            yield self._semantics.unless(self._guards[event], self._semantics.not_before(event, facts.now))
+        for event in self.foremost(facts.times, facts.running):
+            yield self._semantics.unless(self._guards[event], self._semantics.not_before(event, facts.release))
         for effect, condition in facts.broken:
             yield self._semantics.void(effect, condition)
 

@@ -254,9 +254,8 @@ class Kirk:
         self.replans += 1
         self.recovered += sum((one.duration for one in new), Fraction(0))
         self._guess = found
-        self._inner = self._executive(
-            candidate(self.plan, found, executed=kept.keys(), running=going_on, undo=undo, number=self.replans)
-        )
+        waiting = frozenset(self._guesser.foremost(kept, going_on))
+        self._inner = self._executive(candidate(self.plan, found, undo=undo, waiting=waiting, number=self.replans))
         self._resume(kept)
         self._recovery = _scheduled(undo, now)
         yield Replanned(now, tuple(event for event in executed if event not in kept), abandoned, duration)
