@@ -203,11 +203,14 @@ class SemanticReasoner(WitnessedReasoner):
 
     def _earliest_execution(self, deadline: Deadline) -> Fraction | None:
         """The least time after now at which an event is executable if nothing happens before."""
-        candidates = [event for event in self.progress.frontier if self.progress.ours(event)]
+        progress = self.progress
+        candidates = [event for event in progress.frontier if progress.ours(event) and not progress.waits(event)]
         if not candidates:
             return None
         soonest = self.progress.now + self._epsilon
         floor = max(soonest, min((self.progress.earliest(event) or soonest for event in candidates), default=soonest))
+        if any(self._executes_at(event, floor) for event in candidates):
+            return floor
         hypothesis = [
             self._terms.disjunction(
                 self._terms.conjunction(
