@@ -2,7 +2,8 @@
 
 `python -m benchmarks.parts team-plans FILE.json` writes `parts/1-team-plans.md` from what `robust bench figure20a
 --json` printed, and puts all parts at the end of `RESULTS.md`. With `latency`, the plans that admit a correct execution
-there are executed, and `parts/3-latency.md` is written.
+there are executed, and `parts/3-latency.md` is written. `python -m benchmarks.parts k-intents FILE.json` writes
+`parts/4-k-intents.md` from what `robust bench figure18 --json` printed.
 """
 
 from __future__ import annotations
@@ -17,6 +18,17 @@ from statistics import median
 from textwrap import fill
 from typing import Any
 
+from robust.bench.k_intents import KIntentsReport, report_of
+from robust.bench.k_intents_tables import (
+    IMPROVEMENT_HEADINGS,
+    REPLAN_HEADINGS,
+    TIME_HEADINGS,
+    fit_text,
+    improvement_cells,
+    replan_cells,
+    time_cells,
+)
+from robust.bench.k_intents_tables import notes as k_intents_notes
 from robust.bench.latency import Latency, measure_latencies
 from robust.bench.team_plans import CONTENDERS, FIGURE20A, TeamReport, TeamRun
 from robust.bench.team_tables import (
@@ -126,6 +138,55 @@ def latencies(found: Sequence[Latency], date: str) -> str:
     return "\n\n".join(["## Latency of the executive", fill(intro, 120), fill(summary, 120), table])
 
 
+def k_intents(report: KIntentsReport, date: str) -> str:
+    """The part about guessing intents [PIKE, Figures 17 and 18]."""
+    intro = (
+        "Problems of the k-intents domain [PIKE §6.2.1], Figures 17 and 18 (`robust bench figure17` and `figure18`), "
+        f"measured on {date}. Kirk guesses one intent, executes the candidate subplan for it, and plans anew when a "
+        "human chooses otherwise, after a recovery of half the least duration of the wrong activity. PIKE and Kirk meet the "
+        "same humans, who choose uniformly, and the same durations, uniform between their bounds. The expected number "
+        "of re-plans is that of wrong guesses, 1 − 1/N for each choice with N options."
+    )
+    saved = (
+        "What PIKE saves, as the mean of all problems. The time of the plan is exact: Kirk is later by its recoveries. "
+        "With computing, the seconds in which each of the two decides, plans anew and finds out when to look again are "
+        "added, one second to a unit of the plan; what is done before execution is not. The paper's figures are those "
+        "of its own implementation."
+    )
+    explained = fill(_expected(report), 120)
+    return "\n\n".join(
+        [
+            "## Guessing intents",
+            fill(intro, 120),
+            "\n".join(f"- {note}" for note in k_intents_notes(report)),
+            _table(REPLAN_HEADINGS, replan_cells(report)),
+            f"- Re-plans, problem by problem: {fit_text(report.fit)}.\n"
+            f"- Means of each number of choices: {fit_text(report.fit_of_means)}.",
+            fill("Mean times to completion, in units of the plan; computing in seconds:", 120),
+            _table(TIME_HEADINGS, time_cells(report)),
+            fill(saved, 120),
+            _table(IMPROVEMENT_HEADINGS, improvement_cells(report)),
+            explained,
+        ]
+    )
+
+
+def _expected(report: KIntentsReport) -> str:
+    """What the domain's numbers say about the improvement, and what it would take to be the paper's.
+
+    With w = 1/4 on average, a recovery takes (1 + w) / 2 = 5/8 and two activities 2 · (3/2 + w) = 7/2 if durations are
+    uniform, or 2 · (1 + w) = 5/2 if they are least.
+    """
+    choices = sum(run.choices for run in report.compared)
+    wrong = float(sum(run.wrong_guesses for run in report.compared)) / choices if choices else 0.0
+    uniform, least = (wrong * 0.625 / (two + wrong * 0.625) for two in (3.5, 2.5))
+    return (
+        f"On average {wrong:.3f} of the guesses are wrong. A recovery takes 0.625 on average, and two activities 3.5, "
+        f"so that long problems save {uniform:.1%} of Kirk's time. If all activities took their least time it would be "
+        f"{least:.1%}: the paper does not say which durations its simulation draws."
+    )
+
+
 def _spread(seconds: Sequence[float]) -> tuple[str, str, str]:
     """Median, 90 % and greatest of ascending seconds, in milliseconds."""
     most = quantile(seconds, 0.9) or 0.0
@@ -150,7 +211,9 @@ def _progress(latency: Latency) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.parts", description=__doc__)
     parser.add_argument(
-        "part", choices=["team-plans", "latency", "join"], help="join: put the parts into the page, no more"
+        "part",
+        choices=["team-plans", "latency", "k-intents", "join"],
+        help="join: put the parts into the page, no more",
     )
     parser.add_argument("file", type=Path, nargs="?", metavar="FILE.json", help="what the measurement printed")
     options = parser.parse_args(arguments)
@@ -158,12 +221,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.part != "join":
             if options.file is None:
                 parser.error(f"{options.part} needs FILE.json")
-            report = team_report(json.loads(options.file.read_text(encoding="utf-8")))
+            printed = json.loads(options.file.read_text(encoding="utf-8"))
             date = datetime.now(UTC).date().isoformat()
             if options.part == "team-plans":
-                name, text = "1-team-plans.md", team_plans(report, date)
+                name, text = "1-team-plans.md", team_plans(team_report(printed), date)
+            elif options.part == "latency":
+                name, text = "3-latency.md", latencies(_measured(team_report(printed)), date)
             else:
-                name, text = "3-latency.md", latencies(_measured(report), date)
+                name, text = "4-k-intents.md", k_intents(report_of(printed), date)
             (PARTS / name).write_text(text + "\n", encoding="utf-8")
         RESULTS.write_text(joined(RESULTS.read_text(encoding="utf-8")), encoding="utf-8")
     except (OSError, ValueError, KeyError, TypeError) as error:
