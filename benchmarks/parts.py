@@ -143,9 +143,9 @@ def k_intents(report: KIntentsReport, date: str) -> str:
     intro = (
         "Problems of the k-intents domain [PIKE §6.2.1], Figures 17 and 18 (`robust bench figure17` and `figure18`), "
         f"measured on {date}. Kirk guesses one intent, executes the candidate subplan for it, and plans anew when a "
-        "human chooses otherwise, after a recovery of half the least duration of the wrong activity. PIKE and Kirk meet "
-        "the same humans, who choose uniformly, and the same durations, uniform between their bounds. The expected number "
-        "of re-plans is that of wrong guesses, 1 − 1/N for each choice with N options."
+        "human chooses otherwise, after a recovery of half the least duration of the wrong activity. PIKE and Kirk "
+        "meet the same humans, who choose uniformly, and the same durations, uniform between their bounds. The "
+        "expected number of re-plans is that of wrong guesses, 1 − 1/N for each choice with N options."
     )
     saved = (
         "What PIKE saves, as the mean of all problems. The time of the plan is exact: Kirk is later by its recoveries. "
