@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from fractions import Fraction
 from importlib.resources import files
+from math import ceil
 from statistics import correlation, linear_regression
 
 import jsonschema
@@ -17,6 +18,8 @@ from robust.bench.k_intents_tables import improvement_cells, replan_cells, time_
 from robust.bench.k_intents_work import KIntentsTask, do
 from robust.bench.line_fit import LineFit
 from robust.errors import InputError
+from robust.pike_bridge.generators.k_intents import random_k_intents
+from robust.pike_bridge.online.baselines.script import draw_script
 from tests.bench.conftest import rendered
 from tests.cli.running import command
 
@@ -67,6 +70,45 @@ def test_executions_of_a_problem_are_those_of_one_world(index):
     assert (kirk["replans"] == 0) == (kirk["recovery"] == "0")
     again = do(KIntentsTask(1, index, 30, "smt", None))
     assert [again[mode]["time"] for mode in ("pike", "kirk")] == [pike["time"], kirk["time"]]
+
+
+def by_formula(seed, index, largest):
+    """Re-plans, and PIKE's and Kirk's times, without any executive.
+
+    Kirk guesses the first option of each choice. Each pair of choices takes its two activities and six times ε between
+    them, the whole another ε.
+    """
+    problem = random_k_intents(seed, index, largest)
+    plan = problem.instance.plan()
+    script = draw_script(plan, f"{seed}/{index}")
+    activities = {each.action: each for each in plan.network.activities}
+    replans, recovery = 0, Fraction(0)
+    time = (6 * len(problem.structure) + 1) * plan.epsilon
+    for place in range(1, len(problem.structure) + 1):
+        value = script.outcomes[f"y{place}"]
+        for agent in "hr":
+            done = activities[f"({agent}-{place}-{value})"]
+            time += script.durations[done.target, done.action]
+        if value != "1":
+            replans += 1
+            half = activities[f"(h-{place}-1)"].lower / 2
+            recovery += ceil(half / plan.epsilon) * plan.epsilon
+    return replans, time, time + recovery
+
+
+@pytest.mark.parametrize("index", range(4))
+def test_figures_by_formula(index):
+    result = do(KIntentsTask(2, index, 40, "smt", None))
+    found = (result["kirk"]["replans"], Fraction(result["pike"]["time"]), Fraction(result["kirk"]["time"]))
+    assert found == by_formula(2, index, 40)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", range(30))
+def test_figures_of_many_problems_by_formula(index):
+    result = do(KIntentsTask(3, index, 10_000, "smt", None))
+    found = (result["kirk"]["replans"], Fraction(result["pike"]["time"]), Fraction(result["kirk"]["time"]))
+    assert found == by_formula(3, index, 10_000)
 
 
 def test_executions_that_take_too_long_are_left_out(tmp_path):
