@@ -1,16 +1,15 @@
 """Parts of `RESULTS.md` that are measured by runs of their own, from the JSON that these printed.
 
 `python -m benchmarks.parts team-plans FILE.json` writes `parts/1-team-plans.md` from what `robust bench figure20a
---json` printed, and puts all parts at the end of `RESULTS.md`. With `latency`, the plans that admit a correct execution
-there are executed, and `parts/3-latency.md` is written. With `execution`, any number of files of `robust bench table1`,
-`table2`, `conversions` and `figure4` become `parts/5-execution.md`.
+--json` printed, and puts all parts at the end of `RESULTS.md`. Likewise `latency` writes `parts/3-latency.md` from
+`robust bench figure20b`, and `k-intents` `parts/4-k-intents.md` from `robust bench figure18`. With `execution`, any
+number of files of `robust bench table1`, `table2`, `conversions` and `figure4` become `parts/5-execution.md`.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,7 +18,20 @@ from textwrap import fill
 from typing import Any
 
 from benchmarks.execution_part import execution
-from robust.bench.latency import Latency, measure_latencies
+from robust.bench.figure20b import Execution, LatencyReport
+from robust.bench.k_intents import KIntentsReport, report_of
+from robust.bench.k_intents_tables import (
+    IMPROVEMENT_HEADINGS,
+    REPLAN_HEADINGS,
+    TIME_HEADINGS,
+    fit_text,
+    improvement_cells,
+    replan_cells,
+    time_cells,
+)
+from robust.bench.k_intents_tables import notes as k_intents_notes
+from robust.bench.latency_tables import EXECUTED_HEADINGS, STEP_HEADINGS, executed_cells, step_cells
+from robust.bench.latency_tables import notes as latency_notes
 from robust.bench.team_plans import CONTENDERS, FIGURE20A, TeamReport, TeamRun
 from robust.bench.team_tables import (
     IMPLICANT_HEADINGS,
@@ -29,7 +41,6 @@ from robust.bench.team_tables import (
     compact_runs,
     implicant_cells,
     notes,
-    quantile,
     size_cells,
     solved_cells,
     stage_cells,
@@ -98,40 +109,106 @@ def team_plans(report: TeamReport, date: str) -> str:
     return "\n\n".join(blocks)
 
 
-def latencies(found: Sequence[Latency], date: str) -> str:
-    """The part about the executive's latency [PIKE, Figure 20b]."""
-    worst = sorted(max(each.steps) for each in found)
-    ahead = sorted(max(each.wakes) for each in found)
-    steps = sorted(seconds for each in found for seconds in each.steps)
-    prepared = sorted(each.preparation for each in found)
-    endings = {outcome: sum(each.outcome == outcome for each in found) for outcome in ("succeeded", "failed", "none")}
+def latency_report(printed: dict[str, Any]) -> LatencyReport:
+    """The report that `robust bench figure20b --json` printed, without the decisions, which are not printed."""
+    executions = tuple(
+        Execution(
+            run["backend"],
+            run["instance"],
+            run["outcome"],
+            run["preparation_seconds"],
+            tuple(run["step_seconds"]),
+            tuple(run["wake_seconds"]),
+            (),
+            run["message"],
+        )
+        for run in printed["executions"]
+    )
+    return LatencyReport(
+        tuple(dict.fromkeys(run.backend for run in executions)),
+        printed["problems"],
+        printed["decided"],
+        tuple(printed["admitting"]),
+        executions,
+        printed["complete"],
+        printed["limit"],
+        printed["seed"],
+        printed["jobs"],
+    )
+
+
+def latencies(report: LatencyReport, differences: Sequence[str], date: str) -> str:
+    """The part about the executive's latency [PIKE, Figure 20b]; `differences` are those between decisions."""
     intro = (
         "One simulated execution of each random plan that admits a correct one [PIKE, Figure 20b], measured on "
-        f"{date} by `python -m benchmarks.parts latency FILE.json`: nothing is compiled, each question goes to the "
-        "semantic oracle's formula. Humans choose what remains correct; activities take any time that leaves a correct "
-        "execution when they begin. The paper: at most 0.5 s in 85.3 % of 75 executions, after compilation."
+        f"{date} by `robust bench figure20b`. `smt` compiles nothing: each question goes to the semantic oracle's "
+        "formula, and its preparation is to state that formula and to find one correct execution. The others compile "
+        "a knowledge base. Humans choose what remains correct, activities end while that leaves a correct execution."
     )
-    kinds = ", ".join(f"{count} {outcome}" for outcome, count in endings.items() if count)
-    quick = sum(seconds < 0.1 for seconds in worst)
-    summary = (
-        f"{len(found)} executions: {kinds}; {len(steps)} steps. The slowest step of an execution stays under 0.1 s in "
-        f"{quick} of {len(found)}. An execution fails where durations that nobody controls, each possible by itself, "
-        "do not go together. Steps include what a second reasoner is told, which advises the simulated team."
+    same = (
+        f"Decisions that differ between back ends: {len(differences)}."
+        if differences
+        else "All back ends made the same decisions at the same times."
     )
-    rows = [
-        ("preparation, each execution", *_spread(prepared)),
-        ("slowest step of each execution", *_spread(worst)),
-        ("all steps", *_spread(steps)),
-        ("slowest search for the next time, of each execution", *_spread(ahead)),
-    ]
-    table = _table(("milliseconds", "median", "90 %", "greatest"), rows)
-    return "\n\n".join(["## Latency of the executive", fill(intro, 120), fill(summary, 120), table])
+    return "\n\n".join(
+        [
+            "## Latency of the executive",
+            fill(intro, 120),
+            fill(same, 120),
+            "\n".join(f"- {note}" for note in latency_notes(report)),
+            _table(EXECUTED_HEADINGS, (executed_cells(report, each) for each in report.backends)),
+            _table(STEP_HEADINGS, (step_cells(report, each) for each in report.backends)),
+        ]
+    )
 
 
-def _spread(seconds: Sequence[float]) -> tuple[str, str, str]:
-    """Median, 90 % and greatest of ascending seconds, in milliseconds."""
-    most = quantile(seconds, 0.9) or 0.0
-    return f"{median(seconds) * 1000:.2f}", f"{most * 1000:.2f}", f"{seconds[-1] * 1000:.2f}"
+def k_intents(report: KIntentsReport, date: str) -> str:
+    """The part about guessing intents [PIKE, Figures 17 and 18]."""
+    intro = (
+        "Problems of the k-intents domain [PIKE §6.2.1], Figures 17 and 18 (`robust bench figure17` and `figure18`), "
+        f"measured on {date}. Kirk guesses one intent, executes the candidate subplan for it, and plans anew when a "
+        "human chooses otherwise, after a recovery of half the least duration of the wrong activity. PIKE and Kirk "
+        "meet the same humans, who choose uniformly, and the same durations, uniform between their bounds. The "
+        "expected number of re-plans is that of wrong guesses, 1 − 1/N for each choice with N options."
+    )
+    saved = (
+        "What PIKE saves, as the mean of all problems. The time of the plan is exact: Kirk is later by its recoveries. "
+        "With computing, the seconds in which each of the two decides, plans anew and finds out when to look again are "
+        "added, one second to a unit of the plan; what is done before execution is not. The paper's figures are those "
+        "of its own implementation."
+    )
+    explained = fill(_expected(report), 120)
+    return "\n\n".join(
+        [
+            "## Guessing intents",
+            fill(intro, 120),
+            "\n".join(f"- {note}" for note in k_intents_notes(report)),
+            _table(REPLAN_HEADINGS, replan_cells(report)),
+            f"- Re-plans, problem by problem: {fit_text(report.fit)}.\n"
+            f"- Means of each number of choices: {fit_text(report.fit_of_means)}.",
+            fill("Mean times to completion, in units of the plan; computing in seconds:", 120),
+            _table(TIME_HEADINGS, time_cells(report)),
+            fill(saved, 120),
+            _table(IMPROVEMENT_HEADINGS, improvement_cells(report)),
+            explained,
+        ]
+    )
+
+
+def _expected(report: KIntentsReport) -> str:
+    """What the domain's numbers say about the improvement, and what it would take to be the paper's.
+
+    With w = 1/4 on average, a recovery takes (1 + w) / 2 = 5/8 and two activities 2 · (3/2 + w) = 7/2 if durations are
+    uniform, or 2 · (1 + w) = 5/2 if they are least.
+    """
+    choices = sum(run.choices for run in report.compared)
+    wrong = float(sum(run.wrong_guesses for run in report.compared)) / choices if choices else 0.0
+    uniform, least = (wrong * 0.625 / (two + wrong * 0.625) for two in (3.5, 2.5))
+    return (
+        f"On average {wrong:.3f} of the guesses are wrong. A recovery takes 0.625 on average, and two activities 3.5, "
+        f"so that long problems save {uniform:.1%} of Kirk's time. If all activities took their least time it would be "
+        f"{least:.1%}: the paper does not say which durations its simulation draws."
+    )
 
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -139,31 +216,24 @@ def _table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
-def _measured(report: TeamReport) -> list[Latency]:
-    """Executions of all plans of the report that admit a correct one."""
-    indices = [place for place, name in enumerate(report.activities) if report.verdict(name)]
-    return measure_latencies(indices, seed=report.seed, on_result=_progress)
-
-
 def _part(part: str, printed: Sequence[dict[str, Any]], date: str) -> tuple[str, str]:
     """The file of a part, and its text."""
-    if part == "execution":
-        return "5-execution.md", execution(printed, date)
-    report = team_report(printed[0])
-    if part == "team-plans":
-        return "1-team-plans.md", team_plans(report, date)
-    return "3-latency.md", latencies(_measured(report), date)
-
-
-def _progress(latency: Latency) -> None:
-    print(f"{latency.instance}: {latency.outcome}, {max(latency.steps):.3f} s at most", file=sys.stderr, flush=True)
+    match part:
+        case "execution":
+            return "5-execution.md", execution(printed, date)
+        case "team-plans":
+            return "1-team-plans.md", team_plans(team_report(printed[0]), date)
+        case "k-intents":
+            return "4-k-intents.md", k_intents(report_of(printed[0]), date)
+        case _:
+            return "3-latency.md", latencies(latency_report(printed[0]), printed[0]["differences"], date)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.parts", description=__doc__)
     parser.add_argument(
         "part",
-        choices=["team-plans", "latency", "execution", "join"],
+        choices=["team-plans", "latency", "k-intents", "execution", "join"],
         help="join: put the parts into the page, no more",
     )
     parser.add_argument("files", type=Path, nargs="*", metavar="FILE.json", help="what the measurement printed")

@@ -22,5 +22,6 @@ for _name in (
     "pike",
     "demo",
     "bench",
+    "bench_intents",
 ):  # the order of the help text
     import_module(f"{__name__}.{_name}")

@@ -90,10 +90,14 @@ def simulate(
     now = start
     while True:
         world.receive(now, executive.step(now, world.messages(now)))
-        times = [moment for moment in (executive.wake, world.next_time) if moment is not None]
-        if executive.ended or not times:
+        if executive.ended:
             return now
-        now = max(now, min(times))
+        coming = world.next_time
+        if coming is None or coming > now:  # else there is no need to ask, which may take long
+            times = [moment for moment in (executive.wake, coming) if moment is not None]
+            if not times:
+                return now
+            now = max(now, min(times))
         if horizon is not None and now > horizon:
             return horizon
 

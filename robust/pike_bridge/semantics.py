@@ -19,12 +19,15 @@ class Semantics:
     A choice with two values is one boolean. A guard is a conjunction, and the time of an event that is not activated
     does not matter.
 
+    Args:
+        terms: where formulas are built; plans that share them, and have events of the same names, share formulas.
+
     Raises:
         InputError: if a guard, a constraint, a condition or an effect mentions an unknown choice, value or event.
     """
 
-    def __init__(self, plan: TeamPlan) -> None:
-        self.terms = Terms()
+    def __init__(self, plan: TeamPlan, terms: Terms | None = None) -> None:
+        self.terms = terms or Terms()
         self._plan = plan
         self._choices = plan.network.choices
         self._values: dict[Assignment, Formula] = {}

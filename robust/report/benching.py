@@ -181,6 +181,33 @@ def bench_figure20b(problems: int, seed: int, backends: tuple[str, ...], request
     )
 
 
+def bench_k_intents(  # noqa: PLR0917 (what the commands were told)
+    figure: str, problems: int, seed: int, largest: int, reasoner: str, request: BenchRequest, guard: Guard
+) -> int:
+    """Execute k-intents problems by PIKE and by Kirk."""
+    from robust.bench.k_intents import run_k_intents  # noqa: PLC0415 - only what is asked for
+
+    limit = options.seconds(request.limit, "--limit")
+    plot = options.plot_file(request.plot)
+    return _run(
+        request,
+        guard,
+        lambda display: run_k_intents(
+            figure=figure,
+            problems=problems,
+            seed=seed,
+            largest=largest,
+            reasoner=reasoner,
+            limit=limit,
+            jobs=request.jobs,
+            cluster=request.cluster,
+            store=request.store,
+            plot=plot,
+            on_result=display.batch,
+        ),
+    )
+
+
 def bench_figure4(suite: Path | None, baseline_limit: str | None, request: BenchRequest, guard: Guard) -> int:
     """Run every method on the delivery plans."""
     from robust.bench.figure4 import run_figure4  # noqa: PLC0415 - only what is asked for

@@ -80,6 +80,18 @@ class Z3(Backend):
             raise KeyboardInterrupt
         return verdict
 
+    def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
+        """As for all, from one copy of the model: pySMT would make two for each symbol."""
+        import z3  # noqa: PLC0415 - slow to import
+
+        model, converter = self._solver.z3.model(), self._solver.converter
+        found: dict[str, Value] = {}
+        for symbol in symbols:
+            value = model.eval(converter.convert(symbol), model_completion=True)
+            numeral = not z3.is_bool(value)
+            found[symbol.symbol_name()] = Fraction(value.as_string()) if numeral else z3.is_true(value)
+        return found
+
     def _was_interrupted(self, deadline: Deadline) -> bool:
         """z3 gives the same reason for a time limit as for some interruptions; then the clock tells them apart."""
         reason = self._solver.z3.reason_unknown()

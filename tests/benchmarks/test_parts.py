@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from benchmarks.parts import MARK, PARTS, RESULTS, joined, latencies, team_plans, team_report
-from robust.bench.latency import Latency, measure_latencies
+from benchmarks.parts import MARK, PARTS, RESULTS, joined, k_intents, latencies, latency_report, team_plans, team_report
+from robust.bench.k_intents import report_of
+from robust.bench.latency import measure_latencies
 
 PRINTED = {
     "complete": True,
@@ -68,11 +69,61 @@ def test_latencies_of_executions():
 
 
 def test_the_part_about_latencies():
-    found = [
-        Latency("a", 3, "succeeded", 0.2, (0.001, 0.004), (0.002,)),
-        Latency("b", 4, "failed", 0.1, (0.003, 0.2), (0.005,)),
-    ]
-    text = latencies(found, "2026-01-01")
-    assert "2 executions: 1 succeeded, 1 failed; 4 steps." in text
-    assert "under 0.1 s in 1 of 2" in " ".join(text.split())
-    assert "| slowest step of each execution | 102.00 | 200.00 | 200.00 |" in text
+    def execution(backend, instance, outcome, steps):
+        return {
+            "backend": backend,
+            "instance": instance,
+            "outcome": outcome,
+            "preparation_seconds": 0.25,
+            "step_seconds": steps,
+            "wake_seconds": [0.002],
+            "decisions": 2,
+            "message": None,
+        }
+
+    printed = {
+        "complete": True,
+        "seed": 0,
+        "limit": 60.0,
+        "jobs": 1,
+        "problems": 3,
+        "decided": 3,
+        "admitting": ["a", "b"],
+        "executions": [
+            execution("smt", "a", "succeeded", [0.001, 0.004]),
+            execution("smt", "b", "failed", [0.003, 0.2]),
+            execution("bdd", "a", "succeeded", [0.001]),
+            execution("bdd", "b", "timeout", [0.5]),
+        ],
+    }
+    text = latencies(latency_report(printed), [], "2026-01-01")
+    assert "| smt | 2 | 2 | 1 | 0 | 250.0 | 250.0 | 2.0 |" in text
+    assert "| bdd | 1 | 2 | 1 | 1 | 250.0 | 250.0 | 2.0 |" in text
+    assert "| smt | 4 | 3.5 | 102.0 | 200.0 | 200.0 | 1 (50.0%) | 2 (100.0%) |" in text
+    assert "same decisions" in text
+    assert "differ between back ends: 1." in latencies(latency_report(printed), ["b: smt and bdd"], "2026-01-01")
+
+
+def test_the_part_about_guessed_intents():
+    pike = {"outcome": "succeeded", "time": "15/2", "replans": 0, "recovery": "0", "seconds": 0.5}
+    kirk = pike | {"time": "10", "replans": 2, "recovery": "5/2", "seconds": 1.0}
+    printed = {
+        "schema": "robust/bench-figure18/1",
+        "complete": True,
+        "seed": 0,
+        "problems": 1,
+        "largest": 10,
+        "reasoner": "smt",
+        "limit": 60.0,
+        "jobs": 1,
+        "notes": [],
+        "runs": [{"index": 0, "structure": [2, 2], "intents": 4, "pike": pike, "kirk": kirk}],
+    }
+    text = k_intents(report_of(printed), "2026-01-01")
+    assert "| 2 | 1 | 2.00 | – | 2 | 1.00 | 0 |" in text
+    assert "| 2 | 1 | 7.50 | 10.00 | 25.0 | – | 25.0 | 25.0 | 0.500 | 1.000 |" in text
+    assert "| of Kirk's time, with computing | 27.3 | – | 13.4 |" in text
+    # Half of the guesses are wrong: 0.3125 of recovery to 3.5 of activities.
+    assert "0.500 of the guesses are wrong" in " ".join(text.split())
+    assert "save 8.2% of Kirk's time" in " ".join(text.split())
+    assert max(len(line) for line in text.splitlines() if not line.startswith("|")) <= 120

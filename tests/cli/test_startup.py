@@ -60,6 +60,11 @@ OPTIONS = {
     "--verbose",
     ("bench", "recorded"): "--suite --jobs --limit --plot --json --quiet --verbose",
     ("bench", "scaling"): "--jobs --limit --plot --json --quiet --verbose",
+    **{
+        ("bench", figure): "--problems --seed --largest --reasoner --jobs --cluster --store --limit --plot --json "
+        "--quiet --verbose"
+        for figure in ("figure17", "figure18")
+    },
 }
 
 

@@ -71,6 +71,18 @@ class Progress:
             if not any(earlier in self.pending for earlier in self.structure.not_before[event]):
                 yield event
 
+    def waits(self, event: str) -> bool:
+        """Whether, as far as single constraints tell, the event comes no earlier than one that is not ours."""
+        guard, guards = self.structure.guards[event], self.structure.guards
+        return any(
+            constraint.source in self.pending
+            and constraint.lower is not None
+            and constraint.lower >= 0
+            and self.certain(constraint.guard | guards[constraint.source], guard)
+            and not self.ours(constraint.source)
+            for constraint in self.structure.incoming[event]
+        )
+
     def blocked(self, event: str) -> bool:
         """Whether the event cannot be executed now, as far as one constraint tells that holds whenever it is."""
         guard = self.structure.guards[event]

@@ -123,12 +123,17 @@ class WitnessedReasoner(Reasoner):
 
     def _executes_now(self, event: str) -> bool:
         """Whether the witness shows an event to be executable."""
-        witness, now = self._witness, self.progress.now
-        if witness is None or witness.schedule.get(event) != now:
+        return self._executes_at(event, self.progress.now)
+
+    def _executes_at(self, event: str, moment: Fraction) -> bool:
+        """Whether the witness shows that an event would be executable at a moment, if it has nothing before."""
+        witness = self._witness
+        if witness is None or witness.schedule.get(event) != moment:
             return False
         return not any(
-            time <= now and any(holds(label, witness.scenario) for label in self.progress.external(name))
+            time < moment or any(holds(label, witness.scenario) for label in self.progress.external(name))
             for name, time in self._ahead(witness)
+            if time <= moment
         )
 
     def _ahead(self, witness: Execution) -> list[tuple[str, Fraction]]:

@@ -103,5 +103,7 @@ def make_reasoner(
     if name != SMT:
         return CompiledReasoners(name, temporal=temporal, solver=solver, deadline=deadline)
     from robust.pike_bridge.online.semantic import SemanticReasoner  # noqa: PLC0415 - imports solvers
+    from robust.smt.terms import Terms  # noqa: PLC0415
 
-    return lambda progress: SemanticReasoner(progress, solver=solver)
+    terms = Terms()  # shared: executives that plan anew ask about one candidate after the other
+    return lambda progress: SemanticReasoner(progress, solver=solver, terms=terms)

@@ -17,7 +17,7 @@ from robust.pike_bridge.semantics import Semantics
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
-from robust.smt.terms import Formula
+from robust.smt.terms import Formula, Terms
 
 _FIRST = "first time"
 _BISECTION = 3
@@ -27,10 +27,10 @@ _BISECTION = 3
 class OnlineSemantics(Semantics):
     """The semantics of executions in which links can break and "before" means by ε, as in augmented plans."""
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: Progress, terms: Terms | None = None) -> None:
         self._epsilon = progress.plan.epsilon
         self._void: dict[tuple[Effect, Condition], Formula] = {}
-        super().__init__(progress.plan)
+        super().__init__(progress.plan, terms)
 
     def void(self, effect: Effect, condition: Condition) -> Formula:
         """That the effect does not support the condition."""
@@ -55,15 +55,18 @@ class OnlineSemantics(Semantics):
 class SemanticReasoner(WitnessedReasoner):
     """Asks one solver session.
 
+    Args:
+        terms: where formulas are built; reasoners about plans that are much alike are made faster if they share them.
+
     Raises:
         SolverError: if the solver is unknown or not installed.
     """
 
     name = "smt"
 
-    def __init__(self, progress: Progress, *, solver: str = "z3") -> None:
+    def __init__(self, progress: Progress, *, solver: str = "z3", terms: Terms | None = None) -> None:
         super().__init__(progress)
-        self._semantics = OnlineSemantics(progress)
+        self._semantics = OnlineSemantics(progress, terms)
         self._terms = self._semantics.terms
         self._session = Session(self._terms, solver=solver)
         self._session.add(*self._semantics.formulas)
@@ -161,10 +164,14 @@ class SemanticReasoner(WitnessedReasoner):
                 raise OutOfTimeError
 
     def _model(self) -> Execution:
-        scenario = self._semantics.chosen(self._session.values(self._semantics.choices))
-        activated = [name for name, guard in self.progress.structure.guards.items() if holds(guard, scenario)]
-        values = self._session.values(self._semantics.times(activated))
-        return Execution(scenario, {name: self._semantics.time(name, values) for name in activated})
+        """The solver's model; what is known already is not read from it again, because reading takes long."""
+        read = self._semantics.chosen(self._session.values(self._semantics.choices))
+        scenario = read | self.progress.chosen
+        guards, pending = self.progress.structure.guards, self.progress.pending
+        coming = [name for name in pending if holds(guards[name], scenario)]
+        values = self._session.values(self._semantics.times(coming))
+        times = {name: self._semantics.time(name, values) for name in coming}
+        return Execution(scenario, {**self.progress.times, **times})
 
     def _tell_time(self) -> None:
         """No pending event is in the past; it is enough to say so of the frontier."""
@@ -202,9 +209,14 @@ class SemanticReasoner(WitnessedReasoner):
 
     def _earliest_execution(self, deadline: Deadline) -> Fraction | None:
         """The least time after now at which an event is executable if nothing happens before."""
-        candidates = [event for event in self.progress.frontier if self.progress.ours(event)]
-        soonest = self.progress.now + self.progress.grid
+        progress = self.progress
+        candidates = [event for event in progress.frontier if progress.ours(event) and not progress.waits(event)]
+        if not candidates:
+            return None
+        soonest = progress.now + progress.grid
         floor = max(soonest, min((self.progress.earliest(event) or soonest for event in candidates), default=soonest))
+        if any(self._executes_at(event, floor) for event in candidates):
+            return floor
         hypothesis = [
             self._terms.disjunction(
                 self._terms.conjunction(

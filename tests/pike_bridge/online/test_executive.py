@@ -183,6 +183,34 @@ def test_two_solvers_allow_the_same():
     assert isinstance(executive.outcome, Succeeded)
 
 
+class Abridged(SemanticReasoner):
+    """Asks a second time when something is executable first, without what the witness and single constraints say."""
+
+    whole = False
+
+    def _earliest_execution(self, deadline):
+        found = super()._earliest_execution(deadline)
+        self.whole, self.progress.waits = True, lambda event: False
+        try:
+            assert super()._earliest_execution(deadline) == found
+        finally:
+            self.whole = False
+            del self.progress.waits
+        return found
+
+    def _executes_at(self, event, moment):
+        return not self.whole and super()._executes_at(event, moment)
+
+
+@pytest.mark.parametrize("index", [None, *SOLVABLE[:3]])
+def test_what_the_witness_answers_is_what_the_solver_says(index):
+    plan = kitchen() if index is None else drawn(index)
+    executive = PlanExecutive(plan, Abridged)
+    simulate(executive, SimulatedTeam(plan, executive, executive.reasoner, Story(), seed=1))
+    assert executive.outcome is not None
+    assert len(executive.progress.times) > 5
+
+
 # -- resuming ----------------------------------------------------------------------------------------------------------
 
 
