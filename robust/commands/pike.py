@@ -208,6 +208,9 @@ def run(
     ] = None,
     delay: Annotated[str, typer.Option("--delay", metavar="T", help="humans hesitate this long at most")] = "0",
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="decides what is left open")] = 0,
+    backend: Annotated[
+        str, typer.Option("--backend", metavar="NAME", help="who decides; smt asks a solver and compiles nothing")
+    ] = "smt",
     infer: Annotated[
         bool, typer.Option("--infer/--no-infer", help="find out which values open choices may still have")
     ] = True,
@@ -236,6 +239,7 @@ def run(
         seed=seed,
         infer=infer,
         plot=picture,
+        backend=backend,
         solver=solver.value,
         epsilon=epsilon,
         timeout=timeout,
