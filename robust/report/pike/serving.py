@@ -236,7 +236,7 @@ class _Arrived:
 
 
 class _RealTime:
-    """A service as what :func:`robust.execute.drive.drive` runs; it announces by itself, in times on the plan's grid."""
+    """A service for :func:`robust.execute.drive.drive`; it announces by itself. Times are on the grid of the plan."""
 
     def __init__(self, server: _Server) -> None:
         self._server = server
