@@ -232,17 +232,17 @@ def run(
         str, typer.Option("--backend", metavar="NAME", help="who decides; smt asks a solver and compiles nothing")
     ] = "smt",
     stdio: Annotated[
-        bool, typer.Option("--stdio", help="nothing is simulated: lines of JSON in and out, for the real team")
+        bool, typer.Option("--stdio", help="simulate nothing, but serve a real team through lines of JSON")
     ] = False,
     journal: Annotated[
         Path | None,
-        typer.Option("--journal", metavar="FILE", help="with --stdio: write each step here first, and go on from it"),
+        typer.Option("--journal", metavar="FILE", help="as a service: write each step here first, and go on from it"),
     ] = None,
     clock: Annotated[
-        ClockKind, typer.Option("--clock", help="with --stdio: the time that messages give, or real time")
+        ClockKind, typer.Option("--clock", help="as a service: the time that messages give, or real time")
     ] = ClockKind.GIVEN,
     rate: Annotated[
-        str | None, typer.Option("--rate", metavar="S", help="with --clock real: seconds that a unit of time lasts")
+        str | None, typer.Option("--rate", metavar="S", help="in real time: seconds that a unit of time lasts, else 1")
     ] = None,
     infer: Annotated[
         bool, typer.Option("--infer/--no-infer", help="find out which values open choices may still have")
