@@ -112,7 +112,7 @@ def test_killed_and_resumed_again_and_again(tmp_path):
     """After an answer, before it, or while it is worked on: the execution is the one that nothing happened to."""
     journal = tmp_path / "journal"
     arguments = (KITCHEN, "--journal", journal)
-    moments = {2: None, 3: 0.0, 7: 0.004, 8: None, 12: 0.015, 17: 0.04, 23: 0.0}
+    moments = {2: None, 3: 0.0, 7: 0.004, 12: 0.015, 17: 0.04}
     process = Process(*arguments)
     driver = team(process)
     driver.hear(process.greeting)
@@ -359,6 +359,46 @@ def test_real_time_makes_the_same_choices(patient, tmp_path):
     assert all((1000 * each).denominator == 1 for each in times)
     assert times[-1] * RATE <= seconds + 1
     assert read_journal(journal, load_team_plan(patient))
+
+
+def test_in_real_time_the_input_may_end_with_the_execution():
+    outcomes = [
+        {"kind": "outcome", "choice": "xA1", "value": "mug"},
+        {"kind": "outcome", "choice": "xA3", "value": "bagel"},
+    ]
+    with Process(KITCHEN, "--clock", "real") as process:
+        process.send({"kind": "together", "messages": outcomes})
+        process.send({"kind": "why"})
+        lines, err, code = process.finish()
+        assert [line["kind"] for line in lines][-3:] == ["failed", "end", "why"]
+        assert (err, code) == ("", 1)
+
+
+def test_real_time_goes_on_where_the_journal_ends(tmp_path):
+    arguments = (KITCHEN, "--clock", "real", "--rate", "1/2", "--journal", tmp_path / "journal")
+    with Process(*arguments) as process:
+        first = [process.line() for _ in range(5)]
+        process.kill()
+    with Process(*arguments) as process:
+        hello, *repeated = process.greeting
+        last = Fraction(repeated[-2]["time"])
+        assert hello["resumed"]
+        told = [{**line, "repeated": True} for line in first if line["kind"] not in {"hello", "wake"}]
+        assert told
+        assert repeated[: len(told)] == told
+        process.send({"kind": "outcome", "choice": "xA1", "value": "mug"})
+        while (line := process.line())["kind"] != "chosen" or line["choice"] != "xA1":
+            assert line["kind"] in {"executed", "wake", "chosen", "dispatched"}
+        assert last <= Fraction(line["time"]) <= last + 2
+
+
+def test_without_an_input():
+    words = [*COMMAND, "pike", "run", str(KITCHEN), "--stdio"]
+    done = subprocess.run(
+        ["bash", "-c", 'exec "$@" <&-', "-", *words], capture_output=True, env=environment(), check=False
+    )
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert done.stderr == b"robust: error: --stdio: found no standard input, expected lines of JSON\n"
 
 
 def test_in_real_time_messages_have_no_time():

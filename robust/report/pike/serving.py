@@ -85,6 +85,10 @@ class _Server:
     service: Service = field(init=False)
     plan: TeamPlan = field(init=False)
     journal: Journal | None = field(init=False, default=None)
+    closed: bool = field(init=False, default=False)
+    """Whether no more requests will come, in real time."""
+    failure: OSError | None = field(init=False, default=None)
+    """Why the input could not be read, in real time."""
 
     def prepare(self, epsilon: Fraction) -> None:
         """Read the plan and the journal, and make what decides."""
@@ -95,6 +99,8 @@ class _Server:
         from robust.pike_bridge.online.reasoners import make_reasoner  # noqa: PLC0415
         from robust.pike_bridge.online.service import Service  # noqa: PLC0415 - imports solvers
 
+        if sys.stdin is None:  # closed by the caller, as in `robust ... <&-`
+            raise InputError("found no standard input, expected lines of JSON", Location("--stdio"))
         self.reader = LineReader(sys.stdin.fileno())
         sys.stdout.flush()
         self.writer = LineWriter(sys.stdout.fileno(), lambda: self.guard.cause is not None, self.deadline)
@@ -152,7 +158,7 @@ class _Server:
 
         while True:
             try:
-                text = self.reader.read(self.deadline if timed else None)
+                text = self.reader.read(self.deadline if timed else Deadline())
             except InputError as error:
                 number = self.reader.number
                 return Wrong(number, f"{Location(INPUT, number)}: {error}")
@@ -179,9 +185,10 @@ class _Server:
         watching = asyncio.create_task(self._watch(inbox))
         try:
             await drive(_RealTime(self), inbox, lambda _now, _decisions: None, clock)
-            # Questions about how it ended; nothing more if the input has ended already.
-            while self.service.ended and (arrived := await inbox.get()) is not None:
-                self.announce(self.service.answer(arrived.request))
+            while self.service.ended and not (self.closed and inbox.empty()):
+                arrived = await inbox.get()
+                if arrived is not None:  # a question about how it ended
+                    self.announce(self.service.answer(arrived.request))
         finally:
             watching.cancel()
         self._raise_if_stopped()
@@ -189,17 +196,26 @@ class _Server:
     def _listen(self, loop: asyncio.AbstractEventLoop, inbox: asyncio.Queue[_Arrived | None], clock: WallClock) -> None:
         """Note when each request arrives, in a thread: not every input can be waited for otherwise."""
         with suppress(RuntimeError):  # the loop is closed: all is over
-            while (request := self.read(timed=False)) is not None:
-                loop.call_soon_threadsafe(inbox.put_nowait, _Arrived(clock.now(), request))
-            loop.call_soon_threadsafe(inbox.put_nowait, None)
+            try:
+                while (request := self.read(timed=False)) is not None:
+                    loop.call_soon_threadsafe(inbox.put_nowait, _Arrived(clock.now(), request))
+            except OSError as error:
+                self.failure = error
+            loop.call_soon_threadsafe(self._close, inbox)
+
+    def _close(self, inbox: asyncio.Queue[_Arrived | None]) -> None:
+        self.closed = True
+        inbox.put_nowait(None)
 
     async def _watch(self, inbox: asyncio.Queue[_Arrived | None]) -> None:
         """Close the inbox when a signal or the deadline comes."""
         while self.guard.cause is None and not self.deadline.passed:
             await asyncio.sleep(_GLANCE)
-        inbox.put_nowait(None)
+        self._close(inbox)
 
     def _raise_if_stopped(self) -> None:
+        if self.failure is not None:
+            raise self.failure
         if self.guard.cause is not None:
             raise KeyboardInterrupt
         if self.deadline.passed:

@@ -28,11 +28,8 @@ class LineReader:
         self._skipping = False
         self.number = 0
 
-    def read(self, deadline: Deadline | None = None) -> bytes | None:
+    def read(self, deadline: Deadline) -> bytes | None:
         """The next line without its end; None at the end of the input.
-
-        Args:
-            deadline: until when to wait; None waits for the system, which no deadline interrupts.
 
         Raises:
             InputError: if the line is too long; the next call reads the line after it.
@@ -53,7 +50,7 @@ class LineReader:
                 self._skipping = True
                 self._pending.clear()
                 self._pending += b"."  # so that it counts as a line, whatever comes
-            if deadline is not None and not has_input(self._descriptor, deadline):
+            if not has_input(self._descriptor, deadline):
                 raise OutOfTimeError
             chunk = os.read(self._descriptor, _CHUNK)
             self._ended = not chunk
