@@ -125,6 +125,19 @@ def test_an_outcome_that_is_repeated_or_taken_back(told):
     assert reasons(told("outcome", choice="xA1", value="glass", time=1)) == ["xA1 = mug was observed before"]
 
 
+def test_messages_are_named_as_people_would(told):
+    said = [
+        told("outcome", choice="xA1", value="glass", time=1),
+        told("completion", action="(make-coffee human)", time=1),
+        told("estimate", true=["(a)"], false=["(a)"], complete=True, time=1),
+    ]
+    assert [answer[0]["message"] for answer in said] == [
+        "xA1 = glass",
+        "(make-coffee human) has ended",
+        "seen: (a), (not (a)), all else is false",
+    ]
+
+
 def test_an_outcome_that_leaves_nothing_correct(told):
     assert kinds(told("outcome", choice="xA3", value="bagel", time="0.003")) == ["chosen", "failed", "end"]
     assert [fact["fact"] for fact in told("why")[-1]["conflict"]] == ["xR1 = grounds", "xA3 = bagel"]
