@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Mapping
 from typing import Annotated
 
 import typer
 
 from robust import __version__
+from robust.errors import InputError, Location
 from robust.report.guard import Guard
 
 CommandLineError: type[Exception] = typer.BadParameter.__mro__[2]
@@ -46,6 +48,14 @@ def guard_of(context: typer.Context) -> Guard:
     """The guard of this run; a fresh one, which does nothing, where the application is called by other means."""
     found = context.find_object(Guard)
     return found if isinstance(found, Guard) else Guard()
+
+
+def refuse(context: typer.Context, names: Mapping[str, str], reason: str) -> None:
+    """InputError if one of the options, named by parameter, was typed."""
+    for parameter, option in names.items():
+        source = context.get_parameter_source(parameter)
+        if source is not None and source.name == "COMMANDLINE":
+            raise InputError(reason, Location(option))
 
 
 def configure_logging(verbose: bool) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from robust.commands.app import EPILOG, app, configure_logging, guard_of
+from robust.commands.app import EPILOG, app, configure_logging, guard_of, refuse
 from robust.commands.options import Epsilon, Json, Quiet, Solver, SolverOption, Timeout, Verbose
 
 
@@ -43,6 +43,13 @@ class HumanKind(StrEnum):
 
     RATIONAL = "rational"
     CARELESS = "careless"
+
+
+class ClockKind(StrEnum):
+    """Whose time it is."""
+
+    GIVEN = "given"
+    REAL = "real"
 
 
 class PaceKind(StrEnum):
@@ -181,6 +188,19 @@ def compile_(
     return run_pike_compile(request, guard_of(context))
 
 
+_SIMULATED = {
+    "human": "--human",
+    "pace": "--pace",
+    "outcome": "--outcome",
+    "disturb": "--disturb",
+    "delay": "--delay",
+    "seed": "--seed",
+    "infer": "--infer",
+    "picture": "--plot",
+}
+_SERVED = {"journal": "--journal", "clock": "--clock", "rate": "--rate"}
+
+
 @pike_app.command(epilog=EPILOG, short_help="Execute a plan with choices with a simulated team.")
 def run(
     context: typer.Context,
@@ -208,6 +228,22 @@ def run(
     ] = None,
     delay: Annotated[str, typer.Option("--delay", metavar="T", help="humans hesitate this long at most")] = "0",
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="decides what is left open")] = 0,
+    backend: Annotated[
+        str, typer.Option("--backend", metavar="NAME", help="who decides; smt asks a solver and compiles nothing")
+    ] = "smt",
+    stdio: Annotated[
+        bool, typer.Option("--stdio", help="simulate nothing, but serve a real team through lines of JSON")
+    ] = False,
+    journal: Annotated[
+        Path | None,
+        typer.Option("--journal", metavar="FILE", help="as a service: write each step here first, and go on from it"),
+    ] = None,
+    clock: Annotated[
+        ClockKind, typer.Option("--clock", help="as a service: the time that messages give, or real time")
+    ] = ClockKind.GIVEN,
+    rate: Annotated[
+        str | None, typer.Option("--rate", metavar="S", help="in real time: seconds that a unit of time lasts, else 1")
+    ] = None,
     infer: Annotated[
         bool, typer.Option("--infer/--no-infer", help="find out which values open choices may still have")
     ] = True,
@@ -225,7 +261,22 @@ def run(
     configure_logging(verbose)
     with guard_of(context).working():
         from robust.report.pike.running import PikeRunRequest, run_pike_run  # noqa: PLC0415 - heavy
+        from robust.report.pike.serving import PikeServeRequest, run_pike_serve  # noqa: PLC0415
 
+    if stdio:
+        refuse(context, _SIMULATED, "found together with --stdio, expected without: nothing is simulated then")
+        serving = PikeServeRequest(
+            file=file,
+            journal=journal,
+            clock=clock.value,
+            rate=rate,
+            backend=backend,
+            solver=solver.value,
+            epsilon=epsilon,
+            timeout=timeout,
+        )
+        return run_pike_serve(serving, guard_of(context))
+    refuse(context, _SERVED, "expected only together with --stdio")
     request = PikeRunRequest(
         file=file,
         human=human.value,
@@ -236,6 +287,7 @@ def run(
         seed=seed,
         infer=infer,
         plot=picture,
+        backend=backend,
         solver=solver.value,
         epsilon=epsilon,
         timeout=timeout,

@@ -118,10 +118,12 @@ async def drive(
             return now
         messages = []
         timeout = None if executive.wake is None else max(0.0, clock.seconds_until(executive.wake))
-        try:
-            arrived = [await asyncio.wait_for(inbox.get(), timeout)]
-        except TimeoutError:
-            continue
+        arrived: list[Message | None] = []
+        if inbox.empty():  # what has come is heard even if the next step is overdue
+            try:
+                arrived.append(await asyncio.wait_for(inbox.get(), timeout))
+            except TimeoutError:
+                continue
         while not inbox.empty():
             arrived.append(inbox.get_nowait())
         closed = None in arrived

@@ -66,6 +66,7 @@ def test_a_chart_is_drawn(capsys, tmp_path):
         (["--disturb", "(not (working toaster))"], "expected '(atom)@TIME' or '(not (atom))@TIME'"),
         (["--disturb", "(working toster)@1"], "nothing in the plan is about (working toster); did you mean"),
         (["--delay", "x"], "--delay"),
+        (["--backend", "smtt"], "--backend: found unknown back end 'smtt'; did you mean 'smt'?"),
         (["--plot", "run.txt"], "expected a name that ends in"),
     ],
 )

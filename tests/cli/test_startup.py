@@ -58,6 +58,8 @@ OPTIONS = {
     ("execute",): "--executor --planner --world --seed --runs --parametrize --parameters --method --controllability "
     "--replans --planner-limit --planning-time --stop-running --epsilon --solver --timeout --plot --json --quiet "
     "--verbose",
+    ("pike", "run"): "--human --pace --outcome --disturb --delay --seed --backend --stdio --journal --clock --rate "
+    "--infer --no-infer --plot --epsilon --solver --timeout --json --quiet --verbose",
     ("bench", "recorded"): "--suite --jobs --limit --plot --json --quiet --verbose",
     ("bench", "scaling"): "--jobs --limit --plot --json --quiet --verbose",
     **{

@@ -6,7 +6,7 @@ now and when to look again. Whatever it decides, a correct execution remains pos
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import assert_never
 
@@ -71,6 +71,8 @@ class PlanExecutive:
         self._wake: Fraction | None = None
         self._wake_known = False
         self._changed = True
+        self._recorded: Mapping[str, str] | None = None
+        """The choices of the step that is being repeated."""
         self._activities: dict[str, list[int]] = {}
         for place, activity in enumerate(plan.network.activities):
             self._activities.setdefault(activity.source, []).append(place)
@@ -123,7 +125,11 @@ class PlanExecutive:
         return decisions
 
     def repeat(self, now: Fraction, messages: Sequence[Message], decisions: Iterable[Decision]) -> None:
-        """Take an earlier step again as it was decided then, to resume from a record of it."""
+        """Take an earlier step again as it was decided then, to resume from a record of it; nothing is asked."""
+        if self.ended:
+            return
+        decisions = tuple(decisions)
+        self._recorded = {each.choice: each.value for each in decisions if isinstance(each, Chosen)}
         self._advance(now, [])
         for message in messages:
             for _ in self._take(message):
@@ -133,12 +139,11 @@ class PlanExecutive:
                 case Executed(event, _, reported=False):
                     for _ in self._mark(event):
                         pass
-                case Chosen(choice, value, _, observed=False):
-                    self._choose(choice, value)
                 case Failed() | Succeeded():
                     self.outcome = decision
                 case _:
                     pass  # follows from the messages or from the events
+        self._recorded = None
         self._wake_known = False
 
     def possible_values(self, choice: str) -> tuple[str, ...]:
@@ -275,6 +280,8 @@ class PlanExecutive:
 
     def _decide(self, choice: str) -> str | None:
         """The first value that could be committed to; None if the execution has failed already."""
+        if self._recorded is not None:
+            return self._recorded.get(choice)
         values = self._ranking(self.plan.network.domains[choice])
         return next((each for each in values if self._could(frozenset({Assignment(choice, each)}))), None)
 

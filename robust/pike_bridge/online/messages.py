@@ -17,6 +17,9 @@ class Outcome:
     choice: str
     value: str
 
+    def __str__(self) -> str:
+        return f"{self.choice} = {self.value}"
+
 
 @dataclass(frozen=True, slots=True)
 class Completion:
@@ -24,6 +27,9 @@ class Completion:
 
     action: str
     event: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.action} has ended{f' at {self.event}' if self.event else ''}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +39,10 @@ class Estimate:
     true: frozenset[Atom] = frozenset()
     false: frozenset[Atom] = frozenset()
     complete: bool = False
+
+    def __str__(self) -> str:
+        literals = [*sorted(map(str, self.true)), *(f"(not {atom})" for atom in sorted(map(str, self.false)))]
+        return f"seen: {', '.join(literals) or 'nothing'}{', all else is false' if self.complete else ''}"
 
 
 Message: TypeAlias = Outcome | Completion | Estimate

@@ -7,15 +7,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
+from functools import partial
 
 from robust.errors import SolverError
 from robust.execute.drive import simulate
 from robust.pike_bridge.execution import Execution, faults
 from robust.pike_bridge.model import TeamPlan
+from robust.pike_bridge.online.companion import Accompanied
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import Fact, conflict
 from robust.pike_bridge.online.messages import Chosen, Decision, Failed, Message, Succeeded, Violated
 from robust.pike_bridge.online.progress import Progress
+from robust.pike_bridge.online.reasoner import Reasoner
+from robust.pike_bridge.online.reasoners import SMT, make_reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import SimulatedTeam, Story
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -66,6 +70,7 @@ class Rehearsal:
         seed: decides the rest.
         infer: whether the values of open choices are found out after each step.
         solver: `z3` or `cvc5`.
+        backend: who decides what is executed, of :func:`robust.pike_bridge.online.reasoners.reasoner_names`.
         on_step: called after each step.
     """
 
@@ -74,6 +79,7 @@ class Rehearsal:
     seed: int = 0
     infer: bool = True
     solver: str = "z3"
+    backend: str = SMT
     deadline: Deadline = Deadline()  # noqa: RUF009 - immutable
     on_step: Callable[[Step], None] | None = None
     _steps: list[Step] = field(init=False, default_factory=list)
@@ -85,9 +91,12 @@ class Rehearsal:
         """Execute; a deadline or Ctrl-C ends it with what has happened.
 
         Raises:
+            InputError: if there is no such back end.
+            OutOfTimeError: if the deadline passes before the first step.
             SolverError: if the solver is unknown, or an execution that ended well is not correct.
         """
-        self._executive = PlanExecutive(self.plan, self._reasoner, deadline=self.deadline)
+        deciding = make_reasoner(self.backend, solver=self.solver, deadline=self.deadline)
+        self._executive = PlanExecutive(self.plan, partial(self._reasoner, deciding), deadline=self.deadline)
         world = SimulatedTeam(self.plan, self._executive, self._judge, self.story, seed=self.seed)
         try:
             simulate(_Recorded(self), world)
@@ -136,9 +145,10 @@ class Rehearsal:
         """What decides."""
         return self._executive
 
-    def _reasoner(self, progress: Progress) -> SemanticReasoner:
+    def _reasoner(self, deciding: Callable[[Progress], Reasoner], progress: Progress) -> Reasoner:
+        """Who decides; the team is advised by semantics of its own, or by the same where that is what decides."""
         self._judge = SemanticReasoner(progress, solver=self.solver)
-        return self._judge
+        return self._judge if self.backend == SMT else Accompanied(deciding(progress), self._judge)
 
     def _inferred(self) -> dict[str, tuple[str, ...]]:
         changed: dict[str, tuple[str, ...]] = {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from robust.errors import InputError, Location
+from robust.errors import InputError, Location, did_you_mean
 from robust.plan.numerals import shorten
 from robust.report.guard import GivenUpError, Guard
 from robust.report.progress import Display
@@ -28,6 +28,16 @@ def assumptions(texts: Sequence[str]) -> dict[str, str]:
         if found.setdefault(name, value) != value:
             raise InputError(f"found a second value for {shorten(name)}, expected one", place)
     return found
+
+
+def check_backend(name: str) -> None:
+    """InputError unless an executive can reason with the back end."""
+    from robust.pike_bridge.online.reasoners import reasoner_names  # noqa: PLC0415 - imports graphs
+
+    known = reasoner_names()
+    if name not in known:
+        suggestion = did_you_mean(name, known)
+        raise InputError(f"found unknown back end {shorten(name)}{suggestion}", Location("--backend"))
 
 
 def guarded(  # noqa: PLR0917 (all that a run is made of)

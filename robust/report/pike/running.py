@@ -13,13 +13,13 @@ from rich.console import Console
 from rich.text import Text
 
 from robust.report import options
-from robust.report.guard import Cause, Guard
+from robust.report.guard import Cause, GivenUpError, Guard
 from robust.report.numbers import duration, readable
 from robust.report.output import answering, print_json
-from robust.report.pike.requests import guarded
+from robust.report.pike.requests import check_backend, guarded
 from robust.report.progress import Display
 from robust.report.terminal import console
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
     from robust.pike_bridge.model import TeamPlan
@@ -44,6 +44,7 @@ class PikeRunRequest:
     seed: int = 0
     infer: bool = True
     plot: Path | None = None
+    backend: str = "smt"
     solver: str = "z3"
     epsilon: str = "1/1000"
     timeout: str | None = None
@@ -68,6 +69,7 @@ class _Run:
         from robust.report.pike.stories import story  # noqa: PLC0415
 
         request = self.request
+        check_backend(request.backend)
         plan = load_team_plan(request.file, epsilon=self.epsilon)
         told = story(
             plan,
@@ -84,9 +86,14 @@ class _Run:
             seed=request.seed,
             infer=request.infer,
             solver=request.solver,
+            backend=request.backend,
             deadline=Deadline.after(self.guard.remaining(self.limit)),
         )
-        return self.rehearsal.run()
+        try:
+            return self.rehearsal.run()
+        except OutOfTimeError:  # while the back end was compiling
+            self.guard.cause = self.guard.cause or Cause.TIMEOUT
+            raise GivenUpError from None
 
     def known(self) -> Record | None:
         from robust.pike_bridge.online.rehearsal import Ending  # noqa: PLC0415 - imported by then, or nothing is known
@@ -97,7 +104,7 @@ class _Run:
 
     def show(self, record: Record) -> None:
         if self.request.json:
-            print_json(run_answer(record, self.request.seed))
+            print_json(run_answer(record, self.request))
             return
         with answering():
             _print(console(), record, self.request)
@@ -108,7 +115,7 @@ def run_pike_run(request: PikeRunRequest, guard: Guard) -> int:
 
     Raises:
         RobustError: wrong input, or input that is not supported.
-        GivenUpError: if interrupted before the first step.
+        GivenUpError: if interrupted or out of time before the first step.
     """
     picture = options.plot_file(request.plot)
     with Display(shown=request.progress, what="reading") as display:
@@ -129,12 +136,13 @@ def run_pike_run(request: PikeRunRequest, guard: Guard) -> int:
     return _CODES.get(record.ending.value, 3)
 
 
-def run_answer(record: Record, seed: int) -> dict[str, Any]:
+def run_answer(record: Record, request: PikeRunRequest) -> dict[str, Any]:
     """`robust/pike-run/1`."""
     return {
         "schema": SCHEMA,
         "status": record.ending.value,
-        "seed": seed,
+        "seed": request.seed,
+        "backend": request.backend,
         "time": str(record.time),
         "choices": dict(record.choices),
         "schedule": {event: str(time) for event, time in sorted(record.schedule.items(), key=lambda item: item[1])},

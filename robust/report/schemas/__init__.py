@@ -20,6 +20,8 @@ FILES = {
     "robust/pike-compile/1": "pike-compile.schema.json",
     "robust/pike-cross/1": "pike-cross.schema.json",
     "robust/pike-run/1": "pike-run.schema.json",
+    "robust/pike-stdio/1": "pike-stdio.schema.json",
+    "robust/pike-stdio-input/1": "pike-stdio-input.schema.json",
     "robust/pike-plot/1": "pike-plot.schema.json",
 }
 

@@ -5,6 +5,7 @@ from functools import cache
 
 import pytest
 
+from robust.errors import InputError
 from robust.execute.drive import simulate
 from robust.pike_bridge.execution import Execution, faults
 from robust.pike_bridge.generators.random_plans import random_plan
@@ -367,3 +368,34 @@ def test_a_passed_deadline_ends_the_rehearsal_with_what_has_happened():
     record = Rehearsal(kitchen(), deadline=Deadline.after(0)).run()
     assert record.ending is Ending.TIMEOUT
     assert record.steps == ()
+
+
+# -- who decides -------------------------------------------------------------------------------------------------------
+
+
+def test_a_back_end_decides_and_the_team_has_a_judge_of_its_own(monkeypatch):
+    """A back end that differs from the judge: what it is told and asked is recorded."""
+    asked = []
+
+    class Listening(SemanticReasoner):
+        name = "listening"
+
+        def executable(self, event, deadline):
+            asked.append(event)
+            return super().executable(event, deadline)
+
+    monkeypatch.setattr(
+        "robust.pike_bridge.online.rehearsal.make_reasoner", lambda name, *, solver, deadline: Listening
+    )
+    story = Story(outcomes={"xA1": ("mug", None)})
+    plain = Rehearsal(kitchen(), story).run()
+    assert not asked
+    record = Rehearsal(kitchen(), story, backend="listening").run()
+    assert asked
+    assert record.schedule == plain.schedule
+    assert record.choices == plain.choices
+
+
+def test_a_back_end_that_does_not_exist():
+    with pytest.raises(InputError, match="unknown reasoner 'smtt'; did you mean 'smt'"):
+        Rehearsal(kitchen(), backend="smtt").run()

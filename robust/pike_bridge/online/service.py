@@ -1,0 +1,276 @@
+"""An executive as a service: requests as lines of JSON come in, decisions as JSON objects go out.
+
+The answer to each request ends with one object of a kind that :data:`CLOSING` names, so that whoever asks knows when to
+go on. Steps are in the journal before anyone sees them. There is no clock and no stream in here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import TypeAlias, assert_never
+
+from robust.errors import InputError, Location
+from robust.pike_bridge.checking import checked_assumptions
+from robust.pike_bridge.model import ALWAYS, Guard, TeamPlan
+from robust.pike_bridge.online.executive import PlanExecutive
+from robust.pike_bridge.online.explain import conflict
+from robust.pike_bridge.online.fields import Fields, in_line, parse_line
+from robust.pike_bridge.online.journal import Journal, JournalStep, resume
+from robust.pike_bridge.online.messages import Decision, Failed, Message, Succeeded
+from robust.pike_bridge.online.wire import (
+    MESSAGE_KINDS,
+    Encoded,
+    check_message,
+    decode_message,
+    encode_decision,
+)
+from robust.smt.limits import Deadline
+
+SCHEMA = "robust/pike-stdio/1"
+INPUT = "input"
+"""What error messages call the lines that come in."""
+CLOSING = ("wake", "end", "possible", "state", "why", "error")
+"""The last object of an answer is of one of these kinds."""
+QUERIES = ("possible", "state", "why")
+_KINDS = (*MESSAGE_KINDS, "tick", "together", *QUERIES)
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What has happened at one moment; `time` is None where it is the moment of arrival."""
+
+    line: int
+    time: Fraction | None
+    messages: tuple[Message, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """A question, which changes nothing."""
+
+    line: int
+    kind: str
+    assume: Guard = ALWAYS
+
+
+@dataclass(frozen=True, slots=True)
+class Wrong:
+    """A line that says nothing that is understood."""
+
+    line: int
+    message: str
+
+
+Request: TypeAlias = Told | Query | Wrong
+
+
+def read_request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
+    """What a line asks for; `timed` says whether it gives the time, or the clock does."""
+    try:
+        with in_line(INPUT, line):
+            return _request(text, line, plan, timed=timed)
+    except InputError as error:
+        return Wrong(line, str(error))
+
+
+def _request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
+    try:
+        fields = Fields(parse_line(text.decode(), INPUT))
+    except UnicodeDecodeError:
+        raise InputError("found bytes that are no UTF-8, expected a JSON object") from None
+    kind = fields.one_of("kind", _KINDS)
+    if kind in QUERIES:
+        assume = checked_assumptions(plan, fields.assignments("assume")) if kind == "why" else ALWAYS
+        fields.end()
+        return Query(line, kind, assume)
+    messages = tuple(_messages(fields, kind, plan))
+    if not timed and fields.has("time"):
+        raise InputError("found a time, expected none: the clock is real", fields.where("time"))
+    time = fields.number("time") if timed else None
+    fields.end()
+    return Told(line, time, messages)
+
+
+def _messages(fields: Fields, kind: str, plan: TeamPlan) -> Iterator[Message]:
+    if kind == "together":
+        for item in fields.items("messages"):
+            each = Fields.of(item)
+            yield _checked(each, plan)
+            each.end()
+    elif kind != "tick":
+        yield _checked(fields, plan)
+
+
+def _checked(fields: Fields, plan: TeamPlan) -> Message:
+    message = decode_message(fields)
+    check_message(plan, message, fields.location)
+    return message
+
+
+@dataclass
+class Service:
+    """Answers requests about one executive, which has done nothing yet.
+
+    Args:
+        thinking: entered wherever solvers work, for those who interrupt; never while a step is written or announced.
+        tolerance: how much later than it was due a step counts as on time, where time is real.
+    """
+
+    executive: PlanExecutive
+    journal: Journal | None = None
+    solver: str = "z3"
+    deadline: Deadline = Deadline()  # noqa: RUF009 - immutable
+    thinking: Callable[[], AbstractContextManager[None]] = nullcontext
+    tolerance: Fraction = Fraction(0)
+    steps: int = field(init=False, default=0)
+    time: Fraction = field(init=False, default=Fraction(0))
+    """Of the last step."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether the execution has succeeded or failed; questions are answered all the same."""
+        return self.executive.ended
+
+    @property
+    def wake(self) -> Fraction | None:
+        """When the next step is due if nothing is told before; the first one is due at once."""
+        return self.executive.wake if self.steps else self.time
+
+    def greet(self) -> Iterator[Encoded]:
+        """Who this is, what was decided before according to the journal, and when to go on.
+
+        Raises:
+            InputError: if the journal does not fit the plan.
+            OutOfTimeError: if the deadline passes.
+        """
+        plan = self.executive.plan
+        before = self.journal.steps if self.journal is not None else ()
+        yield {
+            "kind": "hello",
+            "schema": SCHEMA,
+            "plan": plan.name,
+            "epsilon": str(plan.epsilon),
+            "grid": str(self.executive.progress.grid),
+            "backend": self.executive.reasoner.name,
+            "resumed": bool(before),
+            "steps": len(before),
+        }
+        if self.journal is not None:
+            resume(self.executive, before, str(self.journal.path))
+        for step in before:
+            self.steps, self.time = self.steps + 1, step.time
+            for decision in step.decisions:
+                yield {**self._numbered(decision), "repeated": True}
+        yield self._closing()
+
+    def answer(self, request: Request, now: Fraction | None = None) -> Iterator[Encoded]:
+        """What is said to a request; `now` is when it arrived, where time is real.
+
+        Raises:
+            InputError: if the journal cannot be written.
+            OutOfTimeError: if the deadline passes; then the step that was under way is as if it had not begun.
+        """
+        match request:
+            case Wrong(line, message):
+                yield {"kind": "error", "line": line, "message": message}
+            case Query():
+                yield self._replied(request)
+            case Told(line, time, messages):
+                moment = time if time is not None else max(now or self.time, self.time)
+                if moment < self.time:
+                    place = Location(INPUT, line)
+                    message = f"{place}: found time {moment}, expected {self.time} or later"
+                    yield {"kind": "error", "line": line, "message": message}
+                else:
+                    yield from self.step(moment, messages)
+            case _:
+                assert_never(request)
+
+    def due(self, now: Fraction) -> Iterator[Encoded]:
+        """Take the steps that are due by now, each at its time, or now if that is long ago.
+
+        Raises:
+            InputError: if the journal cannot be written.
+            OutOfTimeError: if the deadline passes.
+        """
+        while not self.ended and (wake := self.wake) is not None and wake <= now:
+            yield from self.step(now if now - wake > self.tolerance else wake, ())
+
+    def step(self, moment: Fraction, messages: tuple[Message, ...]) -> Iterator[Encoded]:
+        """Take a step, write it down, and then announce it.
+
+        Raises:
+            InputError: if the journal cannot be written.
+            OutOfTimeError: if the deadline passes.
+        """
+        over = self.ended
+        with self.thinking():
+            decisions = self.executive.step(moment, messages)
+        if not over:
+            if self.journal is not None:
+                self.journal.write(JournalStep(moment, messages, tuple(decisions)))
+            self.steps, self.time = self.steps + 1, moment
+        for decision in decisions:
+            yield self._numbered(decision)
+        yield self._closing()
+
+    def end(self, outcome: str) -> Encoded:
+        """The last words about an execution."""
+        return {"kind": "end", "outcome": outcome, "time": str(self.time), "step": self.steps}
+
+    def _numbered(self, decision: Decision) -> Encoded:
+        return {**encode_decision(decision), "step": self.steps}
+
+    def _closing(self) -> Encoded:
+        match self.executive.outcome:
+            case Succeeded():
+                return self.end("succeeded")
+            case Failed():
+                return self.end("failed")
+            case None:
+                with self.thinking():
+                    wake = self.wake
+                return {"kind": "wake", "time": None if wake is None else str(wake), "step": self.steps}
+
+    def _replied(self, query: Query) -> Encoded:
+        with self.thinking():
+            match query.kind:
+                case "possible":
+                    answer: Mapping[str, object] = {"values": self._values()}
+                case "why":
+                    answer = self._reasons(query.assume)
+                case _:
+                    answer = self._state()
+        return {"kind": query.kind, "line": query.line, **answer}
+
+    def _values(self) -> dict[str, list[str]]:
+        chosen, domains = self.executive.progress.chosen, self.executive.plan.network.domains
+        return {name: list(self.executive.possible_values(name)) for name in domains if name not in chosen}
+
+    def _reasons(self, assume: Guard) -> Encoded:
+        facts = conflict(self.executive.progress, assume, solver=self.solver, deadline=self.deadline)
+        told = None if facts is None else [{"about": fact.kind.value, "fact": fact.text} for fact in facts]
+        return {"possible": facts is None, "conflict": told}
+
+    def _state(self) -> Encoded:
+        progress, activities = self.executive.progress, self.executive.plan.network.activities
+        outcome = self.executive.outcome
+        return {
+            "time": str(self.time),
+            "step": self.steps,
+            "outcome": None if outcome is None else encode_decision(outcome)["kind"],
+            "choices": dict(progress.chosen),
+            "schedule": {event: str(time) for event, time in progress.times.items()},
+            "running": [
+                {
+                    "action": activities[place].action,
+                    "agent": activities[place].agent,
+                    "end": activities[place].target,
+                    "since": str(since),
+                }
+                for place, since in self.executive.running.items()
+            ],
+        }
