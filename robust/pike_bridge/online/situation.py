@@ -87,17 +87,18 @@ class Situation:
             if conflict is None:
                 return None
             found.append(conflict)
-        return tuple(min(found, key=len))
+        by_conditions, by_durations = found
+        return tuple(by_durations if len(by_durations) < len(by_conditions) else by_conditions)
 
     def facts(self, hypotheses: Sequence[Statement] = ()) -> tuple[Fact, ...] | None:
-        """As :meth:`conflict`, without what the plan demands.
+        """As few of what has happened as contradict the plan, which is not in question; in the order of time.
 
         Raises:
             OutOfTimeError: if the deadline passes.
         """
         with self._session.frame(*_formulas(self._of_plan)):
             found = self._minimal([*hypotheses, *self._happened])
-        return None if found is None else tuple(each.fact for each in found)
+        return None if found is None else tuple(each.fact for each in reversed(found))
 
     def latest(self, event: str) -> Fraction | None:
         """Until when the event could be executed, or could have been, after what was executed before it.

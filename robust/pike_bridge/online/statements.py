@@ -85,8 +85,13 @@ class Statements:
         return [*self._conditions(), *self._durations(), *self._bounds(), self._order()]
 
     def happened(self) -> list[Statement]:
-        """What has happened: choices, the latest first, the present time, broken links, events."""
-        return [*reversed(list(self._choices())), self._time(), *self._broken(), *self._events()]
+        """What has happened: choices, the present time, broken links, events; the latest first."""
+        return [
+            *reversed(list(self._choices())),
+            self._time(),
+            *self._broken(),
+            *reversed(list(self._events())),
+        ]
 
     def assignments(self, kind: Kind, assignments: Iterable[Assignment]) -> list[Statement]:
         """That choices are so."""

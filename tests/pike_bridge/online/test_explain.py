@@ -38,8 +38,9 @@ PLANS = {
     "kitchen": kitchen,
     "figure 6b": lambda: figure_6b().plan(),
     "figure 7b": lambda: figure_7b().plan(),
-    **{f"drawn {index}": lambda index=index: random_plan(0, index).plan() for index in SOLVABLE[:4]},
+    **{f"drawn {index}": lambda index=index: random_plan(0, index).plan() for index in SOLVABLE[:5]},
 }
+THOROUGH = ("drawn 4", "drawn 5", "drawn 16", "drawn 17")
 
 
 # -- truth -------------------------------------------------------------------------------------------------------------
@@ -88,7 +89,9 @@ def check_moment(executive):
     return conflicts
 
 
-@pytest.mark.parametrize("name", PLANS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(each, marks=pytest.mark.slow if each in THOROUGH else ()) for each in PLANS]
+)
 def test_conflicts_are_minimal_and_schedules_correct(name):
     plan = PLANS[name]()
     executive = PlanExecutive(plan, SemanticReasoner)
@@ -246,7 +249,9 @@ def test_the_latest_time_is_one_that_leaves_a_correct_execution(fetching):
     for late, ends in ((Fraction(0), False), (Fraction(1, 1000), True)):
         executive = PlanExecutive(kitchen(), SemanticReasoner)
         executive.step(Fraction(0))
+        executive.step(Fraction(1, 1000))
         executive.step(Fraction(1, 1000), [Outcome("xA1", "mug")])
+        executive.step(Fraction(2, 1000))
         executive.step(latest + late)
         assert executive.ended is ends
 
