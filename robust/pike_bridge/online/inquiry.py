@@ -159,15 +159,10 @@ class Inquiry:
             found,
         )
 
-    def chosen(self, assignment: Assignment, *, before: Mapping[str, str] | None = None) -> WhyChosen:
-        """Why a choice has a value: what excludes the others, and what the value serves.
-
-        Args:
-            assignment: the choice with its value.
-            before: the choices that were made already; None: all of now, but for this one.
-        """
+    def chosen(self, assignment: Assignment) -> WhyChosen:
+        """Why a choice has a value: what excluded the others when it was made, and what the value serves."""
         domain = self._plan.network.domains[assignment.variable]
-        inquiry = self._without(assignment.variable, before)
+        inquiry = self._before(assignment.variable)
         others = [Assignment(assignment.variable, value) for value in domain if value != assignment.value]
         impossible, possible = {}, []
         for other in others:
@@ -238,7 +233,6 @@ class Inquiry:
         if simple is not None:
             return simple
         hypotheses = [self._statements.executed_now(event), *self._statements.unreported()]
-        hypotheses = [each for each in hypotheses if each.fact.text != f"{name} is not reported yet"]
         conflict = self._told(self.situation.conflict(hypotheses))
         if conflict is not None:
             return WhyNot(name, Obstacle.CONFLICT, f"{name} is impossible at {now}", conflict=conflict)
@@ -306,19 +300,25 @@ class Inquiry:
             return self.continuation
         return self.situation.continuation(self._statements.assignments(Kind.ASSUMPTION, [assignment]))
 
-    def _without(self, choice: str, before: Mapping[str, str] | None) -> Inquiry:
-        """The same moment before a choice was made: what is activated by it has not happened."""
+    def _before(self, choice: str) -> Inquiry:
+        """The moment at which a choice was made, without it and what came after; broken links stay broken."""
         progress = self._progress
-        made = {name: value for name, value in (before or progress.chosen).items() if name != choice}
-        if before is None and choice not in progress.chosen:
+        if choice not in progress.chosen:
             return self
+        names = list(progress.chosen)
+        made = {name: progress.chosen[name] for name in names[: names.index(choice)]}
+        event = next(each.event for each in self._plan.network.choices if each.name == choice)
         earlier = Progress(self._plan, progress.now, {}, made, set(progress.void))
-        for event, time in progress.times.items():
-            if not any(each.variable not in made for each in progress.structure.guards[event]):
-                earlier.times[event] = time
-                del earlier.pending[event]
+        for name, time in progress.times.items():
+            if earlier.certain(earlier.structure.guards[name]):
+                earlier.times[name] = time
+                if name == event:
+                    earlier.now = time
+                    break
         guards = earlier.structure.guards
-        earlier.pending = {each: None for each in earlier.pending if earlier.compatible(guards[each])}
+        earlier.pending = {
+            each: None for each in earlier.pending if each not in earlier.times and earlier.compatible(guards[each])
+        }
         return Inquiry(earlier, solver=self.situation.solver, deadline=self.situation.deadline)
 
     def _excluded(self, choice: str, domain: Sequence[str], possible: Sequence[str]) -> Iterator[tuple[str, Conflict]]:

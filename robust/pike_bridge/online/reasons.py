@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -105,7 +105,8 @@ class WhyExecuted:
     @property
     def parts(self) -> tuple[str, ...]:
         """What is to be said, apart."""
-        found = [*support_parts(self.serves), *(f"uses {each.literal} from {each.producer}" for each in self.needs)]
+        needed = _grouped((each.producer, each) for each in self.needs)
+        found = [*support_parts(self.serves), *(f"uses {what} from {whom}" for whom, what in needed)]
         if self.latest is not None:
             found.append(f"not later than {format_number(self.latest)}")
         return tuple(found)
@@ -158,7 +159,8 @@ class WhyChosen:
         found = support_parts(self.serves)
         if self.possible:
             also = listed(self.possible)
-            found.append(f"{also} is possible, too" if len(self.possible) == 1 else f"{also} are possible, too")
+            verb = "is" if len(self.possible) == 1 else "are"
+            found.append(f"{also} {verb} possible" + (", too" if self.value else ""))
         return tuple(found)
 
     @property
@@ -255,8 +257,15 @@ def impossible_lines(head: str, conflict: Conflict) -> Iterator[str]:
 
 
 def support_parts(supports: tuple[Support, ...]) -> list[str]:
-    """`establishes (have mug) for (pour-coffee human)`, and so on."""
-    parts: dict[str, list[str]] = {}
-    for each in supports:
-        parts.setdefault(each.literal, []).append(each.consumer)
-    return [f"establishes {literal} for {listed(consumers)}" for literal, consumers in parts.items()]
+    """`establishes (have mug) for (pour-coffee human)`, and so on, one for each consumer."""
+    return [f"establishes {what} for {who}" for who, what in _grouped((each.consumer, each) for each in supports)]
+
+
+def _grouped(links: Iterable[tuple[str, Support]]) -> list[tuple[str, str]]:
+    """For each of the other ends of links the literals, listed."""
+    literals: dict[str, list[str]] = {}
+    for end, link in links:
+        known = literals.setdefault(end, [])
+        if link.literal not in known:
+            known.append(link.literal)
+    return [(end, listed(names)) for end, names in literals.items()]
