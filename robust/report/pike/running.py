@@ -184,11 +184,8 @@ def _lines(step: Step) -> Iterator[tuple[str, str]]:
 
 
 def _broken_text(atom: str, expected: bool, producer: str, consumers: tuple[str, ...]) -> str:
-    from robust.pike_bridge.model import INITIAL  # noqa: PLC0415 - imported by then
-
-    state, expectation = ("false", "true") if expected else ("true", "false")
-    since = "from the beginning" if producer == INITIAL else f"since {producer}"
-    return f"{atom} is {state}, and should be {expectation} {since}; needed by {', '.join(consumers)}"
+    state = "false" if expected else "true"
+    return f"{atom} is {state} since {producer} should have made it otherwise; needed by {', '.join(consumers)}"
 
 
 def _print(out: Console, record: Record, request: PikeRunRequest) -> None:
