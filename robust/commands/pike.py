@@ -247,6 +247,7 @@ def run(
     infer: Annotated[
         bool, typer.Option("--infer/--no-infer", help="find out which values open choices may still have")
     ] = True,
+    explain: Annotated[bool, typer.Option("--explain", help="say why, below each decision and inference")] = False,
     picture: Annotated[
         Path | None, typer.Option("--plot", metavar="FILE", help="draw who did what when: .svg, .png or .pdf")
     ] = None,
@@ -286,6 +287,7 @@ def run(
         delay=delay,
         seed=seed,
         infer=infer,
+        explain=explain,
         plot=picture,
         backend=backend,
         solver=solver.value,

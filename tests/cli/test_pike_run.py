@@ -36,6 +36,32 @@ def test_a_failure_names_the_facts_that_contradict_each_other(capsys):
     assert out.rstrip().splitlines()[-2:] == ["  xA2 = coffee", "  xA3 = bagel"]
 
 
+def test_reasons_are_told_below_each_decision_and_inference(capsys):
+    code, out, _ = run(capsys, "--outcome", "xA1=mug", "--explain")
+    assert code == 0
+    lines = [line.strip() for line in out.splitlines()]
+    at = lines.index("so        xA2 must be coffee")
+    assert lines[at + 1 : at + 3] == [
+        "not juice, as xA1 = mug:",
+        "(pour-juice human) needs (have glass), which only (get human glass) establishes, if xA1 = glass",
+    ]
+    assert "as inferred; establishes (have grounds) for (make-coffee human)" in lines
+
+
+def test_reasons_as_json(capsys):
+    code, out, _ = run(capsys, "--outcome", "xA1=mug", "--outcome", "xA3=bagel", "--explain", "--json")
+    answer = json.loads(out)
+    jsonschema.validate(answer, schema("robust/pike-run/1"))
+    assert code == 1
+    inferred = next(step["why"]["inferences"] for step in answer["steps"] if step["possible"])
+    assert {fact["fact"] for fact in inferred["xR1"]["impossible"]["juice"]} >= {"xA2 = coffee"}
+    failure = answer["steps"][-1]["decisions"][-1]
+    assert failure["what"] == "failed"
+    assert {"about": "choice", "fact": "xA3 = bagel"} in failure["why"]["conflict"]
+    first = answer["steps"][0]["why"]["continuation"]
+    assert first["scenario"].keys() == {"xA1", "xA2", "xA3", "xA4", "xR1", "xR2"}
+
+
 def test_the_same_seed_gives_the_same_execution(capsys):
     steps = []
     for _ in range(2):

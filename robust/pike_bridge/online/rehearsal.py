@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from functools import partial
@@ -17,6 +17,7 @@ from robust.pike_bridge.online.companion import Accompanied
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import Fact, conflict
 from robust.pike_bridge.online.messages import Chosen, Decision, Failed, Message, Succeeded, Violated
+from robust.pike_bridge.online.narration import StepReasons, step_reasons
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoner import Reasoner
 from robust.pike_bridge.online.reasoners import SMT, make_reasoner
@@ -46,6 +47,8 @@ class Step:
     """The values still possible of choices that are not made, where that has changed."""
     seconds: float
     """That the executive took to decide."""
+    reasons: StepReasons | None = None
+    """Of the decisions and inferences, if they were asked for."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,7 @@ class Rehearsal:
         solver: `z3` or `cvc5`.
         backend: who decides what is executed, of :func:`robust.pike_bridge.online.reasoners.reasoner_names`.
         on_step: called after each step.
+        explain: whether the reasons of each step are found out, after it was taken.
     """
 
     plan: TeamPlan
@@ -82,6 +86,7 @@ class Rehearsal:
     backend: str = SMT
     deadline: Deadline = Deadline()  # noqa: RUF009 - immutable
     on_step: Callable[[Step], None] | None = None
+    explain: bool = False
     _steps: list[Step] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -131,6 +136,9 @@ class Rehearsal:
         step = Step(now, tuple(messages), tuple(decisions), inferred, seconds)
         if messages or decisions:
             self._steps.append(step)
+            if self.explain:
+                reasons = step_reasons(self._executive, decisions, inferred, solver=self.solver, deadline=self.deadline)
+                step = self._steps[-1] = replace(step, reasons=reasons)
             if self.on_step is not None:
                 self.on_step(step)
         return decisions

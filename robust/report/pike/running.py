@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -43,6 +43,7 @@ class PikeRunRequest:
     delay: str = "0"
     seed: int = 0
     infer: bool = True
+    explain: bool = False
     plot: Path | None = None
     backend: str = "smt"
     solver: str = "z3"
@@ -85,6 +86,7 @@ class _Run:
             told,
             seed=request.seed,
             infer=request.infer,
+            explain=request.explain,
             solver=request.solver,
             backend=request.backend,
             deadline=Deadline.after(self.guard.remaining(self.limit)),
@@ -152,12 +154,17 @@ def run_answer(record: Record, request: PikeRunRequest) -> dict[str, Any]:
 
 
 def _step_answer(step: Step) -> dict[str, Any]:
+    from robust.report.pike.explaining import decision_reason, step_why  # noqa: PLC0415 - imports solvers
+
     return {
         "time": str(step.time),
         "messages": [str(message) for message in step.messages],
-        "decisions": [{"what": what, "text": text} for what, text in _lines(step)],
+        "decisions": [
+            {"what": what, "text": text, **decision_reason(step, at)} for at, (what, text) in enumerate(_lines(step))
+        ],
         "possible": {choice: list(values) for choice, values in step.inferred.items()},
         "seconds": round(step.seconds, 6),
+        **step_why(step),
     }
 
 
@@ -191,6 +198,8 @@ def _broken_text(atom: str, expected: bool, producer: str, consumers: tuple[str,
 
 def _print(out: Console, record: Record, request: PikeRunRequest) -> None:
     ending = record.ending.value
+    from robust.report.pike.explaining import Telling  # noqa: PLC0415 - imports solvers
+
     headline = Text(ending, style=_STYLES.get(ending, "yellow"))
     slowest = max((step.seconds for step in record.steps), default=0.0)
     typical = median(step.seconds for step in record.steps) if record.steps else 0.0
@@ -202,18 +211,27 @@ def _print(out: Console, record: Record, request: PikeRunRequest) -> None:
     out.print(headline, soft_wrap=True)
     if request.quiet:
         return
+    telling = Telling()
     for step in record.steps:
-        for what, text in _lines(step):
+        for at, (what, text) in enumerate(_lines(step)):
             if what != "event":
                 out.print(Text(f"{readable(step.time):>10}  {what:<9} {text}"), soft_wrap=True)
-        for choice, values in step.inferred.items():
+                _print_lines(out, telling.of_decision(step, at))
+        for choice in telling.order(step):
+            values = step.inferred[choice]
             verb = "must be" if len(values) == 1 else "may still be"
             out.print(Text(f"{'':>10}  so        {choice} {verb} {' or '.join(values)}"), soft_wrap=True)
-    if record.conflict:
+            _print_lines(out, telling.of_inference(step, choice))
+    if record.conflict and not request.explain:
         out.print()
         out.print("These facts contradict each other; without any one of them a correct execution would be left:")
         for fact in record.conflict:
             out.print(Text(f"  {fact.text}"), soft_wrap=True)
+
+
+def _print_lines(out: Console, lines: Iterable[str]) -> None:
+    for line in lines:
+        out.print(Text(f"{'':>24}{line}", style="dim"), soft_wrap=True)
 
 
 def run_chart(plan: TeamPlan, record: Record) -> Chart:

@@ -1,0 +1,283 @@
+"""Reasons: minimal conflicts are conflicts and minimal, supporting schedules are correct, and the words tell why."""
+
+from fractions import Fraction
+from functools import cache
+
+import pytest
+
+from robust.errors import InputError
+from robust.execute.drive import simulate
+from robust.pike_bridge.execution import faults
+from robust.pike_bridge.generators.figures import figure_6b, figure_7b
+from robust.pike_bridge.generators.random_plans import random_plan
+from robust.pike_bridge.load import load_team_plan
+from robust.pike_bridge.model import Assignment, Literal
+from robust.pike_bridge.online.executive import PlanExecutive
+from robust.pike_bridge.online.inquiry import Inquiry, why, why_failed, why_not
+from robust.pike_bridge.online.messages import Completion, Outcome
+from robust.pike_bridge.online.reasons import Obstacle, WhyChosen, WhyExecuted, WhyNot
+from robust.pike_bridge.online.rehearsal import Ending, Rehearsal
+from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.online.situation import Situation
+from robust.pike_bridge.online.statements import Kind
+from robust.pike_bridge.online.world import Disturbance, Human, SimulatedTeam, Story
+from robust.plan.model import Atom
+from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Session, Verdict
+from tests.pike_bridge.online.examples import KITCHEN, SOLVABLE
+
+TOASTER = Disturbance(Fraction(1), Literal(Atom("working", ("toaster",)), False))
+
+
+@cache
+def kitchen():
+    return load_team_plan(KITCHEN)
+
+
+PLANS = {
+    "kitchen": kitchen,
+    "figure 6b": lambda: figure_6b().plan(),
+    "figure 7b": lambda: figure_7b().plan(),
+    **{f"drawn {index}": lambda index=index: random_plan(0, index).plan() for index in SOLVABLE[:5]},
+}
+THOROUGH = ("drawn 4", "drawn 5", "drawn 16", "drawn 17")
+
+
+# -- truth -------------------------------------------------------------------------------------------------------------
+
+
+def contradict(situation, statements):
+    """Asked of another solver, from scratch."""
+    session = Session(situation.statements.semantics.terms, solver="cvc5")
+    session.add(*situation.statements.domains, *(each.formula for each in statements))
+    verdict = session.check("a test")
+    assert verdict is not Verdict.UNKNOWN
+    return verdict is Verdict.UNSATISFIABLE
+
+
+def check_minimal(situation, conflict):
+    assert contradict(situation, conflict)
+    for left_out in range(len(conflict)):
+        fewer = [each for at, each in enumerate(conflict) if at != left_out]
+        assert not contradict(situation, fewer), [each.fact.text for each in conflict]
+
+
+def check_moment(executive):
+    """All questions about one moment; how many conflicts there were."""
+    plan, conflicts = executive.plan, 0
+    situation = Situation(executive.progress)
+    questions = [
+        situation.statements.assignments(Kind.ASSUMPTION, [Assignment(choice.name, value)])
+        for choice in plan.network.choices
+        for value in choice.domain
+    ]
+    questions += [
+        [situation.statements.executed_now(event), *situation.statements.unreported()]
+        for event in executive.progress.frontier
+    ]
+    for hypotheses in questions:
+        conflict = situation.conflict(hypotheses)
+        continuation = situation.continuation(hypotheses)
+        assert (conflict is None) == (continuation is not None)
+        if conflict is None:
+            assert faults(plan, continuation) == ()
+            assert executive.progress.times.items() <= continuation.schedule.items()
+            assert executive.progress.chosen.items() <= continuation.scenario.items()
+        else:
+            check_minimal(situation, conflict)
+            conflicts += 1
+    return conflicts
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(each, marks=pytest.mark.slow if each in THOROUGH else ()) for each in PLANS]
+)
+def test_conflicts_are_minimal_and_schedules_correct(name):
+    plan = PLANS[name]()
+    executive = PlanExecutive(plan, SemanticReasoner)
+    decide, moments, conflicts = executive.step, 0, 0
+
+    def step(now, messages=()):
+        nonlocal moments, conflicts
+        found = decide(now, messages)
+        if found and moments < 12:
+            moments += 1
+            if moments % 4 == 0:
+                conflicts += check_moment(executive)
+        return found
+
+    executive.step = step
+    team = SimulatedTeam(plan, executive, executive.reasoner, Story(human=Human.CARELESS), seed=1)
+    simulate(executive, team)
+    conflicts += check_moment(executive)
+    assert conflicts
+
+
+def test_a_conflict_of_a_situation_is_about_the_moment_at_which_it_was_made():
+    executive = PlanExecutive(kitchen(), SemanticReasoner)
+    inquiry = Inquiry(executive.progress)
+    executive.step(Fraction(0))
+    executive.step(Fraction(1, 1000), [Outcome("xA1", "mug")])
+    assert inquiry.why_not_assignment(Assignment("xA2", "juice")).obstacle is Obstacle.NONE
+
+
+# -- words -------------------------------------------------------------------------------------------------------------
+
+
+def explained(*outcomes, disturbances=()):
+    story = Story(outcomes={name: (value, None) for name, value in outcomes}, disturbances=disturbances)
+    return Rehearsal(kitchen(), story, explain=True).run()
+
+
+def inferences(record):
+    return {choice: why for step in record.steps for choice, why in step.reasons.inferences.items()}
+
+
+def test_mug_means_coffee_and_grounds_and_then_no_time_for_a_bagel():
+    found = inferences(explained(("xA1", "mug")))
+    assert found["xA2"].text.splitlines() == [
+        "not juice, as xA1 = mug:",
+        "  (pour-juice human) needs (have glass), which only (get human glass) establishes, if xA1 = glass",
+    ]
+    assert found["xR1"].text.splitlines() == [
+        "not juice, as xA2 = coffee:",
+        "  (make-coffee human) needs (have grounds), which only (get robot grounds) establishes, if xR1 = grounds",
+    ]
+    assert "(toast-bagel human) 2.5, (spread human) 0.5: 7.2 in all" in found["xA3"].text
+    assert "but at most 7 from the beginning (e1) to the end (e44)" in found["xA3"].text
+    assert found["xR2"].text.splitlines()[0] in {
+        "not cream-cheese, as xA4 = cereal:",
+        "not cream-cheese, as xA3 = cereal:",
+    }
+
+
+def test_a_broken_toaster_is_the_reason_for_cereal():
+    found = inferences(explained(("xA1", "glass"), disturbances=(TOASTER,)))
+    lines = found["xA4"].text.splitlines()
+    assert lines[0] == "not bagel:"
+    assert "(working toaster) from the initial state does not hold any more for (toast-bagel human)" in lines[1]
+    assert "(toast-bagel human) needs (working toaster), which only the initial state establishes" in lines[2]
+
+
+def test_a_failure_is_explained_by_the_plan_as_well():
+    record = explained(("xA1", "mug"), ("xA3", "bagel"))
+    assert record.ending is Ending.FAILED
+    why = record.steps[-1].reasons.decisions[-1]
+    assert why.obstacle is Obstacle.ENDED
+    assert {"xA3 = bagel", "xA2 = coffee"} <= {fact.text for fact in why.conflict.facts}
+    assert "at most 7" in why.text
+
+
+def test_each_dispatch_says_what_it_is_for():
+    record = explained(("xA1", "mug"))
+    texts = [why.text for step in record.steps for why in step.reasons.decisions if isinstance(why, WhyExecuted)]
+    assert any(
+        "establishes (brewed) for (pour-coffee human); uses (have grounds) from (get robot grounds); not later" in each
+        for each in texts
+    )
+    for step in record.steps:
+        assert faults(kitchen(), step.reasons.continuation) == ()
+
+
+def test_reasons_change_no_decision():
+    story = Story(outcomes={"xA1": ("mug", None)})
+    with_reasons, without = (Rehearsal(kitchen(), story, explain=each).run() for each in (True, False))
+    assert [each.decisions for each in with_reasons.steps] == [each.decisions for each in without.steps]
+
+
+# -- questions at any time ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def started():
+    executive = PlanExecutive(kitchen(), SemanticReasoner)
+    executive.step(Fraction(0))
+    executive.step(Fraction(1, 1000))
+    return executive
+
+
+@pytest.fixture
+def fetching(started):
+    started.step(Fraction(1, 1000), [Outcome("xA1", "mug")])
+    while not started.running:
+        started.step(started.wake)
+    return started
+
+
+def test_why_not_yet(started):
+    assert why_not(started, "e1").obstacle is Obstacle.DONE
+    waiting = why_not(started, "e2")
+    assert (waiting.obstacle, waiting.text) == (Obstacle.AWAITED, "waiting to learn xA1, which is not for us to choose")
+    later = why_not(started, "e14")
+    assert later.obstacle is Obstacle.EARLY
+    assert "still to come" in later.text
+
+
+def test_why_not_while_an_activity_runs(fetching):
+    begun = fetching.progress.times["e3"]
+    assert why_not(fetching, "e4").text == "waiting for (get human mug) to end, begun at 0.003"
+    assert begun == Fraction(3, 1000)
+    assert why_not(fetching, "e5").text == "start of (get human glass) is not done, as xA1 = mug"
+
+
+def test_why_not_a_value(fetching):
+    assert why_not(fetching, Assignment("xA1", "glass")).text == "xA1 = mug has been decided"
+    found = why_not(fetching, Assignment("xA3", "bagel"))
+    assert found.obstacle is Obstacle.CONFLICT
+    assert found.as_dict()["conflict"]
+    assert why_not(fetching, Assignment("xA3", "cereal")).obstacle is Obstacle.NONE
+
+
+def test_why(fetching):
+    begun = why(fetching, "e3")
+    assert isinstance(begun, WhyExecuted)
+    assert begun.latest is not None
+    assert begun.latest > fetching.progress.times["e3"]
+    chosen = why(fetching, Assignment("xR1", "grounds"))
+    assert isinstance(chosen, WhyChosen)
+    assert set(chosen.impossible) == {"juice"}
+    inferred = why(fetching, Assignment("xA3", "cereal"))
+    assert isinstance(inferred, WhyChosen)
+    assert set(inferred.impossible) == {"bagel"}
+    assert isinstance(why(fetching, Assignment("xA3", "bagel")), WhyNot)
+    assert why_failed(fetching).obstacle is Obstacle.NONE
+
+
+def test_the_latest_time_is_one_that_leaves_a_correct_execution(fetching):
+    """Held against the executive: it fails if that time is missed."""
+    latest = why(fetching, "e3").latest
+    for late, ends in ((Fraction(0), False), (Fraction(1, 1000), True)):
+        executive = PlanExecutive(kitchen(), SemanticReasoner)
+        executive.step(Fraction(0))
+        executive.step(Fraction(1, 1000))
+        executive.step(Fraction(1, 1000), [Outcome("xA1", "mug")])
+        executive.step(Fraction(2, 1000))
+        executive.step(latest + late)
+        assert executive.ended is ends
+
+
+def test_why_it_failed(fetching):
+    fetching.step(fetching.progress.now + Fraction(1, 10), [Completion("(get human mug)")])
+    found = why_not(fetching, "e7")
+    assert found.obstacle is Obstacle.ENDED
+    assert "(get human mug) takes at least 0.5" in found.text
+    assert "end of (get human mug) at 0.103" in found.text
+
+
+@pytest.mark.parametrize(
+    ("question", "said"),
+    [
+        ("e99", "unknown event e99"),
+        (Assignment("xA9", "mug"), "unknown choice"),
+        (Assignment("xA1", "x"), "no value x"),
+    ],
+)
+def test_questions_about_what_is_not_in_the_plan(started, question, said):
+    for ask in (why, why_not):
+        with pytest.raises(InputError, match=said):
+            ask(started, question)
+
+
+def test_a_passed_deadline_ends_the_question(started):
+    with pytest.raises(OutOfTimeError):
+        why_not(started, Assignment("xA3", "bagel"), deadline=Deadline.after(0))
