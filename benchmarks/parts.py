@@ -81,17 +81,17 @@ def team_plans(report: TeamReport, date: str) -> str:
                 120,
             )
         )
-    blocks.append(_table(SOLVED_HEADINGS, (solved_cells(report, each) for each in report.contenders)))
+    blocks.append(table(SOLVED_HEADINGS, (solved_cells(report, each) for each in report.contenders)))
     blocks += [
         "Mean seconds of each stage, of the runs that finished:",
-        _table(STAGE_HEADINGS, (stage_cells(report, each) for each in report.contenders)),
+        table(STAGE_HEADINGS, (stage_cells(report, each) for each in report.contenders)),
     ]
     for contender in report.contenders:
-        blocks += [f"{contender.name}, by candidate subplans:", _table(SIZE_HEADINGS, size_cells(report, contender))]
+        blocks += [f"{contender.name}, by candidate subplans:", table(SIZE_HEADINGS, size_cells(report, contender))]
     blocks += [
         "Prime implicants and models, of plans that admit a correct execution. More implicants than models: "
         f"{above} of {len(compared)} plans.",
-        _table(IMPLICANT_HEADINGS, implicant_cells(report)),
+        table(IMPLICANT_HEADINGS, implicant_cells(report)),
     ]
     return "\n\n".join(blocks)
 
@@ -122,8 +122,8 @@ def latencies(found: Sequence[Latency], date: str) -> str:
         ("all steps", *_spread(steps)),
         ("slowest search for the next time, of each execution", *_spread(ahead)),
     ]
-    table = _table(("milliseconds", "median", "90 %", "greatest"), rows)
-    return "\n\n".join(["## Latency of the executive", fill(intro, 120), fill(summary, 120), table])
+    spread = table(("milliseconds", "median", "90 %", "greatest"), rows)
+    return "\n\n".join(["## Latency of the executive", fill(intro, 120), fill(summary, 120), spread])
 
 
 def _spread(seconds: Sequence[float]) -> tuple[str, str, str]:
@@ -132,7 +132,7 @@ def _spread(seconds: Sequence[float]) -> tuple[str, str, str]:
     return f"{median(seconds) * 1000:.2f}", f"{most * 1000:.2f}", f"{seconds[-1] * 1000:.2f}"
 
 
-def _table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     lines = (headings, ["---"] * len(headings), *rows)
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 

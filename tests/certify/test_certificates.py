@@ -55,13 +55,6 @@ def test_certificates_are_accepted(files, kind, tmp_path):
     accepted(files, kind, tmp_path / "made.cert")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("files", data_set(), ids=named)
-def test_certificates_of_all_recorded_plans_are_accepted(files, tmp_path):
-    for kind in ("plan", "box", "maximal"):
-        accepted(files, kind, tmp_path / f"{kind}.cert")
-
-
 def test_a_box_that_is_not_valid_has_no_certificate(tmp_path):
     _, box = tools.certificate(tools.GENERATOR, tmp_path / "made.cert", kind="box")
     name = next(iter(box.intervals))
