@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from robust.certify.document import CertificateWriter
     from robust.encode.interface import Encoding
     from robust.plan.model import ParametrizedPlan
+    from robust.qe.region import Region
 
 CERTIFY = "robust/certify/1"
 VERIFY = "robust/verify/1"
@@ -249,13 +250,13 @@ def _alethe(request: CertifyRequest, encoding: Encoding, box: Box | None, deadli
     return export(encoding, box, request.alethe, deadline)
 
 
-def _region(request: CertifyRequest, plan: ParametrizedPlan, epsilon: Fraction, deadline: Deadline) -> Any:
+def _region(request: CertifyRequest, plan: ParametrizedPlan, epsilon: Fraction, deadline: Deadline) -> Region:
     from robust.api import region  # noqa: PLC0415 - heavy
 
     found = region(plan, epsilon=epsilon, encoding=request.encoding, solver=request.solver, timeout=deadline.remaining)
     if not found.is_exact:
         raise OutOfTimeError
-    return found.region.as_union().pieces
+    return found.region
 
 
 def _box(request: CertifyRequest, plan: ParametrizedPlan, epsilon: Fraction, deadline: Deadline) -> Box:

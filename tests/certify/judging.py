@@ -5,19 +5,19 @@ from __future__ import annotations
 import json
 from fractions import Fraction
 
-from robust.api import check
-from robust.certify.circuit import Boolean as Proposition
-from robust.certify.circuit import Circuit, Conjunction, Equivalence
+from robust.api import check, region
+from robust.certify.circuit import Circuit, Conjunction
 from robust.certify.ground import GroundPlan
 from robust.certify.linear import Atom
 from robust.certify.matching import _literal, _node
 from robust.certify.witness import Witnesses
 from robust.encode.interface import create_encoding
-from robust.encode.variables import constant, variable
 from robust.errors import UnsupportedError
 from robust.irr.box import Box, Interval
 from robust.irr.check import Answer
-from robust.plan.model import ParameterReference
+from robust.qe.constraint import LinearConstraint
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
@@ -35,7 +35,7 @@ class Judge:
     def judge(self, path, what: str) -> None:
         """The formulas of a certificate have no model, as a solver says, too."""
         lines = tools.lines_of(path)
-        kinds = ("a", "b", "g", "e", "obligation", "root")
+        kinds = ("a", "g", "obligation", "root")
         stated = [line for line in lines[1:] if line[0] in kinds]
         key = json.dumps(stated)
         if key not in self._formulas:
@@ -50,7 +50,7 @@ class Judge:
         pieces = [line for line in lines if line[0] == "piece"]
         key = json.dumps([header["kind"], header.get("box"), header["encoding"], header["epsilon"], pieces])
         if key not in self._claims:
-            true = region_is_valid(pieces, self._plan) if pieces else box_is_as_claimed(header, self._plan)
+            true = region_is_envelope(pieces, self._plan) if pieces else box_is_as_claimed(header, self._plan)
             self._claims[key] = true
         assert self._claims[key], f"{what}: the claim is false"
 
@@ -87,12 +87,8 @@ def _formula(terms, circuit, literal, built):
             case Atom(coefficients, strict, bound):
                 total = manager.Plus([manager.Times(terms.number(Fraction(f)), terms.real(n)) for n, f in coefficients])
                 built[number] = (manager.LT if strict else manager.LE)(total, terms.number(Fraction(bound)))
-            case Proposition(name):
-                built[number] = manager.Symbol(f"boolean {name}")
             case Conjunction():
                 built[number] = terms.conjunction(parts)
-            case Equivalence():
-                built[number] = manager.Iff(*parts)
     return built[number] if literal > 0 else terms.negation(built[number])
 
 
@@ -119,24 +115,15 @@ def _end(value):
     return None if value is None else Fraction(value)
 
 
-def region_is_valid(pieces, plan) -> bool:
-    """Whether no obligation breaks anywhere in the pieces."""
-    encoding = create_encoding("relational", plan)
-    terms = encoding.terms
+def region_is_envelope(pieces, plan) -> bool:
+    """Whether polyhedra are together the envelope that elimination finds."""
+    names = tuple(parameter.name for parameter in plan.parameters)
+    polyhedra = []
     for _, constraints in pieces:
-        inside = []
+        sides = []
         for expression, strict in constraints:
-            total = sum((_term(*each) for each in expression), constant(0))
-            inside.append(terms.greater(total) if strict else terms.at_least(total))
-        for obligation in encoding.obligations:
-            session = Session(terms)
-            session.add(*encoding.query(obligation), *inside)
-            if session.check(obligation.name) is not Verdict.UNSATISFIABLE:
-                return False
-    return True
-
-
-def _term(factor, name=None):
-    if name is None:
-        return constant(Fraction(factor))
-    return variable(ParameterReference(name)).scaled(Fraction(factor))
+            factors = {term[1]: Fraction(term[0]) for term in expression if len(term) > 1}
+            constant = sum((Fraction(term[0]) for term in expression if len(term) == 1), Fraction(0))
+            sides.append(LinearConstraint.of(factors, ">" if strict else ">=", -constant))
+        polyhedra.append(Polyhedron(names, tuple(sides)))
+    return Region.union_of(names, polyhedra).equals(region(plan).region)

@@ -34,7 +34,7 @@ CASES = {
     "navigation, maximal": partial(_of_plan, tools.NAVIGATION, kind="maximal"),
     "generator, maximal": partial(_of_plan, tools.GENERATOR, kind="maximal"),
     "navigation, plan": partial(_of_plan, tools.NAVIGATION, kind="plan", encoding="positions"),
-    "generator, region": partial(_of_plan, tools.GENERATOR, region=True),
+    "navigation, region": partial(_of_plan, tools.NAVIGATION, region=True),
     "no correct execution": lambda path: (None, tools.knowledge_certificate(path)),
 }
 SLOWEST = 10  # seconds of one check

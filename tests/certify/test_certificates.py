@@ -69,7 +69,7 @@ def test_a_certificate_is_not_about_another_plan(tmp_path):
     assert "parameters" in mismatch(path, load_plan(*tools.GENERATOR), Deadline())
     lines = tools.lines_of(path)
     place = next(index for index, line in enumerate(lines) if index and line[0] == "constraint")
-    for change in ({place: [*lines[place][:3], [[7]], None]}, {len(lines) - 1: ["folded", "x"]}):
+    for change in ({place: [*lines[place][:3], [[7]]]}, {len(lines) - 1: ["folded", "x"]}):
         tools.write_lines(path, [change.get(index, line) for index, line in enumerate(lines)])
         assert mismatch(path, load_plan(*tools.NAVIGATION), Deadline()) is not None
 

@@ -53,7 +53,7 @@ def test_it_runs_alone(tmp_path):
         FALSE[1:],
         [*FALSE, ["end"]],
         [FALSE[0], FALSE[4]],
-        [["b", "p"], *FALSE[1:]],
+        [["a", [[1, "boolean p"]], True], *FALSE[1:]],
         [["g", [1]], *FALSE[1:]],
         [["g", []], FALSE[1], ["root", 1, "t"], *FALSE[3:]],
         [["a", [[1, "x"]], False], ["lemma", [-1], [1]], FALSE[1], ["root", 1, "t"], ["qed", [-1, 0]], FALSE[4]],
@@ -97,7 +97,7 @@ def test_bombs_are_refused_in_time_and_memory(tmp_path):
 def test_work_is_limited_by_the_size(tmp_path):
     """One long clause that every hint names again."""
     count = 4000
-    lines = [["b", str(number)] for number in range(count)]
+    lines = [["a", [[1, str(number)]], True] for number in range(count)]
     lines += [["g", list(range(1, count + 1))], FALSE[1], ["root", count + 1, "t"]]
     lines += [["derive", [1], [[count + 1, 0]] * 30000]]
     started = time.perf_counter()

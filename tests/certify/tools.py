@@ -69,7 +69,7 @@ def region_certificate(files, path, *, encoding="relational"):
     found = region(plan, encoding=encoding).region
     inputs = digests(by_name(files))
     made = PlanCertificate(create_encoding(encoding, plan), kind="region", inputs=inputs)
-    made.add_region(found.as_union().pieces)
+    made.add_region(found)
     made.writer.save(path)
     return plan, found
 
