@@ -311,7 +311,7 @@ class Certificate:
             "",
             "",
         )  # that is being refuted; a region's piece, what is outside of it, or the rest
-        self.refuted, self.trusting, self.folded, self.proved = set[str](), set[str](), set[str](), set[str]()
+        self.refuted, self.proved, self.always, self.trusting, self.folded = (set[str]() for _ in range(5))
         self.free, self.times = dict[str, int](), list[Linear]()  # time points by their variables; the schedule
         self.known: list[Any] = []  # what is known in each polyhedron, by number
         self.parts: dict[str, set[int]] = {"piece": set(), "outside": set(), "formula": set()}  # numbers of polyhedra
@@ -326,7 +326,7 @@ class Certificate:
         kind, *rest = value
         proof = kind in ("a", "g", "lemma") or bool(self.obligation) == (kind in ("root", "derive", "qed"))
         demand(proof, "a step outside of a refutation, or none")
-        if kind in ("lemma", "derive", "root", "place", "schedule"):
+        if kind in ("lemma", "derive", "root", "place", "schedule", "apart"):
             getattr(self, kind)(*rest)
         elif kind in ("piece", "outside", "rest"):
             self.begin(kind, *rest)
@@ -355,9 +355,8 @@ class Certificate:
 
     def start(self, header: Any) -> None:
         demand(type(header) is dict and header.get("format") == FORMAT, f"not a certificate of the format {FORMAT}")
-        digests = {len(digest) for digest in header["inputs"].values()}
-        kinds = ("plan", "box", "maximal", "region", "knowledge")
-        demand(header["kind"] in kinds and digests <= {64}, "a malformed header")
+        known = header["kind"] in ("plan", "box", "maximal", "region", "knowledge")
+        demand(known and {len(digest) for digest in header["inputs"].values()} <= {64}, "a malformed header")
         self.header, self.plan.epsilon = header, rational(header.get("epsilon", 0))
         for name, lower, upper in header.get("parameters", []):
             demand(name and name not in self.plan.declared, "a parameter twice")
@@ -428,9 +427,14 @@ class Certificate:
             self.free[how], self.places[point] = point, {how: Fraction(1)}
         else:
             (source, target, least), back = (pick(self.plan.constraints, each) for each in how)
-            tied = target == point and back == (target, source, combined({}, least, -1))
-            demand(tied, "the time points are not tied")
+            demand(target == point and back == (point, source, combined({}, least, -1)), "time points are not tied")
             self.places[point] = combined(self.places[source], least)
+
+    def apart(self, first: Any, second: Any) -> None:
+        """All schedules keep the same time between two time points."""
+        gap = combined(self.places[second], self.places[first], -1)
+        demand(gap.keys() == {""} and gap[""] >= self.plan.epsilon, "the time points may be too close")
+        self.always.add(min(self.plan.separation(first, second)))
 
     def begin(self, part: str, constraints: Any = ()) -> None:
         """What follows is about a piece of a region, a polyhedron outside of it, or the rest within the bounds."""
@@ -438,8 +442,7 @@ class Certificate:
         self.part, self.refuted, self.times = part, set(), []
         self.where = self.bounds if part == "rest" else [(linear(known), strict) for known, strict in constraints]
         if part != "rest":
-            names = {name for known, _ in self.where for name in known}
-            demand(names <= {"", *self.plan.declared}, "a polyhedron over something that is not a parameter")
+            demand({name for side, _ in self.where for name in side} <= {"", *self.plan.declared}, "not a polyhedron")
             self.parts[part].add(len(self.known))
             self.known.append(tuple(self.where))
 
@@ -465,10 +468,9 @@ class Certificate:
     def compare(self, literal: int, found: Linear, sharp: bool) -> None:
         """The literal says that `found >= 0`, or `> 0`."""
         expression, strict = self.constraint(literal)
-        name = next(name for name in found if name)
+        name = next((name for name in found if name), "")
         scale = expression.get(name, Fraction(0)) / found[name]
-        same = sharp is strict and combined({}, found, scale) == expression
-        demand(scale > 0 and same, "a formula is not what the plan or the parameter values say")
+        demand(scale > 0 and sharp is strict and combined({}, found, scale) == expression, "a formula says otherwise")
 
     def claimed(self, kind: str, number: Any, side: Any = None) -> tuple[Linear, bool]:
         """The inequality `expression >= 0`, or `> 0`, that a root is said to be."""
@@ -517,8 +519,8 @@ class Certificate:
         if kind == "witness":
             Simulation(self.plan, values, list(map(near, course))).require_broken(*what)
         else:
-            given = self.plan.constraints
-            walk = [(0, *step, Linear()) if type(step) is list else pick(given, step) for step in course]
+            each = self.plan.constraints
+            walk = [(0, *step, Linear()) if type(step) is list else pick(each, step) for step in course]
             circle = all(before[1] == after[0] for before, after in zip(walk, walk[1:] + walk[:1]))
             length = sum((evaluated(least, values) for *_, least in walk), Near())
             demand(circle and length.sign > 0, "the constraints do not contradict each other in a circle")
@@ -530,8 +532,8 @@ class Certificate:
             demand(self.refuted, "nothing says why a polyhedron is outside, or that there are no others")
         elif self.part or self.header["kind"] not in ("knowledge", "region"):
             demand(self.times, "there is no schedule")
-            self.plan.require(self.refuted | self.folded)
-            self.proved |= self.refuted
+            self.proved |= self.refuted | self.always
+            self.plan.require(self.refuted | self.always | self.folded)
 
     def finish(self) -> Iterator[str]:
         demand(self.ended, "the certificate ends early")
@@ -555,8 +557,7 @@ class Certificate:
             yield f"established: no valid box contains this one: {len(self.faces)} faces have a witness, executed here"
         if kind == "region":
             yield f"established: {outside} polyhedra outside and the pieces are all parameter values within the bounds"
-            yield f"established: {outside - trusting} polyhedra outside: no schedule, or one that breaks a separation"
-            yield f"established: {trusting} polyhedra outside: a schedule makes a formula of a broken obligation true"
+            yield f"established: the polyhedra are bad, {trusting} of them if the formula of an obligation says what breaks it"
         yield f"trusted: that those formulas say what breaks these obligations ({self.header['encoding']} encoding)"
         yield f"trusted: that {len(self.folded)} obligations hold because the encoding's formulas for them are constant"
         yield "trusted: that the ground plan in the certificate is what the input files say"

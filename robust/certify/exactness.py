@@ -17,7 +17,7 @@ from robust.certify.ground import GroundPlan, Line
 from robust.certify.linear import PROPOSITION, Atom, constraint
 from robust.certify.sections import Form, Half, combined, form_of, section
 from robust.encode.interface import Encoding, Obligation
-from robust.encode.variables import TimeVariable
+from robust.encode.variables import Range, TimeVariable
 from robust.errors import UnsupportedError
 from robust.irr.box import Interval
 from robust.irr.containment import within
@@ -56,6 +56,12 @@ def halves_of(polyhedron: Polyhedron) -> list[Half]:
     """The sides of a polyhedron, equations as two of them."""
     halves = (half for each in polyhedron.constraints for half in each.halves())
     return [(combined({"": half.constant}, dict(half.coefficients), -1), half.is_strict) for half in halves]
+
+
+def ranges_of(polyhedron: Polyhedron) -> dict[str, Range]:
+    """The values that each parameter takes in a polyhedron that is not empty."""
+    extents = {name: polyhedron.extent(name) for name in polyhedron.parameters}
+    return {name: (each.lower, each.upper) for name, each in extents.items() if each is not None}
 
 
 def network_halves(ground: GroundPlan) -> list[Half]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from robust.certify.circuit import Circuit, Conjunction, Translator, conjuncts
+from robust.certify.cycles import LongestPaths
 from robust.certify.document import CertificateWriter
 from robust.certify.exactness import (
     Broken,
@@ -19,6 +20,7 @@ from robust.certify.exactness import (
     halves_of,
     literal_of,
     network_roles,
+    ranges_of,
     scheduled,
     uncovered,
 )
@@ -81,6 +83,9 @@ class PlanCertificate:
         self._refuter = Refuter(self._circuit)
         self.writer = CertificateWriter(self._circuit, _header(encoding, box, kind, inputs))
         self.writer.add(*self._ground.lines())
+        self._paths = LongestPaths(
+            self._ground, dict.fromkeys((p.name for p in encoding.plan.parameters), (None, None))
+        )
         self._network_roles = network_roles(self._ground, self._circuit)
 
     def add_box(self) -> None:
@@ -101,6 +106,7 @@ class PlanCertificate:
                 if end is not None:
                     known[self._literal_of((value - end).scaled(sign), strict=not closed)] = ["w", 2 * place + index]
         self._add_schedule([form_of(time) for time in times], lambda form: _multiples_in(box, form))
+        self._paths = LongestPaths(self._ground, box.ranges)
         self._add_obligations(known, str(box))
 
     def add_region(self, region: Region) -> None:
@@ -117,6 +123,7 @@ class PlanCertificate:
                 known.append(piece)
                 where = self._begin("piece", piece)
                 self._add_schedule(self._times(values), partial(multiples, halves_of(piece)))
+                self._paths = LongestPaths(self._ground, ranges_of(piece))
                 self._add_obligations(where, f"the piece {piece}")
         self._add_outside(known, region.complement().as_union().pieces)
 
@@ -247,7 +254,7 @@ class PlanCertificate:
 
     def _refute(self, obligation: Obligation, known: dict[int, Line], where: str) -> None:
         if obligation.violation is self._encoding.terms.false:
-            self.writer.add(["folded", obligation.name])
+            self._add_folded(obligation, known)
             return
         roots = [*known, *conjuncts(self._circuit, map(self._translator.literal, self._encoding.query(obligation)))]
         try:
@@ -267,6 +274,24 @@ class PlanCertificate:
     def _literal_of(self, least: Linear, *, strict: bool = False) -> int:
         """`least ≥ 0`, or `> 0`."""
         return literal_of(self._circuit, (form_of(least), strict))
+
+    def _add_folded(self, obligation: Obligation, known: dict[int, Line]) -> None:
+        """An obligation whose formula is constant: separations are proved by a path of the network, if there is one."""
+        places, epsilon = self._ground.places, self._encoding.epsilon
+        own = self._separation(obligation.name) if obligation.stage is Stage.SEPARATION else {}
+        for _, second, first in own.values():
+            gap = places[second] - places[first]
+            if not gap.variables and gap.constant_term >= epsilon:
+                self.writer.add(["apart", first, second])
+                return
+            steps = self._paths.between(first, second, epsilon) if gap.variables else None
+            if steps is not None:
+                edges = ((step, *self._ground.edges[step]) for step in steps)
+                gaps = {step: places[target] - places[source] - length for step, source, target, length in edges}
+                network = {self._literal_of(gap): ["n", step] for step, gap in gaps.items() if gap.variables}
+                self._refuted(obligation.name, {**known, **network, **own})
+                return
+        self.writer.add(["folded", obligation.name])
 
     def _separation(self, name: str) -> dict[int, Line]:
         """`|t_a − t_b| < ε` for the two time points that the obligation's name mentions."""

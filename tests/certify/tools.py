@@ -78,10 +78,11 @@ def knowledge_certificate(path):
     """A certificate that a plan with choices has no correct execution; its input files by what they are."""
     network = sat_plan([[1, 2], [-1, 2], [1, -2], [-1, -2]]).write(path.with_name("choices"))
     semantics = Semantics(load_team_plan(network))
-    made = FormulaCertificate(semantics.terms, name="correct execution", inputs=digests({"network": network}))
+    files = {"network": network, "domain": network.parent / "domain.pddl", "problem": network.parent / "problem.pddl"}
+    made = FormulaCertificate(semantics.terms, name="correct execution", inputs=digests(files))
     made.add(semantics.formulas, Deadline())
     made.writer.save(path)
-    return {"network": network}
+    return files
 
 
 def lines_of(path):
