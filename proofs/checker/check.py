@@ -155,7 +155,7 @@ class Plan:
         elif kind == "rate":
             self.rates.append(rest)
             for point in rest[:2]:
-                self.note(point, "increase", *rest[2:], True)
+                self.note(point, "increase", rest[2], rest[3], True)
         else:
             demand(kind == "initial", "found a line of no known kind")
             self.initial = rest[0], rest[1]
@@ -211,7 +211,7 @@ class Simulation:
         self.known = {**values, **{f"@{point}": time for point, time in enumerate(times)}}
         self.before: dict[int, State] = {}
         self.happenings: list[tuple[Near, State, State, dict[str, Near]]] = []  # time, states, slopes after it
-        order = sorted(range(len(times)), key=cmp_to_key(lambda one, two: (times[one] - times[two]).sign))
+        order = sorted(range(len(times)), key=cmp_to_key(lambda a, b: (times[a] - times[b]).sign))  # type: ignore[call-overload]
         fluents = {fluent: self.number(value, (set(), {})) for fluent, value in self.plan.initial[1]}
         state, slopes, now = (set(self.plan.initial[0]), fluents), dict[str, Near](), Near()
         while order:
@@ -355,8 +355,8 @@ class Certificate:
 
     def start(self, header: Any) -> None:
         demand(type(header) is dict and header.get("format") == FORMAT, f"not a certificate of the format {FORMAT}")
-        known = header["kind"] in ("plan", "box", "maximal", "region", "knowledge")
-        demand(known and {len(digest) for digest in header["inputs"].values()} <= {64}, "a malformed header")
+        kind = header["kind"] in ("plan", "box", "maximal", "region", "knowledge")
+        demand(kind and {len(digest) for digest in header["inputs"].values()} <= {64}, "a malformed header")
         self.header, self.plan.epsilon = header, rational(header.get("epsilon", 0))
         for name, lower, upper in header.get("parameters", []):
             demand(name and name not in self.plan.declared, "a parameter twice")
@@ -557,7 +557,7 @@ class Certificate:
             yield f"established: no valid box contains this one: {len(self.faces)} faces have a witness, executed here"
         if kind == "region":
             yield f"established: {outside} polyhedra outside and the pieces are all parameter values within the bounds"
-            yield f"established: the polyhedra are bad, {trusting} of them if the formula of an obligation says what breaks it"
+            yield f"established: those are bad, {trusting} of them if the formula of an obligation says what breaks it"
         yield f"trusted: that those formulas say what breaks these obligations ({self.header['encoding']} encoding)"
         yield f"trusted: that {len(self.folded)} obligations hold because the encoding's formulas for them are constant"
         yield "trusted: that the ground plan in the certificate is what the input files say"

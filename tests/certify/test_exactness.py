@@ -34,7 +34,7 @@ def test_the_whole_envelope_is_certified(certified):
     assert mismatch(path, plan, Deadline()) is None
     assert "established: the network has a schedule in 1 pieces" in said
     assert any("polyhedra outside and the pieces are all parameter values" in line for line in said)
-    assert any("the polyhedra are bad, " in line for line in said)
+    assert any("those are bad, " in line for line in said)
 
 
 @pytest.mark.parametrize("kind", ["piece", "outside", "rest", "schedule", "obligation"])
