@@ -94,17 +94,17 @@ def team_plans(report: TeamReport, date: str) -> str:
                 120,
             )
         )
-    blocks.append(_table(SOLVED_HEADINGS, (solved_cells(report, each) for each in report.contenders)))
+    blocks.append(table(SOLVED_HEADINGS, (solved_cells(report, each) for each in report.contenders)))
     blocks += [
         "Mean seconds of each stage, of the runs that finished:",
-        _table(STAGE_HEADINGS, (stage_cells(report, each) for each in report.contenders)),
+        table(STAGE_HEADINGS, (stage_cells(report, each) for each in report.contenders)),
     ]
     for contender in report.contenders:
-        blocks += [f"{contender.name}, by candidate subplans:", _table(SIZE_HEADINGS, size_cells(report, contender))]
+        blocks += [f"{contender.name}, by candidate subplans:", table(SIZE_HEADINGS, size_cells(report, contender))]
     blocks += [
         "Prime implicants and models, of plans that admit a correct execution. More implicants than models: "
         f"{above} of {len(compared)} plans.",
-        _table(IMPLICANT_HEADINGS, implicant_cells(report)),
+        table(IMPLICANT_HEADINGS, implicant_cells(report)),
     ]
     return "\n\n".join(blocks)
 
@@ -156,8 +156,8 @@ def latencies(report: LatencyReport, differences: Sequence[str], date: str) -> s
             fill(intro, 120),
             fill(same, 120),
             "\n".join(f"- {note}" for note in latency_notes(report)),
-            _table(EXECUTED_HEADINGS, (executed_cells(report, each) for each in report.backends)),
-            _table(STEP_HEADINGS, (step_cells(report, each) for each in report.backends)),
+            table(EXECUTED_HEADINGS, (executed_cells(report, each) for each in report.backends)),
+            table(STEP_HEADINGS, (step_cells(report, each) for each in report.backends)),
         ]
     )
 
@@ -183,13 +183,13 @@ def k_intents(report: KIntentsReport, date: str) -> str:
             "## Guessing intents",
             fill(intro, 120),
             "\n".join(f"- {note}" for note in k_intents_notes(report)),
-            _table(REPLAN_HEADINGS, replan_cells(report)),
+            table(REPLAN_HEADINGS, replan_cells(report)),
             f"- Re-plans, problem by problem: {fit_text(report.fit)}.\n"
             f"- Means of each number of choices: {fit_text(report.fit_of_means)}.",
             fill("Mean times to completion, in units of the plan; computing in seconds:", 120),
-            _table(TIME_HEADINGS, time_cells(report)),
+            table(TIME_HEADINGS, time_cells(report)),
             fill(saved, 120),
-            _table(IMPROVEMENT_HEADINGS, improvement_cells(report)),
+            table(IMPROVEMENT_HEADINGS, improvement_cells(report)),
             explained,
         ]
     )
@@ -211,7 +211,7 @@ def _expected(report: KIntentsReport) -> str:
     )
 
 
-def _table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     lines = (headings, ["---"] * len(headings), *rows)
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 

@@ -3,30 +3,28 @@
 
 One file, nothing but the standard library, no solver, exact rational arithmetic. A certificate is JSON, one line for
 each statement, compressed by gzip, and read as a stream. Checked are theory lemmas, by multiples that add up to a
-contradiction [Farkas 1902]; refutations, by unit propagation along hints (LRAT); what formulas say of the temporal
-network, of the box and of separations, against the ground plan; schedules, all over the box; and witnesses, which are
-executed on the ground plan arbitrarily near to the face that they are about.
-Exit codes: 0 established (it prints what, and what is trusted), 1 rejected (where and why), 2 unreadable.
+contradiction [Farkas 1902]; refutations, by unit propagation along hints (LRAT); what formulas say of network, box and
+separations, against the ground plan; schedules; that polyhedra are all parameter values; and witnesses, executed on the
+ground plan arbitrarily near to a face. Exit codes: 0 established (what, and what is trusted), 1 rejected, 2 unreadable.
 """
 
 import argparse
 import gzip
 import hashlib
 import json
+import re
 import sys
 import zlib
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import cmp_to_key
 from typing import Any
 
 FORMAT = "robust/certificate/1"
-KINDS = ("plan", "box", "maximal", "region", "knowledge")
-INPUTS = ("domain", "problem", "plan", "network", "parameters")
 LONGEST_LINE, LARGEST_TOTAL = 4 << 20, 512 << 20  # bytes after decompression
 WORK_PER_BYTE, WORK_AT_ALL, MEMORY = 60, 2_000_000, 6_000_000  # steps; numbers and names kept at one time
 HARMS = {"add": ["read", "delete"], "delete": ["read"], "assign": ["look", "assign", "increase"], "increase": ["look"]}
 MALFORMED = (TypeError, ValueError, LookupError, AttributeError, RecursionError, OverflowError, MemoryError, EOFError)
-
 Linear = dict[str, Fraction]  # coefficients by variable; that of "" is the constant
 State = tuple[set[str], dict[str, "Near"]]  # atoms that are true, and the values of fluents
 
@@ -41,7 +39,6 @@ def demand(condition: object, message: str) -> None:
 
 
 def lines_of(path: str) -> Iterator[bytes]:
-    """The lines of a gzip file, in bounded memory."""
     total = 0
     with gzip.open(path) as file:
         while line := file.readline(LONGEST_LINE):
@@ -57,20 +54,8 @@ def pick(among: Any, place: Any) -> Any:
 
 def rational(value: Any) -> Fraction:
     """A number: an integer, or a text such as "1/3"."""
-    if type(value) is int:
-        return Fraction(value)
-    top, slash, bottom = value.partition("/")
-    plain = top.isascii() and top.removeprefix("-").isdecimal() and bottom.isascii()
-    demand(plain and (not slash or (bottom.isdecimal() and bottom.strip("0"))), "found a text, expected a number")
-    return Fraction(int(top), int(bottom) if slash else 1)
-
-
-class Budget:
-    work, memory = WORK_AT_ALL, MEMORY
-
-    def spend(self, steps: int, kept: int = 0) -> None:
-        self.work, self.memory = self.work - steps, self.memory - kept
-        demand(self.work >= 0 and self.memory >= 0, "checking takes more work or memory than its size may need")
+    demand(type(value) is int or re.fullmatch("-?[0-9]+(/0*[1-9][0-9]*)?", value), "found a text, expected a number")
+    return Fraction(value)
 
 
 class Near:
@@ -96,9 +81,6 @@ class Near:
 
     def __sub__(self, other: "Near") -> "Near":
         return self + other * Near(-1)
-
-    def __lt__(self, other: "Near") -> bool:
-        return (self - other).sign < 0
 
     @property
     def sign(self) -> int:
@@ -132,12 +114,13 @@ def evaluated(expression: Linear, values: dict[str, Near]) -> Near:
 class Plan:
     """The ground plan as the certificate states it: time points by number, network, conditions, effects, rates."""
 
-    def __init__(self, budget: Budget) -> None:
-        self.budget = budget
+    work, memory = WORK_AT_ALL, MEMORY
+
+    def __init__(self) -> None:
         self.declared: dict[str, tuple[Fraction | None, ...]] = {}  # bounds of parameters
         self.epsilon = Fraction(0)
         self.points: list[str] = []
-        self.constraints: list[tuple[int, int, Linear | None, Linear | None]] = []
+        self.constraints: list[tuple[int, int, Linear]] = []  # source, target, least distance
         self.conditions: list[Any] = []  # [time point, null, condition, label], or [start, end, ...] if over all
         self.effects: list[list[Any]] = []  # by time point: [kind, target, expression, condition]
         self.rates: list[Any] = []  # [start, end, fluent, expression]
@@ -146,19 +129,24 @@ class Plan:
         self.timed = set[int]()  # time points of timed initial literals
         self.state("point", ".zero")
 
+    def spend(self, steps: int, kept: int = 0) -> None:
+        self.work, self.memory = self.work - steps, self.memory - kept
+        demand(self.work >= 0 and self.memory >= 0, "checking takes more work or memory than its size may need")
+
     def state(self, kind: str, *rest: Any) -> None:
         if kind == "point":
+            self.spend(len(self.points))
+            demand(rest[0] not in self.points, "a time point twice")
             self.timed.update([len(self.points)] if rest[1:] else [])
             self.points.append(rest[0])
             self.effects.append([])
             self.prints.append(set())
         elif kind == "constraint":
             demand(pick(self.points, rest[0]) and pick(self.points, rest[1]), "a time point without a name")
-            lower, upper = (None if bound is None else linear(bound) for bound in rest[2:])
-            self.constraints.append((rest[0], rest[1], lower, upper))
+            self.constraints.append((rest[0], rest[1], linear(rest[2])))
         elif kind == "condition":
-            point, end, condition, label = rest
-            self.conditions.append((point, end, condition, label))
+            point, end, condition, _ = rest
+            self.conditions.append(rest)
             if end is None and point is not None:
                 self.note(point, "", "", [], condition)
         elif kind == "effect":
@@ -166,8 +154,8 @@ class Plan:
             self.note(*rest)
         elif kind == "rate":
             self.rates.append(rest)
-            self.note(rest[0], "increase", rest[2], rest[3], True)
-            self.note(rest[1], "increase", rest[2], rest[3], True)
+            for point in rest[:2]:
+                self.note(point, "increase", rest[2], rest[3], True)
         else:
             demand(kind == "initial", "found a line of no known kind")
             self.initial = rest[0], rest[1]
@@ -183,27 +171,19 @@ class Plan:
             expressions += rest[:1] if node == "c" else []
         done.update(("look", name) for each in expressions for _, *names in each for name in names)
 
-    def edge(self, number: Any, side: Any) -> tuple[int, int, Linear]:
-        """One side of a constraint as a lower bound: source, target and least distance."""
-        source, target, *bounds = pick(self.constraints, number)
-        bound = bounds[{"l": 0, "u": 1}[side]]
-        self.budget.spend(len(bound))
-        return (source, target, bound) if side == "l" else (target, source, combined({}, bound, -1))
-
     def edges(self) -> Iterator[tuple[int, int, Linear]]:
-        """The whole network: no time is negative, and every side of a constraint."""
-        yield from ((0, point, Linear()) for point in range(len(self.points)))
-        for number, (_, _, *sides) in enumerate(self.constraints):
-            yield from (self.edge(number, side) for side, bound in zip("lu", sides) if bound is not None)
+        """The whole network: no time is negative, and every constraint."""
+        for edge in (*((0, point, Linear()) for point in range(len(self.points))), *self.constraints):
+            self.spend(len(edge[2]) + 1)
+            yield edge
 
     def are_mutex(self, first: int, second: int) -> bool:
         """Whether two time points must be separated: the no-moving-targets rule of PDDL 2.1."""
-        return not {first, second} <= self.timed and any(
-            (harm, name) in pick(self.prints, b)
-            for a, b in ((first, second), (second, first))
-            for kind, name in pick(self.prints, a)
-            for harm in HARMS.get(kind, ())
-        )
+        for a, b in ((first, second), (second, first)) if not {first, second} <= self.timed else ():
+            done = pick(self.prints, b)
+            if any((harm, name) in done for kind, name in pick(self.prints, a) for harm in HARMS.get(kind, ())):
+                return True
+        return False
 
     def separation(self, first: Any, second: Any) -> set[str]:
         ends = pick(self.points, first), pick(self.points, second)
@@ -213,7 +193,7 @@ class Plan:
         """Every obligation of the plan is among the known ones."""
         for *_, label in self.conditions:
             demand(label in known, f"there is no proof of {label}")
-        self.budget.spend(len(self.points) * sum(len(done) + 1 for done in self.prints))
+        self.spend(len(self.points) * sum(len(done) + 1 for done in self.prints))
         for second in range(1, len(self.points)):
             for first in (first for first in range(1, second) if self.are_mutex(first, second)):
                 demand(self.separation(first, second) & known, f"no separation of {first} and {second}")
@@ -223,7 +203,7 @@ class Simulation:
     """One schedule of the plan, which the network allows, executed."""
 
     def __init__(self, plan: Plan, values: dict[str, Near], times: list[Near]) -> None:
-        self.plan, self.budget, self.times = plan, plan.budget, times
+        self.plan, self.times = plan, times
         demand(len(times) == len(plan.points) and not times[0].terms, "a time is missing, or zero is not at 0")
         for source, target, least in plan.edges():
             gap = times[target] - times[source] - evaluated(least, values)
@@ -231,13 +211,13 @@ class Simulation:
         self.known = {**values, **{f"@{point}": time for point, time in enumerate(times)}}
         self.before: dict[int, State] = {}
         self.happenings: list[tuple[Near, State, State, dict[str, Near]]] = []  # time, states, slopes after it
-        order = sorted(range(len(times)), key=times.__getitem__)
+        order = sorted(range(len(times)), key=cmp_to_key(lambda a, b: (times[a] - times[b]).sign))  # type: ignore[call-overload]
         fluents = {fluent: self.number(value, (set(), {})) for fluent, value in self.plan.initial[1]}
         state, slopes, now = (set(self.plan.initial[0]), fluents), dict[str, Near](), Near()
         while order:
             time = self.times[order[0]]
             together = [point for point in order if not (self.times[point] - time).terms]
-            self.budget.spend(len(order) + len(self.plan.rates))
+            self.plan.spend(len(order) + len(self.plan.rates))
             order = order[len(together) :]
             before = self.moved(state, slopes, time - now)
             self.before.update(dict.fromkeys(together, before))
@@ -246,7 +226,7 @@ class Simulation:
             self.happenings.append((time, before, state, slopes))
 
     def moved(self, state: State, slopes: dict[str, Near], span: Near) -> State:
-        self.budget.spend(len(state[0]) + len(state[1]))
+        self.plan.spend(len(state[0]) + len(state[1]))
         return state[0], {**state[1], **{fluent: state[1][fluent] + rate * span for fluent, rate in slopes.items()}}
 
     def happen(self, points: list[int], before: State) -> State:
@@ -280,14 +260,14 @@ class Simulation:
         for factor, *variables in expression:
             product = Near(rational(factor))
             for variable in variables:
-                self.budget.spend(1)
+                self.plan.spend(1)
                 product *= state[1][variable] if variable in state[1] else self.known[variable]
             total += product
         return total
 
     def holds(self, condition: Any, state: State) -> bool:
         """true, false, ["h", atom, value], ["c", expression, relation], ["and", ...] or ["or", ...]."""
-        self.budget.spend(1)
+        self.plan.spend(1)
         if type(condition) is bool:
             return condition
         kind, *parts = condition
@@ -309,11 +289,11 @@ class Simulation:
             states = [self.happenings[-1][2] if point is None else self.before[point]]
             if end is not None:
                 instant = near(second)
-                inside = (instant - self.times[point]).sign > 0 and (self.times[end] - instant).sign > 0
+                inside = (instant - self.times[point]).sign > 0 < (self.times[end] - instant).sign
+                demand(inside, "the instant is not inside the action")
                 time, *states, slopes = [each for each in self.happenings if (instant - each[0]).sign >= 0][-1]
                 if (instant - time).terms:
                     states = [self.moved(states[1], slopes, instant - time)]
-                demand(inside, "the instant is not inside the action")
             demand(not all(self.holds(condition, state) for state in states), "the condition holds")
 
 
@@ -321,42 +301,43 @@ class Certificate:
     """Reads a certificate line by line; `finish` says what has been established."""
 
     def __init__(self) -> None:
-        self.budget, self.header = Budget(), dict[str, Any]()
-        self.plan = Plan(self.budget)
+        self.plan, self.header = Plan(), dict[str, Any]()
         self.nodes: list[Any] = [None]  # of formulas
-        self.lemmas: list[tuple[int, ...]] = []
-        self.clauses: list[tuple[int, ...]] = []  # of the present refutation
+        self.lemmas, self.clauses = list[tuple[int, ...]](), list[tuple[int, ...]]()  # of all, of this refutation
         self.box: dict[str, tuple[Fraction | None, bool, Fraction | None, bool]] = {}  # ends, and whether they belong
         self.where: list[Any] = []  # what is known of the parameters: (expression, strict) for `>= 0` or `> 0`
         self.places: dict[int, Linear] = {0: {}}  # where time points are
-        self.obligation = ""  # that is being refuted
-        self.refuted, self.trusting, self.names, self.folded = set[str](), set[str](), set[str](), set[str]()
-        self.faces = set[tuple[str, str]]()
-        self.pieces = 0  # of a region
-        self.stated = self.scheduled = self.ended = False
+        self.obligation, self.part = (
+            "",
+            "",
+        )  # that is being refuted; a region's piece, what is outside of it, or the rest
+        self.refuted, self.proved, self.always, self.trusting, self.folded = (set[str]() for _ in range(5))
+        self.free, self.times = dict[str, int](), list[Linear]()  # time points by their variables; the schedule
+        self.known: list[Any] = []  # what is known in each polyhedron, by number
+        self.parts: dict[str, set[int]] = {"piece": set(), "outside": set(), "formula": set()}  # numbers of polyhedra
+        self.faces, self.stated, self.ended = set[tuple[str, str]](), False, False
 
     def read(self, line: bytes) -> None:
-        self.budget.spend(-WORK_PER_BYTE * len(line))
+        self.plan.spend(-WORK_PER_BYTE * len(line))
         value = json.loads(line, parse_float=str, parse_constant=str)
         demand(not self.ended, "there is something behind the end")
         if not self.header:
             return self.start(value)
         kind, *rest = value
-        proof = kind in ("b", "a", "g", "e", "lemma")
-        demand(
-            proof or bool(self.obligation) == (kind in ("root", "derive", "qed")),
-            "a step outside of a refutation, or none",
-        )
-        if kind in ("lemma", "derive", "root", "place", "piece", "schedule"):
+        proof = kind in ("a", "g", "lemma") or bool(self.obligation) == (kind in ("root", "derive", "qed"))
+        demand(proof, "a step outside of a refutation, or none")
+        if kind in ("lemma", "derive", "root", "place", "schedule", "apart"):
             getattr(self, kind)(*rest)
-        elif proof:
-            self.define(kind, *rest)
+        elif kind in ("piece", "outside", "rest"):
+            self.begin(kind, *rest)
+        elif kind in ("a", "g"):
+            self.define(*rest)
         elif kind == "qed":
             self.derive([], *rest)
             self.refuted.add(self.obligation)
             self.obligation = ""
         elif kind == "obligation":
-            inside = (self.header["kind"] == "region") == (self.pieces > 0)
+            inside = (self.header["kind"] == "region") == bool(self.part)
             demand(inside and rest[0] and rest[0] not in self.refuted, "an obligation twice, nameless or outside")
             self.obligation, self.clauses = rest[0], []
         elif kind in ("witness", "cycle"):
@@ -367,49 +348,45 @@ class Certificate:
             self.complete()
             self.ended = True
         else:
-            self.budget.spend(0, len(line) // 8)
+            self.plan.spend(0, len(line) // 8)
             demand(not self.stated, "a part of the ground plan after the first conclusion from it")
             return self.plan.state(kind, *rest)
         self.stated = True
 
     def start(self, header: Any) -> None:
         demand(type(header) is dict and header.get("format") == FORMAT, f"not a certificate of the format {FORMAT}")
-        digests = {len(digest) for digest in header["inputs"].values()}
-        demand(header["kind"] in KINDS and digests <= {64}, "a malformed header")
+        kind = header["kind"] in ("plan", "box", "maximal", "region", "knowledge")
+        demand(kind and {len(digest) for digest in header["inputs"].values()} <= {64}, "a malformed header")
         self.header, self.plan.epsilon = header, rational(header.get("epsilon", 0))
         for name, lower, upper in header.get("parameters", []):
             demand(name and name not in self.plan.declared, "a parameter twice")
             self.plan.declared[name] = tuple(None if each is None else rational(each) for each in (lower, upper))
-        for name, (low, low_closed, high, high_closed) in zip(self.plan.declared, header.get("box", [])):
+        bounds = [(low, True, high, True) for _, low, high in header.get("parameters", [])]
+        ends = bounds if header["kind"] == "region" else header.get("box", [])
+        for name, (low, low_closed, high, high_closed) in zip(self.plan.declared, ends, strict=True):
             lower, upper = (None if each is None else rational(each) for each in (low, high))
-            demand({type(low_closed), type(high_closed)} == {bool}, "an end of the box is neither open nor closed")
             point = lower == upper and low_closed and high_closed
             demand(lower is None or upper is None or lower < upper or point, "the box is empty")
+            demand({type(low_closed), type(high_closed)} == {bool}, "an end of the box is neither open nor closed")
             self.box[name] = lower, low_closed, upper, high_closed
             for sign, end, closed in ((1, lower, low_closed), (-1, upper, high_closed)):
                 known = None if end is None else combined({name: Fraction(sign)}, {"": end}, -sign)
                 self.where.append((known, not closed))
+        self.bounds = self.where
 
     def literals(self, value: Any) -> tuple[int, ...]:
-        self.budget.spend(0, len(value) + 1)
+        self.plan.spend(0, len(value) + 1)
         demand(all(type(each) is int and 0 < abs(each) < len(self.nodes) for each in value), "an unknown literal")
         return tuple(value)
 
-    def define(self, kind: str, value: Any, strict: Any = None) -> None:
-        """b: a boolean. a: a linear constraint `expression >= 0`, or `> 0`. g: a conjunction. e: an equivalence."""
-        if kind == "a":
-            self.budget.spend(0, len(value))
-            demand(type(strict) is bool and any(linear(value)), "a malformed linear constraint")
-            self.nodes.append((kind, linear(value), strict))
-        elif kind == "b":
-            self.nodes.append((kind,))
-        else:
-            self.nodes.append((kind, self.literals(value)))
-            demand(kind == "g" or len(value) == 2, "an equivalence of other than two literals")
+    def define(self, value: Any, strict: bool | None = None) -> None:
+        """A linear constraint `expression >= 0`, or `> 0`; or, without `strict`, a conjunction of literals."""
+        self.plan.spend(0, len(value))
+        demand(strict is None or (type(strict) is bool and any(linear(value))), "a malformed linear constraint")
+        self.nodes.append((self.literals(value),) if strict is None else (linear(value), strict))
 
     def constraint(self, literal: int) -> tuple[Linear, bool]:
-        """What a literal of a constraint says."""
-        _, expression, strict = self.nodes[abs(literal)]
+        expression, strict = self.nodes[abs(literal)]
         return (expression, strict) if literal > 0 else (combined({}, expression, -1), not strict)
 
     def lemma(self, literals: Any, multipliers: Any) -> None:
@@ -418,31 +395,23 @@ class Certificate:
         for literal, multiplier in zip(clause, multipliers, strict=True):
             expression, sharp = self.constraint(-literal)
             demand(type(multiplier) is int and multiplier > 0, "expected multipliers above 0")
-            self.budget.spend(len(expression) + len(total))
+            self.plan.spend(len(expression) + len(total))
             total, strict = combined(total, expression, multiplier), strict or sharp
-        value = total.pop("", Fraction(0))
-        demand(not total, "the multiples of the constraints do not cancel the variables")
-        demand(value < 0 or (strict and value == 0), "the multiples of the constraints do not contradict each other")
+        value = total.pop("", 0)
+        demand(not total and value <= 0 and (strict or value), "the multiples do not add up to a contradiction")
         self.lemmas.append(clause)
 
-    def hinted(self, hint: Any) -> tuple[int, ...]:
-        """A clause by its number: of this refutation, below 0 a lemma, in a pair one of those that define a gate."""
-        if type(hint) is int:
-            return tuple(pick(self.clauses, hint) if hint >= 0 else pick(self.lemmas, ~hint))
-        number, which = hint
-        kind, inputs = pick(self.nodes, number)
-        if kind == "e":
-            one, two, three = pick([(1, -1, -1), (1, 1, 1), (-1, -1, 1), (-1, 1, -1)], which)
-            return (one * number, two * inputs[0], three * inputs[1])
-        return (-number, pick((0, *inputs), which)) if which else (number, *(-each for each in inputs))
-
     def derive(self, literals: Any, hints: Any) -> None:
-        """Unit propagation along the hints refutes the negation of the clause."""
+        """Unit propagation along clauses or lemmas (below 0), or [conjunction, which clause of it]."""
         clause = self.literals(literals)
         false = set(clause)
         for hint in hints:
-            hinted = self.hinted(hint)
-            self.budget.spend(len(hinted))
+            if type(hint) is int:
+                hinted = pick(self.clauses, hint) if hint >= 0 else pick(self.lemmas, ~hint)
+            else:
+                (inputs,), which = pick(self.nodes, hint[0]), hint[1] - 1
+                hinted = (-hint[0], pick(inputs, which)) if which >= 0 else (hint[0], *(-each for each in inputs))
+            self.plan.spend(len(hinted))
             unassigned = {literal for literal in hinted if literal not in false}
             if not unassigned:
                 return self.clauses.append(clause)
@@ -450,38 +419,58 @@ class Certificate:
             false.add(-unassigned.pop())
         raise Rejected("the hints do not lead to a contradiction")
 
-    def place(self, point: int, value: Any, number: Any) -> None:
+    def place(self, point: int, how: Any) -> None:
         """Where a time point is: at a variable of its own, or tied to another one by an equality."""
-        place = linear(value)
         demand(pick(self.plan.points, point) and point not in self.places, "a time point twice")
-        if number is None:
-            name = value[0][1]
-            new = name and name not in self.names and name not in self.plan.declared and place == {name: 1}
-            demand(new, "a free time point needs a variable of its own")
-            self.names.add(name)
+        if type(how) is str:
+            demand(how and how not in {*self.free, *self.plan.declared}, "a time point needs a variable of its own")
+            self.free[how], self.places[point] = point, {how: Fraction(1)}
         else:
-            source, target, lower, upper = pick(self.plan.constraints, number)
-            demand(lower is not None and lower == upper and point in (source, target), "the time points are not tied")
-            other, sign = (source, 1) if point == target else (target, -1)
-            demand(place == combined(self.places[other], lower, sign), "not where the equality puts the time point")
-        self.places[point] = place
+            (source, target, least), back = (pick(self.plan.constraints, each) for each in how)
+            demand(target == point and back == (point, source, combined({}, least, -1)), "time points are not tied")
+            self.places[point] = combined(self.places[source], least)
 
-    def piece(self, constraints: Any) -> None:
-        """What follows is about one polyhedron of a region."""
+    def apart(self, first: Any, second: Any) -> None:
+        """All schedules keep the same time between two time points."""
+        gap = combined(self.places[second], self.places[first], -1)
+        demand(gap.keys() == {""} and gap[""] >= self.plan.epsilon, "the time points may be too close")
+        self.always.add(min(self.plan.separation(first, second)))
+
+    def begin(self, part: str, constraints: Any = ()) -> None:
+        """What follows is about a piece of a region, a polyhedron outside of it, or the rest within the bounds."""
         self.complete()
-        self.pieces, self.refuted = self.pieces + 1, set()
-        self.where = [(linear(expression), strict) for expression, strict in constraints]
+        self.part, self.refuted, self.times = part, set(), []
+        self.where = self.bounds if part == "rest" else [(linear(known), strict) for known, strict in constraints]
+        if part != "rest":
+            demand({name for side, _ in self.where for name in side} <= {"", *self.plan.declared}, "not a polyhedron")
+            self.parts[part].add(len(self.known))
+            self.known.append(tuple(self.where))
 
-    def root(self, literal: int, kind: str, *rest: Any) -> None:
-        """A conjunct of the formula: it is trusted, or says what the ground plan or the box says."""
+    def root(self, literal: Any, kind: str, *rest: Any) -> None:
+        """What is refuted; outside of a region: that a schedule exists, or that the one given keeps an obligation."""
+        allowed = {"outside": "wx" if self.times else "wzn", "rest": "wo"}.get(self.part, "wznst")
+        demand(kind in list(allowed), "a conjunct of a kind that nothing speaks for here")
         self.clauses.append(self.literals([literal]))
-        if kind == "t":
-            return self.trusting.add(self.obligation)
-        (expression, strict), (found, sharp) = self.claimed(kind, *rest), self.constraint(literal)
-        name = next(name for name in found if name)
+        if kind == "o":  # the parameter values are not in a polyhedron
+            for each, said in zip(pick(self.nodes, -literal)[0], pick(self.known, rest[0]), strict=True):
+                self.compare(each, *said)
+        elif kind == "x":  # not all of what breaks an obligation is so
+            demand(len({*map(str, rest[0])}) == 2 or ["t"] in rest[0], "less than what breaks the obligation")
+            self.parts["formula"].update([len(self.known)] if ["t"] in rest[0] else ())
+            for each, (how, *what) in zip(pick(self.nodes, -literal)[0], rest[0], strict=True):
+                demand(how == "t" or (how == "s" and self.plan.are_mutex(*what)), "not what breaks an obligation")
+                self.compare(each, *self.claimed(how, *what)) if how == "s" else None
+        elif kind == "t":
+            self.trusting.add(self.obligation)
+        else:
+            self.compare(literal, *self.claimed(kind, *rest))
+
+    def compare(self, literal: int, found: Linear, sharp: bool) -> None:
+        """The literal says that `found >= 0`, or `> 0`."""
+        expression, strict = self.constraint(literal)
+        name = next((name for name in found if name), "")
         scale = expression.get(name, Fraction(0)) / found[name]
-        same = scale > 0 and sharp is strict and combined({}, found, scale) == expression
-        demand(same, "a formula is not what the plan or the box says")
+        demand(scale > 0 and sharp is strict and combined({}, found, scale) == expression, "a formula says otherwise")
 
     def claimed(self, kind: str, number: Any, side: Any = None) -> tuple[Linear, bool]:
         """The inequality `expression >= 0`, or `> 0`, that a root is said to be."""
@@ -489,26 +478,32 @@ class Certificate:
             return pick(self.where, number)  # type: ignore[no-any-return]
         if kind == "z":  # no time is negative
             return self.places[number], False
-        if kind == "n":  # a side of a temporal constraint
-            source, target, least = self.plan.edge(number, side)
+        if kind == "n":  # a temporal constraint
+            source, target, least = pick(self.plan.constraints, number)
         else:  # less than epsilon apart
             demand(kind == "s" and self.obligation in self.plan.separation(number, side), "not about the obligation")
             source, target, least = side, number, {"": -self.plan.epsilon}
-        self.budget.spend(len(self.places[source]) + len(self.places[target]))
+        self.plan.spend(len(self.places[source]) + len(self.places[target]))
         return combined(combined(self.places[target], self.places[source], -1), least, -1), kind == "s"
 
-    def schedule(self, times: Any) -> None:
-        """Times as expressions over the parameters keep the network all over the box."""
-        places = list(map(linear, times))
-        demand(len(places) == len(self.plan.points) and not places[0], "a time is missing, or zero is not at 0")
-        for source, target, least in self.plan.edges():
-            self.budget.spend(len(places[source]) + len(places[target]))
-            expression = combined(combined(places[target], places[source], -1), least, -1)
-            lowest = expression.pop("", Fraction(0))
-            for name, factor in expression.items():  # an infinite end is malformed here
-                lowest += factor * Fraction(self.box[name][0 if factor > 0 else 2])  # type: ignore[arg-type]
-            demand(lowest >= 0, "the schedule breaks a constraint of the network somewhere in the box")
-        self.scheduled = True
+    def schedule(self, times: Any, multiples: Any, others: Any = ()) -> None:
+        """Times over the parameters keep the network, by multiples of what is known; and values of other variables."""
+        self.times = list(map(linear, times))
+        demand(len(times) == len(self.plan.points) and not times[0], "a time is missing, or zero is not at 0")
+        for (source, target, least), each in zip(self.plan.edges(), multiples, strict=True):
+            rest = combined(combined(self.times[target], self.times[source], -1), least, -1)
+            for number, factor in each:
+                self.plan.spend(len(rest) + len(self.times[source]))
+                demand(rational(factor) > 0, "expected multipliers above 0")
+                rest = combined(rest, pick(self.where, number)[0], -rational(factor))
+            demand(rest.pop("", 0) >= 0 and not rest, "the schedule breaks a constraint of the network somewhere")
+        values = {name: self.times[point] for name, point in self.free.items()}
+        for name, value in others:
+            new = name not in {*values, *self.plan.declared} and {*linear(value)} <= {"", *self.plan.declared}
+            demand(new, "a variable with two values")
+            values[name] = linear(value)
+        for name, value in values.items() if self.part == "outside" else ():
+            self.where += [(combined({name: Fraction(sign)}, value, -sign), False) for sign in (1, -1)]
 
     def witness(self, kind: str, face: str, side: str, numbers: Any, course: Any, *what: Any) -> None:
         """Beyond a face, arbitrarily near to it and within the others: a schedule that breaks something, or none."""
@@ -524,17 +519,21 @@ class Certificate:
         if kind == "witness":
             Simulation(self.plan, values, list(map(near, course))).require_broken(*what)
         else:
-            walk = [self.plan.edge(*step) if len(step) == 2 else (0, step[0], Linear()) for step in course]
-            total = Near()
-            for (_, target, least), (source, _, _) in zip(walk, walk[1:] + walk[:1]):
-                demand(target == source, "the constraints do not form a cycle")
-                total += evaluated(least, values)
-            demand(total.sign > 0, "the constraints do not contradict each other")
+            each = self.plan.constraints
+            walk = [(0, *step, Linear()) if type(step) is list else pick(each, step) for step in course]
+            circle = all(before[1] == after[0] for before, after in zip(walk, walk[1:] + walk[:1]))
+            length = sum((evaluated(least, values) for *_, least in walk), Near())
+            demand(circle and length.sign > 0, "the constraints do not contradict each other in a circle")
         self.faces.add((face, side))
 
     def complete(self) -> None:
-        if self.pieces or self.header["kind"] not in ("knowledge", "region"):
-            self.plan.require(self.refuted | self.folded)
+        """Enough has been said of the parameter values that this is about."""
+        if self.part in ("outside", "rest"):
+            demand(self.refuted, "nothing says why a polyhedron is outside, or that there are no others")
+        elif self.part or self.header["kind"] not in ("knowledge", "region"):
+            demand(self.times, "there is no schedule")
+            self.proved |= self.refuted | self.always
+            self.plan.require(self.refuted | self.always | self.folded)
 
     def finish(self) -> Iterator[str]:
         demand(self.ended, "the certificate ends early")
@@ -542,22 +541,23 @@ class Certificate:
         if kind == "knowledge":
             demand("correct execution" in self.refuted, "the formula of correct executions is not refuted")
             yield "established: the formula of the certificate has no model"
-            yield "trusted: that the formula says what a correct execution of the plan is"
-            return
-        demand(kind == "region" or self.box.keys() == self.plan.declared.keys(), "a box of another dimension")
+            return (yield "trusted: that the formula says what a correct execution of the plan is")
         demand(kind != "plan" or all(low == high is not None for low, _, high, _ in self.box.values()), "not a point")
-        demand(self.scheduled or kind == "region", "there is no schedule")
+        demand(kind != "region" or self.part == "rest", "nothing is said of the rest of the parameter space")
         for name, interval in self.box.items():
             for side, end, closed, bound in zip(ends, interval[::2], interval[1::2], self.plan.declared[name]):
                 free = kind != "maximal" or end is None or (closed and end == bound) or (name, side) in self.faces
                 demand(free, f"no witness for the {side} face of {name}")
-        where = {"plan": "at the point", "region": f"in {self.pieces} pieces"}.get(kind, "all over the box")
-        if kind != "region":
-            yield f"established: the network has a schedule {where}"
-        yield f"established: {len(self.refuted - self.trusting)} obligations hold {where}, by the ground plan alone"
-        yield f"established: the formulas of {len(self.refuted & self.trusting)} obligations have no model {where}"
+        pieces, outside, trusting = map(len, self.parts.values())
+        where = {"plan": "at the point", "region": f"in {pieces} pieces"}.get(kind, "all over the box")
+        yield f"established: the network has a schedule {where}"
+        yield f"established: {len(self.proved - self.trusting)} obligations hold {where}, by the ground plan alone"
+        yield f"established: the formulas of {len(self.proved & self.trusting)} obligations have no model {where}"
         if kind == "maximal":
             yield f"established: no valid box contains this one: {len(self.faces)} faces have a witness, executed here"
+        if kind == "region":
+            yield f"established: {outside} polyhedra outside and the pieces are all parameter values within the bounds"
+            yield f"established: those are bad, {trusting} of them if the formula of an obligation says what breaks it"
         yield f"trusted: that those formulas say what breaks these obligations ({self.header['encoding']} encoding)"
         yield f"trusted: that {len(self.folded)} obligations hold because the encoding's formulas for them are constant"
         yield "trusted: that the ground plan in the certificate is what the input files say"
@@ -577,13 +577,13 @@ def check(path: str, files: dict[str, str]) -> list[str]:
     except (Rejected, *MALFORMED) as error:
         why = str(error) if isinstance(error, Rejected) else f"malformed ({type(error).__name__})"
         raise Rejected(f"{path}: line {number}: {why}") from None
-    how = {name: "the same" if name in files else "not compared" for name in inputs}
-    return [*said, *(f"input: {name}, SHA-256 {inputs[name]}, {how[name]}" for name in inputs)]
+    same = {name: "the same" if name in files else "not compared" for name in inputs}
+    return [*said, *(f"input: {name}, SHA-256 {inputs[name]}, {same[name]}" for name in inputs)]
 
 
 def main() -> int:
     reader = argparse.ArgumentParser(description="Check a certificate of robust.")
-    for name in ("certificate", *(f"--{name}" for name in INPUTS)):
+    for name in ("certificate", "--domain", "--problem", "--plan", "--network", "--parameters"):
         reader.add_argument(name, metavar="FILE")
     given = vars(reader.parse_args())
     try:

@@ -1,7 +1,8 @@
-"""Formulas as circuits: conjunctions and equivalences over linear atoms and booleans, each built once.
+"""Formulas as circuits: conjunctions over linear atoms, each built once.
 
 A node is a positive number, a literal a node or its negative. Node kinds are those that certificates know; a
-disjunction is a negated conjunction, an equation the conjunction of two inequalities.
+disjunction is a negated conjunction, an equation the conjunction of two inequalities, a proposition the atom that a
+variable of its own is above zero.
 """
 
 from __future__ import annotations
@@ -10,19 +11,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from robust.certify.linear import Atom, atom_of
+from robust.certify.linear import PROPOSITION, Atom, atom_of
 from robust.errors import UnsupportedError
 from robust.smt.terms import Formula, Terms
 
 Linear = tuple[dict[str, Fraction], Fraction]
 """Coefficients by variable, and a constant."""
-
-
-@dataclass(frozen=True, slots=True)
-class Boolean:
-    """A proposition with a name."""
-
-    name: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,14 +26,7 @@ class Conjunction:
     inputs: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Equivalence:
-    """True if both inputs have the same truth value."""
-
-    inputs: tuple[int, int]
-
-
-Node = Atom | Boolean | Conjunction | Equivalence
+Node = Atom | Conjunction
 
 
 @dataclass
@@ -77,12 +64,10 @@ class Circuit:
         return -self.conjunction(-literal for literal in literals)
 
     def equivalence(self, left: int, right: int) -> int:
-        if abs(left) == self.true or abs(right) == self.true:
-            return right if left == self.true else -right if left == -self.true else left if right > 0 else -left
-        if abs(left) == abs(right):
-            return self.true if left == right else -self.true
-        node = self.add(Equivalence((abs(left), abs(right))))
-        return node if (left > 0) == (right > 0) else -node
+        return self.conjunction((self.disjunction((-left, right)), self.disjunction((left, -right))))
+
+    def proposition(self, name: str) -> int:
+        return -self.at_most({PROPOSITION + name: Fraction(1)}, Fraction(0))
 
     def at_most(self, coefficients: Mapping[str, Fraction], bound: Fraction, *, strict: bool = False) -> int:
         """`Σ coefficient · variable ≤ bound`, or `<` if strict."""
@@ -152,7 +137,7 @@ class Translator:
         if node.is_implies():
             return circuit.disjunction((-inputs[0], inputs[1]))
         if node.is_symbol() and not node.is_theory_relation():
-            return circuit.add(Boolean(node.symbol_name()))
+            return circuit.proposition(node.symbol_name())
         if node.is_le() or node.is_lt() or node.is_equals():
             return self._comparison(node)
         raise UnsupportedError(f"found a formula of kind {node.node_type()}, expected one over linear atoms")

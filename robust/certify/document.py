@@ -6,9 +6,9 @@ import gzip
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
-from robust.certify.circuit import Boolean, Circuit, Conjunction, Equivalence
+from robust.certify.circuit import Circuit, Conjunction, Node
 from robust.certify.ground import Line
 from robust.certify.linear import Atom
 from robust.certify.propositional import Clause
@@ -87,7 +87,7 @@ class CertificateWriter:
         while pending:
             number = pending[-1]
             node = self._circuit.node(number)
-            inputs = node.inputs if isinstance(node, Conjunction | Equivalence) else ()
+            inputs = node.inputs if isinstance(node, Conjunction) else ()
             missing = [abs(literal) for literal in inputs if abs(literal) not in self._nodes]
             if number not in self._nodes and missing:
                 pending += missing
@@ -97,18 +97,15 @@ class CertificateWriter:
                 self.add(self._definition(node))
                 self._nodes[number] = len(self._nodes) + 1
 
-    def _definition(self, node: Atom | Boolean | Conjunction | Equivalence) -> Line:
+    def _definition(self, node: Node) -> Line:
         match node:
             case Atom(coefficients, strict, bound):
                 # Certificates say `expression ≥ 0`, or `> 0`.
                 terms: Line = [[-factor, name] for name, factor in coefficients]
                 return ["a", [*terms, [bound]] if bound else terms, strict]
-            case Boolean(name):
-                return ["b", name]
             case Conjunction(inputs):
                 return ["g", self._literals(inputs)]
-            case Equivalence(inputs):
-                return ["e", self._literals(inputs)]
+        assert_never(node)
 
     def save(self, path: Path) -> int:
         """Write the file, with a last line that says that nothing is missing; its size in bytes."""

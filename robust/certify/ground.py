@@ -73,13 +73,17 @@ class GroundPlan:
     """A plan with numbered time points and constraints.
 
     `places` gives each time point's time over parameters and free time points, in an order in which each is tied to an
-    earlier one; `ties` is the constraint that ties it, None if its time is free.
+    earlier one; `ties` is the constraint that ties it, None if its time is free. `sides` numbers sides of constraints
+    as certificates do, and `edges` are their sources, targets and least distances.
     """
 
     def __init__(self, plan: ParametrizedPlan) -> None:
         self.plan = plan
         self.numbers: Mapping[TimePoint, int] = {point: index for index, point in enumerate(plan.time_points)}
         self.bounds = tuple(self._bounds())
+        sides = [(index, side) for index, bound in enumerate(self.bounds) for side, *_ in bound.sides()]
+        self.sides: Mapping[tuple[int, str], int] = {each: number for number, each in enumerate(sides)}
+        self.edges = tuple(side[1:] for bound in self.bounds for side in bound.sides())
         self.places: dict[int, Linear] = {}
         self.ties: dict[int, int | None] = {}
         self._place()
@@ -117,8 +121,8 @@ class GroundPlan:
         for point in self.plan.time_points[1:]:
             yield ["point", str(point), *([True] if point.time is not None else [])]
         for bound in self.bounds:
-            sides = (None if side is None else expression(side) for side in (bound.lower, bound.upper))
-            yield ["constraint", bound.source, bound.target, *sides]
+            for _, source, target, length in bound.sides():
+                yield ["constraint", source, target, expression(length)]
         fluents = self.plan.initial_fluents
         atoms = sorted(map(str, self.plan.initial_atoms))
         yield ["initial", atoms, [[str(fluent), expression(value)] for fluent, value in fluents.items()]]
@@ -133,7 +137,13 @@ class GroundPlan:
             yield ["effect", self.numbers[literal.point], kind, str(literal.target), value, True]
         for index, place in self.places.items():
             if index:
-                yield ["place", index, expression(place), self.ties[index]]
+                yield ["place", index, self._tie(index) or str(next(iter(place.variables)))]
+
+    def _tie(self, point: int) -> list[int]:
+        """The two sides of the equality that ties a time point, the one towards it first; none if it is free."""
+        tie = self.ties[point]
+        sides = () if tie is None else ("l", "u") if self.bounds[tie].target == point else ("u", "l")
+        return [self.sides[tie, side] for side in sides if tie is not None]
 
     @cached_property
     def conditions(self) -> tuple[tuple[Line, str], ...]:

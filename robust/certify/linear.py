@@ -13,6 +13,9 @@ from robust.qe.simplex import Tableau
 
 Multipliers = tuple[int, ...]
 
+PROPOSITION = "boolean "
+"""How the names of variables begin that stand for propositions: true if they are above zero."""
+
 
 @dataclass(frozen=True, slots=True)
 class Atom:
@@ -24,6 +27,11 @@ class Atom:
     coefficients: tuple[tuple[str, int], ...]
     strict: bool
     bound: int
+
+    @property
+    def is_proposition(self) -> bool:
+        """Whether it is about a proposition, so that only other bounds of one variable can contradict it."""
+        return self.coefficients[0][0].startswith(PROPOSITION)
 
 
 def atom_of(coefficients: Mapping[str, Fraction], strict: bool, bound: Fraction) -> tuple[Atom, bool]:

@@ -4,25 +4,43 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from robust.certify.circuit import Circuit, Translator, conjuncts
+from robust.certify.circuit import Circuit, Conjunction, Translator, conjuncts
+from robust.certify.cycles import LongestPaths
 from robust.certify.document import CertificateWriter
+from robust.certify.exactness import (
+    Broken,
+    Exactness,
+    Nowhere,
+    free_points,
+    halves_of,
+    literal_of,
+    network_roles,
+    ranges_of,
+    scheduled,
+    uncovered,
+)
 from robust.certify.existence import schedule_over
-from robust.certify.ground import GroundPlan, Line, expression, number, optional
+from robust.certify.ground import GroundPlan, Line, number, optional
 from robust.certify.refute import NotRefutedError, Refuter
+from robust.certify.sections import Form, combined, form_of, multiples, substituted
 from robust.certify.witness import Witnesses
 from robust.encode.interface import Encoding, Obligation, Stage
-from robust.encode.variables import Linear, variable
+from robust.encode.variables import Linear, constant, variable
 from robust.errors import InputError
-from robust.irr.box import Box
+from robust.irr.box import Box, Interval
 from robust.plan.model import ParameterReference
 from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region
 from robust.smt.limits import Deadline
 from robust.smt.terms import Formula, Terms
 
 Progress = Callable[[int, int, str], None]
+FindMultiples = Callable[[Form], list[tuple[int, Fraction]]]
 
 
 def digests(files: Mapping[str, Path]) -> dict[str, str]:
@@ -65,7 +83,10 @@ class PlanCertificate:
         self._refuter = Refuter(self._circuit)
         self.writer = CertificateWriter(self._circuit, _header(encoding, box, kind, inputs))
         self.writer.add(*self._ground.lines())
-        self._network_roles = self._roles_of_network()
+        self._paths = LongestPaths(
+            self._ground, dict.fromkeys((p.name for p in encoding.plan.parameters), (None, None))
+        )
+        self._network_roles = network_roles(self._ground, self._circuit)
 
     def add_box(self) -> None:
         """A schedule for the box, and every obligation in it.
@@ -77,7 +98,6 @@ class PlanCertificate:
         """
         box = self._require_box()
         times = schedule_over(self._ground, box.ranges, solver=self._solver, deadline=self._deadline)
-        self.writer.add(["schedule", [expression(time) for time in times]])
         known: dict[int, Line] = {}
         for place, (name, interval) in enumerate(box.intervals.items()):
             value = variable(ParameterReference(name))
@@ -85,27 +105,128 @@ class PlanCertificate:
             for index, (sign, end, closed) in enumerate(ends):
                 if end is not None:
                     known[self._literal_of((value - end).scaled(sign), strict=not closed)] = ["w", 2 * place + index]
+        self._add_schedule([form_of(time) for time in times], lambda form: _multiples_in(box, form))
+        self._paths = LongestPaths(self._ground, box.ranges)
         self._add_obligations(known, str(box))
 
-    def add_region(self, pieces: Sequence[Polyhedron]) -> None:
-        """Every obligation in each of some polyhedra.
+    def add_region(self, region: Region) -> None:
+        """A schedule and every obligation in each piece of a region, and why everything outside of it is bad.
 
         Raises:
-            InputError: if an obligation breaks somewhere in one of them.
+            InputError: if an obligation breaks somewhere in it.
+            UnsupportedError: if it is not the whole envelope, or schedules cannot be certified.
             OutOfTimeError: if the deadline passes.
         """
-        for piece in pieces:
-            halves = [half for constraint in piece.constraints for half in constraint.halves()]
-            known: dict[int, Line] = {}
-            statements: Line = []
-            for half in halves:
-                terms: Line = [[number(-factor), name] for name, factor in half.coefficients]
-                constant: Line = [[number(half.constant)]] if half.constant else []
-                literal = self._circuit.at_most(dict(half.coefficients), half.constant, strict=half.is_strict)
-                known[literal] = ["w", len(statements)]
-                statements.append([[*terms, *constant], half.is_strict])
-            self.writer.add(["piece", statements])
-            self._add_obligations(known, f"the piece {piece}")
+        known: list[Polyhedron] = []
+        for whole in region.as_union().pieces:
+            for piece, values in scheduled(self._ground, whole, solver=self._solver, deadline=self._deadline):
+                known.append(piece)
+                where = self._begin("piece", piece)
+                self._add_schedule(self._times(values), partial(multiples, halves_of(piece)))
+                self._paths = LongestPaths(self._ground, ranges_of(piece))
+                self._add_obligations(where, f"the piece {piece}")
+        self._add_outside(known, region.complement().as_union().pieces)
+
+    def _add_outside(self, known: list[Polyhedron], bad: Sequence[Polyhedron]) -> None:
+        """Bad polyhedra, until they and the pieces are all parameter values within the declared bounds."""
+        parameters = self._encoding.plan.parameters
+        bounds = {p.name: Interval(p.lower, p.upper, p.lower is not None, p.upper is not None) for p in parameters}
+        everything = Polyhedron.of_box(bounds, Box(bounds))
+        exactness = Exactness(
+            self._encoding,
+            self._ground,
+            self._circuit,
+            self._network_roles,
+            solver=self._solver,
+            deadline=self._deadline,
+        )
+        false = self._encoding.terms.false
+        conjuncts = {each.name: self._breaking(each) for each in self._encoding.obligations if each.violation != false}
+        for point in uncovered(everything, known, bad):
+            self._deadline.enforce()
+            reason = exactness.explain(point, conjuncts)
+            known.append(reason.polyhedron)
+            match reason:
+                case Nowhere():
+                    self._add_nowhere(reason)
+                case Broken():
+                    self._add_broken(reason)
+        self.writer.add(["rest"])
+        roles: dict[int, Line] = {}
+        for place, (name, interval) in enumerate(bounds.items()):
+            for index, (sign, end) in enumerate(((1, interval.lower), (-1, interval.upper))):
+                if end is not None:
+                    least = (variable(ParameterReference(name)) - end).scaled(sign)
+                    roles[self._literal_of(least)] = ["w", 2 * place + index]
+        for index, polyhedron in enumerate(known):
+            sides = tuple(literal_of(self._circuit, half) for half in halves_of(polyhedron))
+            roles[-self._circuit.add(Conjunction(sides))] = ["o", index]
+        self._refuted("the rest", roles)
+
+    def _add_nowhere(self, reason: Nowhere) -> None:
+        roles = self._begin("outside", reason.polyhedron)
+        for step in reason.steps:
+            place = self._ground.places
+            if isinstance(step, list):
+                gap, role = place[step[0]], ["z", *step]
+            else:
+                source, target, length = self._ground.edges[step]
+                gap, role = place[target] - place[source] - length, ["n", step]
+            if gap.variables:
+                roles.setdefault(self._literal_of(gap), role)
+        self._refuted("a schedule", roles)
+
+    def _add_broken(self, reason: Broken) -> None:
+        polyhedron, values = reason.polyhedron, reason.values
+        roles = self._begin("outside", polyhedron)
+        free = free_points(self._ground)
+        others = [name for name in values if name not in free]
+        lines = [[name, _line(values[name])] for name in others]
+        self._add_schedule(self._times(values), partial(multiples, halves_of(polyhedron)), lines)
+        index = len(halves_of(polyhedron))
+        for name in (*free, *others):
+            for sign in (1, -1):
+                form = combined({name: Fraction(sign)}, values[name], -sign)
+                roles[literal_of(self._circuit, (form, False))] = ["w", index]
+                index += 1
+        own = self._separation(reason.obligation.name)
+        kept = -self._circuit.add(Conjunction(reason.conjuncts))
+        roles[kept] = ["x", [own.get(each, ["t"]) for each in reason.conjuncts]]
+        self._refuted(reason.obligation.name, roles)
+
+    def _breaking(self, obligation: Obligation) -> list[int]:
+        """Literals that are true together where an obligation breaks, without those of the network."""
+        if obligation.stage is Stage.SEPARATION:
+            return list(self._separation(obligation.name))
+        literals = map(self._translator.literal, self._encoding.query(obligation))
+        return [each for each in conjuncts(self._circuit, literals) if each not in self._network_roles]
+
+    def _begin(self, part: str, polyhedron: Polyhedron) -> dict[int, Line]:
+        """State a polyhedron that follows; the roles of its sides."""
+        halves = halves_of(polyhedron)
+        self.writer.add([part, [[_line(form), strict] for form, strict in halves]])
+        return {literal_of(self._circuit, half): ["w", index] for index, half in enumerate(halves)}
+
+    def _times(self, values: Mapping[str, Form]) -> list[Form]:
+        return [substituted(form_of(self._ground.places[index]), values) for index in sorted(self._ground.places)]
+
+    def _add_schedule(self, times: list[Form], find: FindMultiples, others: Sequence[Line] = ()) -> None:
+        """A schedule, with multiples of what is known of the parameters for each constraint of the network."""
+        proofs: dict[tuple[tuple[str, Fraction], ...], Line] = {}
+        found: list[Line] = []
+        zero = ((0, point, constant(0)) for point in sorted(self._ground.places))
+        for source, target, length in (*zero, *self._ground.edges):
+            gap = combined(combined(times[target], times[source], -1), form_of(length), -1)
+            key = tuple(gap.items())
+            if key not in proofs:
+                proofs[key] = [[index, number(factor)] for index, factor in find(gap)]
+            found.append(proofs[key])
+        self.writer.add(["schedule", [_line(time) for time in times], found, *([list(others)] if others else [])])
+
+    def _refuted(self, name: str, roles: Mapping[int, Line]) -> None:
+        """A refutation of literals, all of which the checker can compare."""
+        roots = list(roles)
+        self.writer.refuted(name, roots, self._refuter.refute(roots, self._deadline), roles.__getitem__)
 
     def _add_obligations(self, known: dict[int, Line], where: str) -> None:
         obligations = self._encoding.obligations
@@ -133,7 +254,7 @@ class PlanCertificate:
 
     def _refute(self, obligation: Obligation, known: dict[int, Line], where: str) -> None:
         if obligation.violation is self._encoding.terms.false:
-            self.writer.add(["folded", obligation.name])
+            self._add_folded(obligation, known)
             return
         roots = [*known, *conjuncts(self._circuit, map(self._translator.literal, self._encoding.query(obligation)))]
         try:
@@ -152,18 +273,25 @@ class PlanCertificate:
 
     def _literal_of(self, least: Linear, *, strict: bool = False) -> int:
         """`least ≥ 0`, or `> 0`."""
-        factors = {str(unknown): -factor for unknown, factor in least.coefficients()}
-        return self._circuit.at_most(factors, least.constant_term, strict=strict)
+        return literal_of(self._circuit, (form_of(least), strict))
 
-    def _roles_of_network(self) -> dict[int, Line]:
-        roles: dict[int, Line] = {}
-        for point, time in self._ground.places.items():
-            roles.setdefault(self._literal_of(time), ["z", point])
-        for index, bound in enumerate(self._ground.bounds):
-            for side, source, target, length in bound.sides():
-                gap = self._ground.places[target] - self._ground.places[source] - length
-                roles.setdefault(self._literal_of(gap), ["n", index, side])
-        return roles
+    def _add_folded(self, obligation: Obligation, known: dict[int, Line]) -> None:
+        """An obligation whose formula is constant: separations are proved by a path of the network, if there is one."""
+        places, epsilon = self._ground.places, self._encoding.epsilon
+        own = self._separation(obligation.name) if obligation.stage is Stage.SEPARATION else {}
+        for _, second, first in own.values():
+            gap = places[second] - places[first]
+            if not gap.variables and gap.constant_term >= epsilon:
+                self.writer.add(["apart", first, second])
+                return
+            steps = self._paths.between(first, second, epsilon) if gap.variables else None
+            if steps is not None:
+                edges = ((step, *self._ground.edges[step]) for step in steps)
+                gaps = {step: places[target] - places[source] - length for step, source, target, length in edges}
+                network = {self._literal_of(gap): ["n", step] for step, gap in gaps.items() if gap.variables}
+                self._refuted(obligation.name, {**known, **network, **own})
+                return
+        self.writer.add(["folded", obligation.name])
 
     def _separation(self, name: str) -> dict[int, Line]:
         """`|t_a − t_b| < ε` for the two time points that the obligation's name mentions."""
@@ -177,6 +305,17 @@ class PlanCertificate:
             self._literal_of(gap + epsilon, strict=True): ["s", a, b],
             self._literal_of(-gap + epsilon, strict=True): ["s", b, a],
         }
+
+
+def _line(form: Form) -> Line:
+    """A linear form as JSON."""
+    return [[number(factor), *([name] if name else [])] for name, factor in form.items()]
+
+
+def _multiples_in(box: Box, form: Form) -> list[tuple[int, Fraction]]:
+    """Multiples of the ends of a box, as the checker numbers them, that leave something not negative of a form."""
+    names = list(box.intervals)
+    return [(2 * names.index(name) + (factor < 0), abs(factor)) for name, factor in form.items() if name]
 
 
 class FormulaCertificate:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from robust.certify.circuit import Boolean, Circuit, Conjunction, Equivalence
+from robust.certify.circuit import Circuit, Conjunction
 from robust.certify.linear import Atom, constraint, contradiction
 from robust.certify.propositional import Clause, PropositionalSolver
 from robust.errors import RobustError
@@ -58,18 +58,9 @@ Refutation = tuple[Step, ...]
 """Steps in an order in which each uses earlier ones only; the last one derives the empty clause."""
 
 
-def gate_clauses(number: int, gate: Conjunction | Equivalence) -> list[Clause]:
-    """What defines a gate: for a conjunction first the clause of all inputs, then one for each of them."""
-    match gate:
-        case Conjunction(inputs):
-            return [(number, *(-literal for literal in inputs)), *((-number, literal) for literal in inputs)]
-        case Equivalence((left, right)):
-            return [
-                (number, -left, -right),
-                (number, left, right),
-                (-number, -left, right),
-                (-number, left, -right),
-            ]
+def gate_clauses(number: int, gate: Conjunction) -> list[Clause]:
+    """What defines a conjunction: first the clause of all inputs, then one for each of them."""
+    return [(number, *(-literal for literal in gate.inputs)), *((-number, literal) for literal in gate.inputs)]
 
 
 class Refuter:
@@ -98,7 +89,7 @@ class _Search:
         nodes = list(self._cone())
         for number in nodes:
             node = circuit.node(number)
-            if isinstance(node, Conjunction | Equivalence):
+            if isinstance(node, Conjunction):
                 for index, clause in enumerate(gate_clauses(number, node)):
                     self._add(clause, GateClause(number, index))
         for lemma in self._orders(nodes):
@@ -132,7 +123,7 @@ class _Search:
         queue = list(seen)
         for number in queue:
             node = self._circuit.node(number)
-            if isinstance(node, Conjunction | Equivalence):
+            if isinstance(node, Conjunction):
                 new = [abs(literal) for literal in node.inputs if abs(literal) not in seen]
                 seen.update(dict.fromkeys(new))
                 queue += dict.fromkeys(new)
@@ -159,14 +150,11 @@ class _Search:
             needed: Iterable[int]
             match node:
                 case Atom():
-                    chosen[literal] = None
-                    continue
-                case Boolean():
+                    if not node.is_proposition:
+                        chosen[literal] = None
                     continue
                 case Conjunction(inputs):
                     needed = inputs if literal > 0 else (self._false_input(inputs, model, seen),)
-                case Equivalence(inputs):
-                    needed = [each if model[each] else -each for each in inputs]
             for each in needed:
                 if each not in seen:
                     seen.add(each)
@@ -180,7 +168,7 @@ class _Search:
 
     def _cost(self, literal: int) -> int:
         node = self._circuit.node(literal)
-        return 0 if isinstance(node, Boolean) else 1 if isinstance(node, Atom) else 2
+        return 2 if isinstance(node, Conjunction) else 0 if node.is_proposition else 1
 
     def _trimmed(self) -> Refutation:
         """The steps that the refutation uses, renumbered."""

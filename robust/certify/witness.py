@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from robust.certify.cycles import Step, length_of, positive_cycle
 from robust.certify.ground import GroundPlan, Line, number
 from robust.encode.interface import Encoding, Obligation
 from robust.errors import UnsupportedError
@@ -208,53 +209,15 @@ class Witnesses:
 
     # -- values without any schedule -----------------------------------------------------------------------------------
 
-    def _cycle(self, approach: Approach) -> list[Line] | None:
+    def _cycle(self, approach: Approach) -> list[Step] | None:
         """Constraints of the network in a circle whose least lengths add up to more than zero near the face."""
         step = Fraction(1)
         for _ in range(40):
-            cycle = self._positive_cycle(approach.at(step))
+            cycle = positive_cycle(self._ground, approach.at(step))
             if cycle is None:
                 return None
-            limit, inside = (
-                sum((self._length(each, point) for each in cycle), Fraction(0))
-                for point in (approach.limit, approach.inside)
-            )
+            limit, inside = (length_of(self._ground, cycle, point) for point in (approach.limit, approach.inside))
             if limit > 0 or (limit == 0 and inside > 0):
                 return cycle
             step /= 1024
         return None
-
-    def _length(self, step: Line, point: Point) -> Fraction:
-        if len(step) == 1:
-            return Fraction(0)
-        sides = {side: length for side, _, _, length in self._ground.bounds[step[0]].sides()}
-        length = sides[step[1]]
-        return length.evaluate({unknown: point[str(unknown)] for unknown in length.variables})
-
-    def _positive_cycle(self, point: Point) -> list[Line] | None:
-        """Bellman–Ford over all time points at one point of parameter space."""
-        edges: list[tuple[int, int, Fraction, Line]] = [
-            (0, target, Fraction(0), [target]) for target in self._ground.places if target
-        ]
-        for index, bound in enumerate(self._ground.bounds):
-            for side, source, target, _ in bound.sides():
-                edges.append((source, target, self._length([index, side], point), [index, side]))
-        distance = dict.fromkeys(self._ground.places, Fraction(0))
-        arrival: dict[int, tuple[int, Line]] = {}
-        last: int | None = None
-        for _ in range(len(distance) + 1):
-            last = None
-            for source, target, length, step in edges:
-                if distance[source] + length > distance[target]:
-                    distance[target] = distance[source] + length
-                    arrival[target], last = (source, step), target
-            if last is None:
-                return None
-        for _ in distance:
-            last = arrival[last if last is not None else 0][0]
-        first, cycle = last, list[Line]()
-        while not cycle or last != first:
-            source, step = arrival[last if last is not None else 0]
-            cycle.append(step)
-            last = source
-        return cycle[::-1]

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from robust.certify.document import CertificateWriter
     from robust.encode.interface import Encoding
     from robust.plan.model import ParametrizedPlan
+    from robust.qe.region import Region
 
 CERTIFY = "robust/certify/1"
 VERIFY = "robust/verify/1"
@@ -180,8 +181,13 @@ def _named(files: tuple[Path, ...]) -> dict[str, Path]:
 
 
 def _inputs(request: CertifyRequest | VerifyRequest) -> dict[str, Path]:
-    """All input files by what they are."""
+    """All input files by what they are, with the domain and the problem that a network names."""
     named = _named(request.files)
+    if len(request.files) == 1:
+        from robust.pike_bridge.document import read_tpnu  # noqa: PLC0415 - heavy
+
+        document = read_tpnu(request.files[0])
+        named |= {"domain": document.beside(document.domain), "problem": document.beside(document.problem)}
     if request.parameter_file is not None:
         named["parameters"] = request.parameter_file
     return named
@@ -194,7 +200,7 @@ def _knowledge(request: CertifyRequest, epsilon: Fraction, deadline: Deadline) -
     from robust.pike_bridge.semantics import Semantics  # noqa: PLC0415
 
     semantics = Semantics(load_team_plan(request.files[0], epsilon=epsilon))
-    inputs = digests({"network": request.files[0]})
+    inputs = digests(_inputs(request))
     certificate = FormulaCertificate(semantics.terms, name="correct execution", inputs=inputs)
     try:
         certificate.add(semantics.formulas, deadline)
@@ -249,13 +255,13 @@ def _alethe(request: CertifyRequest, encoding: Encoding, box: Box | None, deadli
     return export(encoding, box, request.alethe, deadline)
 
 
-def _region(request: CertifyRequest, plan: ParametrizedPlan, epsilon: Fraction, deadline: Deadline) -> Any:
+def _region(request: CertifyRequest, plan: ParametrizedPlan, epsilon: Fraction, deadline: Deadline) -> Region:
     from robust.api import region  # noqa: PLC0415 - heavy
 
     found = region(plan, epsilon=epsilon, encoding=request.encoding, solver=request.solver, timeout=deadline.remaining)
     if not found.is_exact:
         raise OutOfTimeError
-    return found.region.as_union().pieces
+    return found.region
 
 
 def _box(request: CertifyRequest, plan: ParametrizedPlan, epsilon: Fraction, deadline: Deadline) -> Box:

@@ -53,7 +53,7 @@ def test_it_runs_alone(tmp_path):
         FALSE[1:],
         [*FALSE, ["end"]],
         [FALSE[0], FALSE[4]],
-        [["b", "p"], *FALSE[1:]],
+        [["a", [[1, "boolean p"]], True], *FALSE[1:]],
         [["g", [1]], *FALSE[1:]],
         [["g", []], FALSE[1], ["root", 1, "t"], *FALSE[3:]],
         [["a", [[1, "x"]], False], ["lemma", [-1], [1]], FALSE[1], ["root", 1, "t"], ["qed", [-1, 0]], FALSE[4]],
@@ -97,7 +97,7 @@ def test_bombs_are_refused_in_time_and_memory(tmp_path):
 def test_work_is_limited_by_the_size(tmp_path):
     """One long clause that every hint names again."""
     count = 4000
-    lines = [["b", str(number)] for number in range(count)]
+    lines = [["a", [[1, str(number)]], True] for number in range(count)]
     lines += [["g", list(range(1, count + 1))], FALSE[1], ["root", count + 1, "t"]]
     lines += [["derive", [1], [[count + 1, 0]] * 30000]]
     started = time.perf_counter()
@@ -155,3 +155,37 @@ def test_open_boxes_have_witnesses_on_the_face(tmp_path):
     assert tools.rejection(path) is None
     lines = tools.lines_of(path)
     assert rejected(tmp_path, *lines[1:], header={**lines[0], "kind": "maximal"}) is not None
+
+
+REGION = {"format": "robust/certificate/1", "kind": "region", "inputs": {}, "encoding": "relational", "parameters": []}
+SCHEDULED = [["piece", []], ["schedule", [[]], [[]]]]
+
+
+def test_a_region_must_say_what_is_outside(tmp_path):
+    rest = [["rest"], ["g", []], ["obligation", "the rest"], ["root", -1, "o", 0], ["qed", [[1, 0], 0]], ["end"]]
+    assert rejected(tmp_path, *SCHEDULED, *rest, header=REGION) is None
+    assert rejected(tmp_path, *SCHEDULED, ["end"], header=REGION) is not None
+    assert rejected(tmp_path, SCHEDULED[0], *rest, header=REGION) is not None
+    assert rejected(tmp_path, *SCHEDULED, ["outside", []], *rest, header=REGION) is not None
+    for role in (["t"], ["o", 1], ["z", 0], ["x", [["t"]]]):
+        changed = [*rest[:3], ["root", -1, *role], *rest[4:]]
+        assert rejected(tmp_path, *SCHEDULED, *changed, header=REGION) is not None
+
+
+def test_sides_without_parameters_are_no_statement(tmp_path):
+    lines = [["piece", [[[[5]], False]]], SCHEDULED[1], ["rest"], ["a", [[1, "x"]], False], ["g", [1]]]
+    rest = [["obligation", "the rest"], ["root", -2, "o", 0], ["qed", [0]], ["end"]]
+    assert rejected(tmp_path, *lines, *rest, header=REGION) is not None
+
+
+def test_points_a_constant_time_apart(tmp_path):
+    plan = [["point", "a"], ["point", "b"], ["constraint", 1, 2, [[1]]], ["constraint", 2, 1, [[-1]]]]
+    plan += [["effect", 1, "add", "p", [], True], ["effect", 2, "delete", "p", [], True]]
+    plan += [["place", 1, "t(a)"], ["place", 2, [0, 1]]]
+    piece = [["piece", []], ["schedule", [[], [], [[1]]], [[], [], [], [], []]]]
+    rest = [["rest"], ["g", []], ["obligation", "the rest"], ["root", -1, "o", 0], ["qed", [[1, 0], 0]], ["end"]]
+    header = {**REGION, "epsilon": "1/1000"}
+    assert rejected(tmp_path, *plan, ["apart", 1, 2], *piece, *rest, header=header) is None
+    assert "no separation" in rejected(tmp_path, *plan, *piece, *rest, header=header)
+    assert rejected(tmp_path, *plan, ["apart", 2, 1], *piece, *rest, header=header) is not None
+    assert rejected(tmp_path, *plan, ["apart", 1, 2], *piece, *rest, header={**header, "epsilon": 2}) is not None

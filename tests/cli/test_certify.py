@@ -122,3 +122,15 @@ def test_alethe(tmp_path):
     written = sorted(path.suffix for path in proofs.iterdir())
     assert written.count(".alethe") == written.count(".smt2") > 0
     assert all(path.read_text(encoding="utf-8").startswith("(\n(assume") for path in proofs.glob("*.alethe"))
+
+
+def test_knowledge_is_about_all_files(tmp_path):
+    network = sat_plan([[1, 2], [-1, 2], [1, -2], [-1, -2]]).write(tmp_path / "wrong")
+    path = tmp_path / "empty.cert"
+    assert command("certify", network, "-o", path).code == 0
+    document = json.loads(network.read_text(encoding="utf-8"))
+    problem = network.parent / document["problem"]
+    problem.write_text(problem.read_text(encoding="utf-8") + "; changed\n", encoding="utf-8")
+    answer = answer_of(command("verify", path, network, "--json"), "verify")
+    assert answer["verdict"] == "rejected"
+    assert "is not the problem that the certificate is about" in answer["reason"]
