@@ -198,9 +198,9 @@ def _summary(found: Sequence[Measured]) -> Iterator[str]:
     plans = len({each.instance for each in found})
     text = (
         f"{len(found) - len(rejected)} of {len(found)} certificates of {plans} plans are accepted. The greatest ratio "
-        f"of checking to solving is {slowest.ratio:.2f} ({slowest.instance}, {slowest.kind}); asked is less than "
+        f"of checking to solving is {slowest.ratio:.2f} ({slowest.instance}, {slowest.kind}); aim: less than "
         f"{SLOWEST:g}. The largest certificate has {largest.size / 1e6:.2f} MB ({largest.instance}, {largest.kind}); "
-        f"asked is less than {LARGEST / 1e6:g} MB."
+        f"aim: less than {LARGEST / 1e6:g} MB."
     )
     whole = [each.check_process / each.solve_process for each in found if each.solve_process and each.check_process]
     if whole:
