@@ -59,7 +59,7 @@ OPTIONS = {
     "--replans --planner-limit --planning-time --stop-running --epsilon --solver --timeout --plot --json --quiet "
     "--verbose",
     ("pike", "run"): "--human --pace --outcome --disturb --delay --seed --backend --stdio --journal --clock --rate "
-    "--infer --no-infer --plot --epsilon --solver --timeout --json --quiet --verbose",
+    "--infer --no-infer --explain --plot --epsilon --solver --timeout --json --quiet --verbose",
     ("bench", "recorded"): "--suite --jobs --limit --plot --json --quiet --verbose",
     ("bench", "scaling"): "--jobs --limit --plot --json --quiet --verbose",
     **{

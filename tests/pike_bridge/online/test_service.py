@@ -87,7 +87,7 @@ def test_an_activity_that_ends_too_early(told):
     answer = told("completion", action=GET_MUG, time="0.1")
     assert kinds(answer) == ["executed", "failed", "end"]
     facts = [fact["fact"] for fact in told("why")[-1]["conflict"]]
-    assert facts == ["e3 at 0.003", "e4 at 0.1"]
+    assert facts == ["start of (get human mug) at 0.003", "end of (get human mug) at 0.1"]
 
 
 def test_an_activity_that_ends_too_late(told):
