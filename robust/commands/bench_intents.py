@@ -13,7 +13,7 @@ from robust.commands.options import Jobs, Json, PlotFile, Quiet, Verbose
 
 IntentProblems = Annotated[int, typer.Option("--problems", metavar="N", help="how many random problems")]
 Largest = Annotated[int, typer.Option("--largest", metavar="K", help="how many intents a problem has at most")]
-ReasonerName = Annotated[str, typer.Option("--reasoner", metavar="NAME", help="how both executives reason")]
+ReasonerName = Annotated[str, typer.Option("--backend", metavar="NAME", help="how both executives reason")]
 ExecutionLimit = Annotated[str | None, typer.Option("--limit", metavar="S", help="seconds to compute an execution")]
 
 

@@ -215,4 +215,4 @@ def test_the_commands(figure, tmp_path):
     jsonschema.validate(value, schema(figure))
     assert (value["problems"], value["largest"], value["reasoner"]) == (2, 6, "smt")
     assert command("bench", figure, "--problems", "2", "--largest", "6", "--store", store).code == 0
-    assert command("bench", figure, "--reasoner", "nobody").code == 2
+    assert command("bench", figure, "--backend", "nobody").code == 2

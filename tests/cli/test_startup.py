@@ -63,7 +63,7 @@ OPTIONS = {
     ("bench", "recorded"): "--suite --jobs --limit --plot --json --quiet --verbose",
     ("bench", "scaling"): "--jobs --limit --plot --json --quiet --verbose",
     **{
-        ("bench", figure): "--problems --seed --largest --reasoner --jobs --cluster --store --limit --plot --json "
+        ("bench", figure): "--problems --seed --largest --backend --jobs --cluster --store --limit --plot --json "
         "--quiet --verbose"
         for figure in ("figure17", "figure18")
     },
