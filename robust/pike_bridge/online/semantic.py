@@ -110,12 +110,19 @@ class SemanticReasoner(WitnessedReasoner):
             with self._session.frame(self._semantics.at(event, moment)):
                 return self._check(deadline)
 
-    def times_of(self, event: str, moment: Fraction, deadline: Deadline) -> tuple[Fraction, Fraction | None] | None:
+    def times_of(
+        self, event: str, moment: Fraction, deadline: Deadline, *, first: bool = False
+    ) -> tuple[Fraction, Fraction | None] | None:
         """The least and the greatest time (None: any later one) that a pending event has in continuations which have
-        nothing before a moment; None if there is none that has the event."""
+        nothing before a moment; None if there is none that has the event.
+
+        If `first`, only continuations count in which nothing is before the event.
+        """
         guard = self.progress.structure.guards[event]
-        same = self._terms.equal(self._semantics.time_of(event) - self._first)
-        with self._session.frame(same, *self._from(moment, guard)):
+        same = [self._terms.equal(self._semantics.time_of(event) - self._first)]
+        if first:
+            same += [self._not_earlier(each, self._first) for each in self.progress.frontier]
+        with self._session.frame(*same, *self._from(moment, guard)):
             least = self._best(moment, deadline, sign=1)
             if least is None:
                 return None

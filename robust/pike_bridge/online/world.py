@@ -160,7 +160,7 @@ class SimulatedTeam:
     def _complete(self, end: str, now: Fraction) -> Message | None:
         """End an activity, unless that is better done later, or is done already."""
         if end in self._running and not self._judge.allows(now, ALWAYS, end, NEVER):
-            found = self._judge.times_of(end, now, NEVER)
+            found = self._judge.times_of(end, now, NEVER, first=True)
             if found is not None:
                 self._plan_for(found[0], partial(self._complete, end))
                 return None
@@ -178,7 +178,7 @@ class SimulatedTeam:
         if wake is not None and (latest is None or wake <= latest):
             return
         for end in self._running:
-            found = self._judge.times_of(end, self._executive.progress.now, NEVER)
+            found = self._judge.times_of(end, self._executive.progress.now, NEVER, first=True)
             if found is not None:
                 times = found[:1] if latest is None else (min(latest, found[1] or latest), found[0])
                 time = next((each for each in times if self._judge.allows(each, ALWAYS, end, NEVER)), None)
