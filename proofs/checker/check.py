@@ -13,6 +13,7 @@ import gzip
 import hashlib
 import json
 import re
+import resource
 import sys
 import zlib
 from collections.abc import Iterator
@@ -22,7 +23,8 @@ from typing import Any
 
 FORMAT = "robust/certificate/1"
 LONGEST_LINE, LARGEST_TOTAL = 4 << 20, 512 << 20  # bytes after decompression
-WORK_PER_BYTE, WORK_AT_ALL, MEMORY = 60, 2_000_000, 6_000_000  # steps; numbers and names kept at one time
+WORK_PER_BYTE, WORK_AT_ALL, MEMORY = 60, 2_000_000, 6_000_000  # steps; what is kept at one time, in some 100 bytes
+LARGEST_MEMORY = 2 << 30  # bytes; the system sees to it when this file runs as a program
 HARMS = {"add": ["read", "delete"], "delete": ["read"], "assign": ["look", "assign", "increase"], "increase": ["look"]}
 MALFORMED = (TypeError, ValueError, LookupError, AttributeError, RecursionError, OverflowError, MemoryError, EOFError)
 Linear = dict[str, Fraction]  # coefficients by variable; that of "" is the constant
@@ -226,7 +228,7 @@ class Simulation:
             self.happenings.append((time, before, state, slopes))
 
     def moved(self, state: State, slopes: dict[str, Near], span: Near) -> State:
-        self.plan.spend(len(state[0]) + len(state[1]))
+        self.plan.spend(len(state[0]) + len(state[1]), len(state[0]) + 4 * len(state[1]))
         return state[0], {**state[1], **{fluent: state[1][fluent] + rate * span for fluent, rate in slopes.items()}}
 
     def happen(self, points: list[int], before: State) -> State:
@@ -307,10 +309,7 @@ class Certificate:
         self.box: dict[str, tuple[Fraction | None, bool, Fraction | None, bool]] = {}  # ends, and whether they belong
         self.where: list[Any] = []  # what is known of the parameters: (expression, strict) for `>= 0` or `> 0`
         self.places: dict[int, Linear] = {0: {}}  # where time points are
-        self.obligation, self.part = (
-            "",
-            "",
-        )  # that is being refuted; a region's piece, what is outside of it, or the rest
+        self.obligation = self.part = ""  # what is refuted; a region's piece, what is outside of it, or the rest
         self.refuted, self.proved, self.always, self.trusting, self.folded = (set[str]() for _ in range(5))
         self.free, self.times = dict[str, int](), list[Linear]()  # time points by their variables; the schedule
         self.known: list[Any] = []  # what is known in each polyhedron, by number
@@ -324,6 +323,7 @@ class Certificate:
         if not self.header:
             return self.start(value)
         kind, *rest = value
+        self.plan.spend(0, 0 if kind in ("lemma", "derive", "qed") else len(line) // 4)
         proof = kind in ("a", "g", "lemma") or bool(self.obligation) == (kind in ("root", "derive", "qed"))
         demand(proof, "a step outside of a refutation, or none")
         if kind in ("lemma", "derive", "root", "place", "schedule", "apart"):
@@ -348,7 +348,6 @@ class Certificate:
             self.complete()
             self.ended = True
         else:
-            self.plan.spend(0, len(line) // 8)
             demand(not self.stated, "a part of the ground plan after the first conclusion from it")
             return self.plan.state(kind, *rest)
         self.stated = True
@@ -381,7 +380,6 @@ class Certificate:
 
     def define(self, value: Any, strict: bool | None = None) -> None:
         """A linear constraint `expression >= 0`, or `> 0`; or, without `strict`, a conjunction of literals."""
-        self.plan.spend(0, len(value))
         demand(strict is None or (type(strict) is bool and any(linear(value))), "a malformed linear constraint")
         self.nodes.append((self.literals(value),) if strict is None else (linear(value), strict))
 
@@ -517,7 +515,9 @@ class Certificate:
                     within = beyond.sign < 0 or (closed and beyond.sign == 0)
                     demand(at if (name, place) == (face, side) else within, "the witness is not at the face")
         if kind == "witness":
+            memory = self.plan.memory
             Simulation(self.plan, values, list(map(near, course))).require_broken(*what)
+            self.plan.memory = memory  # nothing of it is kept
         else:
             each = self.plan.constraints
             walk = [(0, *step, Linear()) if type(step) is list else pick(each, step) for step in course]
@@ -585,13 +585,13 @@ def main() -> int:
     reader = argparse.ArgumentParser(description="Check a certificate of robust.")
     for name in ("certificate", "--domain", "--problem", "--plan", "--network", "--parameters"):
         reader.add_argument(name, metavar="FILE")
-    given = vars(reader.parse_args())
+    given, most = vars(reader.parse_args()), resource.getrlimit(resource.RLIMIT_AS)[1]
+    resource.setrlimit(resource.RLIMIT_AS, (min({LARGEST_MEMORY, most} - {resource.RLIM_INFINITY}), most))
     try:
         code, lines = 0, check(given.pop("certificate"), {name: file for name, file in given.items() if file})
     except (Rejected, OSError, zlib.error) as error:
         code, lines = (1, [f"rejected: {error}"]) if isinstance(error, Rejected) else (2, [f"unreadable: {error}"])
-    for line in lines:
-        print("".join(char if char.isprintable() and char.isascii() else "?" for char in line))
+    print(*("".join(one if one.isprintable() and one.isascii() else "?" for one in line) for line in lines), sep="\n")
     return code
 
 
