@@ -182,4 +182,4 @@ def test_out_of_time(world):
 def test_interrupted():
     ended = stopped("execute", *example(), "--runs", "1000000", "--quiet", after=3.0, number=signal.SIGINT)
     assert ended.code == 3
-    assert ended.seconds < 3
+    assert ended.seconds < 30

@@ -19,7 +19,7 @@ from tests.cli.running import COMMAND, environment, example, process, stopped
 
 LOAD = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 """How many processes share a processor now: everything takes that much longer."""
-WITHIN = 1.0 * LOAD
+WITHIN = 3 * LOAD
 STARTED = 3 * LOAD
 """Seconds until a process has read a small plan and decided its nominal point, generously."""
 

