@@ -2,14 +2,11 @@
 
 import json
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import pytest
 
 from benchmarks.certificates import KINDS, LARGEST, SLOWEST, Measured, main, measure, part, run
 from tests.certify import tools
-
-DATA = Path("/work/shared/paper-dataset")
 
 
 def test_one_plan_is_measured(tmp_path):
@@ -38,9 +35,8 @@ def test_the_part_tells_the_worst(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not DATA.is_dir(), reason="the recorded data is not at hand")
-def test_all_recorded_plans_and_boxes():
-    found = run(DATA, processes=False, on_result=lambda _: None)
+def test_all_recorded_plans_and_boxes(dataset):
+    found = run(dataset, processes=False, on_result=lambda _: None)
     assert len(found) == 3 * 61
     assert [each for each in found if each.rejected] == []
     assert max(each.ratio for each in found) < SLOWEST

@@ -10,6 +10,7 @@ from random import Random
 
 from robust.api import envelope
 from robust.execute.dispatch.prepare import Dispatchable, make_dispatchable
+from robust.execute.worlds.rules import Rule, Rules, Subject
 from robust.irr.box import Box, Interval
 from robust.plan.load import assemble, load_plan
 from robust.plan.model import ParametrizedPlan
@@ -103,3 +104,8 @@ def drawn(box: Box, random: Random, *, width: Fraction = Fraction(50)) -> dict[s
         if values[name] not in interval:
             values[name] = (low + high) / 2
     return values
+
+
+def fixed(values: Mapping[str, Fraction]) -> Rules:
+    """A world in which parameters have these values."""
+    return Rules(tuple(Rule(Subject.PARAMETER, name, "constant", {"value": value}) for name, value in values.items()))

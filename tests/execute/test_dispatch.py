@@ -27,12 +27,11 @@ from robust.execute.dispatch.network import Guarantee
 from robust.execute.dispatch.prepare import make_dispatchable
 from robust.execute.drive import simulate as run_in_world
 from robust.execute.worlds.luck import Luck
-from robust.execute.worlds.rules import Rule, Rules, Subject
 from robust.execute.worlds.world import Setting, SimulatedWorld
 from robust.irr.box import Box, Interval
 from robust.plan.model import Atom, Fluent
 from robust.plan.simulate import simulate
-from tests.execute.execution import PLAN, PLANS, drawn, tasks, tasks_dispatchable, with_box
+from tests.execute.execution import PLAN, PLANS, drawn, fixed, tasks, tasks_dispatchable, with_box
 
 F = Fraction
 EPSILON = F(1, 1000)
@@ -324,25 +323,6 @@ def test_boxes_must_be_those_of_the_plan():
 
 
 # -- guarantees --------------------------------------------------------------------------------------------------------
-
-
-def fixed(values):
-    """A world in which parameters have these values."""
-    return Rules(tuple(Rule(Subject.PARAMETER, name, "constant", {"value": value}) for name, value in values.items()))
-
-
-@pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan[3])
-def test_inside_a_controllable_box_every_execution_succeeds(plan):
-    dispatchable = with_box(*plan)
-    assert dispatchable.guarantee is Guarantee.DYNAMIC
-    setting = Setting(dispatchable)
-    for seed in range(25):
-        values = drawn(dispatchable.box, Random(seed))  # noqa: S311 - reproducible
-        dispatcher, world = Dispatcher(dispatchable), SimulatedWorld(setting, Luck(fixed(values), seed))
-        run_in_world(dispatcher, world)
-        assert (dispatcher.ended, dispatcher.ending, dispatcher.rejected) == (True, None, []), (seed, values)
-        simulation = simulate(dispatchable.plan, values, dispatcher.times, epsilon=dispatchable.epsilon)
-        assert simulation.valid, (seed, simulation.violations, simulation.network_violations)
 
 
 @pytest.mark.parametrize("seed", range(40))
