@@ -12,7 +12,7 @@ from pathlib import Path
 import cvc5
 
 from robust.encode.interface import Encoding
-from robust.errors import InputError, SolverError
+from robust.errors import InputError, RefutedError, SolverError
 from robust.irr.box import Box
 from robust.irr.containment import within
 from robust.smt.export import smtlib
@@ -32,7 +32,8 @@ def export(encoding: Encoding, box: Box, directory: Path, deadline: Deadline) ->
         deadline: when to give up.
 
     Raises:
-        InputError: if the directory cannot be written, or an obligation breaks in the box.
+        InputError: if the directory cannot be written.
+        RefutedError: if an obligation breaks in the box.
         SolverError: if cvc5 has no proof in this format.
         OutOfTimeError: if the deadline passes.
     """
@@ -57,7 +58,7 @@ def prove(problem: str, name: str, deadline: Deadline) -> str:
     """The Alethe proof that an SMT-LIB problem is unsatisfiable.
 
     Raises:
-        InputError: if it is satisfiable.
+        RefutedError: if it is satisfiable.
         SolverError: if there is no proof in this format.
         OutOfTimeError: if the deadline passes.
     """
@@ -77,7 +78,7 @@ def prove(problem: str, name: str, deadline: Deadline) -> str:
     if result.isUnknown():
         raise OutOfTimeError
     if result.isSat():
-        raise InputError(f"{name!r} breaks for some of these values; expected values for which it holds")
+        raise RefutedError(f"{name!r} breaks for some of these values; expected values for which it holds")
     text = solver.proofToString(solver.getProof()[0], cvc5.ProofFormat.ALETHE).decode()
     if not text.lstrip().startswith("("):
         raise SolverError(f"cvc5 has no Alethe proof of {name!r}: {text[:200]}")

@@ -31,7 +31,7 @@ from robust.certify.sections import Form, combined, form_of, multiples, substitu
 from robust.certify.witness import Witnesses
 from robust.encode.interface import Encoding, Obligation, Stage
 from robust.encode.variables import Linear, constant, variable
-from robust.errors import InputError
+from robust.errors import RefutedError
 from robust.irr.box import Box, Interval
 from robust.plan.model import ParameterReference
 from robust.qe.polyhedron import Polyhedron
@@ -92,8 +92,8 @@ class PlanCertificate:
         """A schedule for the box, and every obligation in it.
 
         Raises:
-            InputError: if an obligation breaks somewhere in the box, or some of its points have no schedule.
-            UnsupportedError: if the existence of schedules cannot be certified.
+            RefutedError: if an obligation breaks somewhere in the box.
+            UnsupportedError: if the existence of schedules cannot be certified; some points may have none.
             OutOfTimeError: if the deadline passes.
         """
         box = self._require_box()
@@ -113,7 +113,7 @@ class PlanCertificate:
         """A schedule and every obligation in each piece of a region, and why everything outside of it is bad.
 
         Raises:
-            InputError: if an obligation breaks somewhere in it.
+            RefutedError: if an obligation breaks somewhere in it.
             UnsupportedError: if it is not the whole envelope, or schedules cannot be certified.
             OutOfTimeError: if the deadline passes.
         """
@@ -261,7 +261,7 @@ class PlanCertificate:
             refutation = self._refuter.refute(roots, self._deadline)
         except NotRefutedError:
             message = f"{obligation.name!r} breaks for some values of {where}; expected values for which it holds"
-            raise InputError(message) from None
+            raise RefutedError(message) from None
         own = self._separation(obligation.name) if obligation.stage is Stage.SEPARATION else {}
 
         def role(literal: int) -> Line:

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robust.bench.run import parse_end
-from robust.errors import InputError, Location
+from robust.errors import InputError, Location, RefutedError
 from robust.irr.box import Box, Interval
 from robust.plan.numerals import shorten
-from robust.plan.pddl.files import read_text
+from robust.plan.pddl.files import read_bytes, read_text
 from robust.report import options
 from robust.report.guard import GivenUpError, Guard
 from robust.report.output import answering, print_json
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 CERTIFY = "robust/certify/1"
 VERIFY = "robust/verify/1"
 PLAN_FILES = ("domain", "problem", "plan")
+CERTIFICATE = "a certificate as `robust certify` writes it"
+GZIP = b"\x1f\x8b"
 
 
 @dataclass(frozen=True)
@@ -120,15 +122,19 @@ def run_verify(request: VerifyRequest, guard: Guard) -> int:
         GivenUpError: if interrupted or out of time.
     """
     limit = options.seconds(request.timeout, "--timeout")
+    place = Location(str(request.certificate))
+    if not read_bytes(request.certificate, CERTIFICATE).startswith(GZIP):
+        raise InputError(f"found a file that is not compressed by gzip, expected {CERTIFICATE}", place)
+    inputs = _inputs(request)
+    for file in inputs.values():
+        read_bytes(file)
     with guard.working(limit):
         try:
-            code, lines, seconds = _checked(
-                request.certificate, _inputs(request), Deadline.after(guard.remaining(limit))
-            )
+            code, lines, seconds = _checked(request.certificate, inputs, Deadline.after(guard.remaining(limit)))
         except (KeyboardInterrupt, OutOfTimeError):
             raise GivenUpError from None
     if code == 2:
-        raise InputError(lines[0].removeprefix("unreadable: "))
+        raise InputError(f"cannot read ({lines[0].removeprefix('unreadable: ')}), expected {CERTIFICATE}", place)
     if not code and len(request.files) == 3:
         code, lines = _matched(request, lines, Deadline.after(guard.remaining(limit)))
     if request.json:
@@ -205,7 +211,7 @@ def _knowledge(request: CertifyRequest, epsilon: Fraction, deadline: Deadline) -
     try:
         certificate.add(semantics.formulas, deadline)
     except NotRefutedError:
-        raise InputError(
+        raise RefutedError(
             "the plan has a correct execution, so that its knowledge base is not empty; expected a plan without any",
             Location(str(request.files[0])),
         ) from None
@@ -278,7 +284,7 @@ def _box(request: CertifyRequest, plan: ParametrizedPlan, epsilon: Fraction, dea
         plan, epsilon=epsilon, encoding=request.encoding, solver=request.solver, timeout=deadline.remaining
     )
     if found.status is Status.INVALID:
-        raise InputError(f"the nominal point is outside of the envelope: {found.reason}; expected a plan that is valid")
+        raise RefutedError(f"the nominal point is outside of the envelope: {found.reason}; expected a valid plan")
     if found.status is not Status.COMPLETE:
         raise OutOfTimeError
     return found.box

@@ -9,7 +9,7 @@ from robust.bench.suite import read_suite
 from robust.certify.existence import schedule_over
 from robust.certify.ground import GroundPlan
 from robust.certify.matching import mismatch
-from robust.errors import InputError, UnsupportedError
+from robust.errors import RefutedError, UnsupportedError
 from robust.irr.box import Interval
 from robust.plan.load import load_plan
 from robust.plan.simulate import simulate
@@ -56,7 +56,7 @@ def test_a_box_that_is_not_valid_has_no_certificate(tmp_path):
     _, box = tools.certificate(tools.GENERATOR, tmp_path / "made.cert", kind="box")
     name = next(iter(box.intervals))
     wider = box.replace(name, Interval(box[name].lower, None, box[name].lower_closed, False))
-    with pytest.raises((InputError, UnsupportedError)):
+    with pytest.raises((RefutedError, UnsupportedError)):
         tools.certificate(tools.GENERATOR, tmp_path / "wrong.cert", kind="box", box=wider)
 
 

@@ -73,7 +73,7 @@ def test_a_box_from_a_file(tmp_path):
     assert "the box is not maximal" in smaller.err
     answer["parameters"][name] = {**ends, "upper": "1000000"}
     box.write_text(json.dumps(answer), encoding="utf-8")
-    assert command("certify", *example(), "-o", path, "--kind", "box", "--box", box).code == 2
+    assert command("certify", *example(), "-o", path, "--kind", "box", "--box", box).code == 1
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"a": 1}', '{"parameters": 3}', "\x00", "[" * 100000])
@@ -86,7 +86,8 @@ def test_wrong_boxes(tmp_path, text):
 
 def test_wrong_plans_and_options(tmp_path):
     path = tmp_path / "plan.cert"
-    assert command("certify", *example("plan-flexible-wait.stn"), "-o", path).code == 2
+    assert command("certify", *example("plan-flexible-wait.stn"), "-o", path).code == 1
+    assert command("certify", *example("plan-flexible-wait.stn"), "-o", path, "--kind", "maximal").code == 1
     assert not path.exists()
     assert command("certify", *example()[:2], "-o", path).code == 2
     assert command("certify", *example(), "-o", tmp_path / "no" / "where").code == 2
@@ -99,8 +100,19 @@ def test_unreadable_certificates(tmp_path, content):
     path = tmp_path / "plan.cert"
     path.write_bytes(content)
     ended = command("verify", path)
-    assert ended.code in (1, 2)
-    assert command("verify", tmp_path / "missing").code == 2
+    assert ended.code == (1 if content.startswith(b"\x1f") else 2)
+    assert f"{path}: " in (ended.out if ended.code == 1 else ended.err)
+
+
+def test_missing_files(tmp_path):
+    path = tmp_path / "plan.cert"
+    missing = command("verify", path)
+    assert missing.code == 2
+    assert f"{path}: found no such file, expected a certificate" in missing.err
+    assert command("certify", *example(), "-o", path).code == 0
+    missing = command("verify", path, *example()[:2], tmp_path / "none.stn")
+    assert missing.code == 2
+    assert f"{tmp_path / 'none.stn'}: found no such file" in missing.err
 
 
 def test_knowledge(tmp_path):
@@ -111,7 +123,7 @@ def test_knowledge(tmp_path):
     assert command("verify", path, wrong).code == 0
     assert command("verify", path, KITCHEN).code == 1
     right = command("certify", KITCHEN, "-o", path)
-    assert right.code == 2
+    assert right.code == 1
     assert "the plan has a correct execution" in right.err
 
 

@@ -9,20 +9,32 @@ from robust.errors import InputError, Location, did_you_mean
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """The text of an input file: UTF-8 with or without a byte order mark, any line ends."""
+    """The text of an input file: UTF-8 with or without a byte order mark, any line ends.
+
+    Raises:
+        InputError: if the file cannot be read or is no text.
+    """
+    return _decode(read_bytes(path), Location(os.fspath(path)))
+
+
+def read_bytes(path: str | os.PathLike[str], expected: str = "a readable text file") -> bytes:
+    """What an input file holds.
+
+    Raises:
+        InputError: if it cannot be read; the message says that it is `expected`.
+    """
     where = Location(os.fspath(path))
     try:
-        data = Path(path).read_bytes()
+        return Path(path).read_bytes()
     except FileNotFoundError:
-        raise InputError(f"found no such file, expected a readable text file{_similar(Path(path))}", where) from None
+        raise InputError(f"found no such file, expected {expected}{_similar(Path(path))}", where) from None
     except IsADirectoryError:
-        raise InputError("found a directory, expected a readable text file", where) from None
+        raise InputError(f"found a directory, expected {expected}", where) from None
     except PermissionError:
-        raise InputError("found a file that you may not read, expected a readable text file", where) from None
+        raise InputError(f"found a file that you may not read, expected {expected}", where) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot read ({reason.lower()}), expected a readable text file", where) from None
-    return _decode(data, where)
+        raise InputError(f"cannot read ({reason.lower()}), expected {expected}", where) from None
 
 
 def _decode(data: bytes, where: Location) -> str:
