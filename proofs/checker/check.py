@@ -549,7 +549,7 @@ class Certificate:
                 free = kind != "maximal" or end is None or (closed and end == bound) or (name, side) in self.faces
                 demand(free, f"no witness for the {side} face of {name}")
         pieces, outside, trusting = map(len, self.parts.values())
-        where = {"plan": "at the point", "region": f"in {pieces} pieces"}.get(kind, "all over the box")
+        where = {"plan": "at the point", "region": f"in each of the pieces ({pieces})"}.get(kind, "all over the box")
         yield f"established: the network has a schedule {where}"
         yield f"established: {len(self.proved - self.trusting)} obligations hold {where}, by the ground plan alone"
         yield f"established: the formulas of {len(self.proved & self.trusting)} obligations have no model {where}"
