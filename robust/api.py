@@ -37,7 +37,7 @@ def check(
     smt2: str | Path | None = None,
     on_obligation: Callable[[int, int, str], None] | None = None,
 ) -> CheckResult:
-    """Whether the plan is valid for every schedule that its network allows [DESIGN §4].
+    """Whether the plan is valid for every schedule that its network allows [docs/semantics.md].
 
     Args:
         plan: the plan, see :func:`robust.plan.load.load_plan`.

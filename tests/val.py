@@ -70,7 +70,7 @@ def validate(
 
 
 def judged_by_val(plan: ParametrizedPlan, violations: Sequence[Violation]) -> bool:
-    """Whether VAL's verdict on a schedule with these violations means what DESIGN §4 means.
+    """Whether VAL's verdict on a schedule with these violations means what docs/semantics.md means.
 
     VAL knows fewer mutex pairs: a continuous effect is no write at the ends of its action, a conditional effect that
     is not triggered neither reads nor writes, and a time point that adds and deletes an atom only adds it. Where these

@@ -140,7 +140,7 @@ EITHER = Statement(
 THEOREM = Theorem(
     name="breakpoints",
     title="Breakpoints are enough for piecewise linear conditions",
-    source="ours (DESIGN §4)",
+    source="ours",
     words="A comparison of a quantity that is linear between breakpoints holds throughout an open interval if and "
     "only if it "
     "holds at the breakpoints inside, and on each piece between two neighbours the limits at its ends are such: "

@@ -160,7 +160,7 @@ ASSIGN = Statement(
 THEOREM = Theorem(
     name="encoding_equivalence",
     title="Both encodings describe the same states",
-    source="ours (DESIGN §4)",
+    source="ours",
     words="For schedules that keep the separations, the state before a time point is the same in both encodings, "
     "whatever "
     "order the positions give to happenings at one time: an atom is as the last writer before it made it, or as it "

@@ -140,7 +140,7 @@ ROUND = Statement(
 THEOREM = Theorem(
     name="exact_widening",
     title="Exact widening is sound, maximal and max–min fair",
-    source="ours (DESIGN §5)",
+    source="ours",
     words="Moving all faces outwards at the speed of their weights, and freezing those that bad values block, "
     "gives a box "
     "without bad values that no valid box contains, with open and closed ends known. It is max–min fair: a valid "

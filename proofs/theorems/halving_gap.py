@@ -100,7 +100,7 @@ FROM = "(and blocked-somewhere next-blocked-somewhere (= blocked-end 2.0) (= nex
 THEOREM = Theorem(
     name="halving_gap",
     title="Faces found by halving are within the precision",
-    source="[IRR, §4], ours (DESIGN §5)",
+    source="[IRR, §4], ours",
     words="When the incremental search ends, each face is at most β from a place where the box would leave the "
     "envelope. This "
     "needs β/2 in lines 6 and 7 of Algorithm 1: if the search ends when every step is below β (line 7, and the "

@@ -79,7 +79,7 @@ MANY = Statement(
 THEOREM = Theorem(
     name="obligation_splitting",
     title="Obligation splitting",
-    source="ours (DESIGN §4)",
+    source="ours",
     words="∀X(A → P₁∧P₂) ≡ ∀X(A → P₁) ∧ ∀X(A∧P₁ → P₂), and so on for any sequence of obligations: each may be examined "
     "under the assumption of those that come before it.",
     formalisation="`Run` is an arbitrary set (schedules with states), `allowed` is A, and the obligations are "

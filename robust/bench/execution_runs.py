@@ -35,7 +35,7 @@ from robust.plan.timed import TimedPlan
 from robust.smt.limits import Deadline
 
 PLANNER_S = 7.0
-"""What the paper's planner had [DESIGN §6]."""
+"""What a planner has unless told otherwise."""
 PREPARATION_S = 30.0
 """For conversion and box, each."""
 DURATION_DEVIATION = 70

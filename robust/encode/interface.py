@@ -1,6 +1,6 @@
 """What an encoding is to those who ask: named obligations with queries, and a decision of enc_valid [IRR §2, §4].
 
-Two encodings implement it: `relational` and `positions` [DESIGN §4]. They share this page, the unknowns of
+Two encodings implement it: `relational` and `positions` [docs/semantics.md]. They share this page, the unknowns of
 :mod:`robust.encode.variables` and the plan model, and otherwise no code, so that each is a check of the other.
 """
 

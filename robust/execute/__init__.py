@@ -1,1 +1,1 @@
-"""From a planner's time-triggered plan to a flexible, proved temporal network, and on to its execution [DESIGN §6]."""
+"""From a planner's time-triggered plan to a flexible, proved temporal network, and on to its execution."""

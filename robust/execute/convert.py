@@ -1,4 +1,4 @@
-"""Conversion of time-triggered plans to parametrized STN plans [IRR §3, Figure 1; DESIGN §6]."""
+"""Conversion of time-triggered plans to parametrized STN plans [IRR §3, Figure 1]."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Conversion as the plans of the paper were made: by the Esterel transformer [IRR §3, Figure 1; DESIGN §6].
+"""Conversion as the plans of the paper were made: by the Esterel transformer [IRR §3, Figure 1].
 
 The nodes (starts, ends, instantaneous actions) are visited in order of time. An end follows its start by the
 duration. A node follows the most recent supporter of each of its conditions, and every earlier node that its effects

@@ -1,4 +1,4 @@
-"""Which time points of a plan are mutex: the no-moving-targets rule of PDDL 2.1, for the simulator [DESIGN §4].
+"""Which time points of a plan are mutex: the no-moving-targets rule of PDDL 2.1, for the simulator [docs/semantics.md].
 
 Reads are syntactic on the ground conditions. Over-all conditions do not count. A continuous effect increases its fluent
 at both ends of its action and its rate is read there. A time point that adds and deletes the same atom does both.

@@ -1,4 +1,4 @@
-"""A concrete simulator: executes one schedule of a parametrized plan, step by step, with exact fractions [DESIGN §4].
+"""A concrete simulator: executes one schedule of a plan, step by step, with exact fractions [docs/semantics.md].
 
 It answers which named obligations one schedule violates, and shows the states on the way. It shares no code with the
 SMT encodings: they are compared against it, and it turns a counterexample into a trace that a person can read.

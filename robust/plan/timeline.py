@@ -1,4 +1,4 @@
-"""The states that one concrete schedule of a plan passes through, exactly [DESIGN §4; PDDL 2.1].
+"""The states that one concrete schedule of a plan passes through, exactly [docs/semantics.md; PDDL 2.1].
 
 Part of the concrete simulator (:mod:`robust.plan.simulate`). Time points with equal times form one happening: all their
 effects read the state just before it and take place together. Between two happenings every fluent is linear in time.

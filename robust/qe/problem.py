@@ -1,4 +1,4 @@
-"""The elimination problems whose union is the complement of the robustness envelope [DESIGN §5].
+"""The elimination problems whose union is the complement of the robustness envelope.
 
 `exists` says which parameter values leave a schedule; `violations` say, among those, which ones let some schedule break
 an obligation. How they are grouped is the splitting:

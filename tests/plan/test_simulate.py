@@ -1,4 +1,4 @@
-"""The concrete simulator: one case per rule of DESIGN §4, written by hand, with the violated obligations expected."""
+"""The concrete simulator: one case per rule of docs/semantics.md, with the violated obligations expected."""
 
 from __future__ import annotations
 

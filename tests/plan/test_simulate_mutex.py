@@ -1,4 +1,4 @@
-"""Which time points the simulator separates: one case per kind of interference of DESIGN §4."""
+"""Which time points the simulator separates: one case per kind of interference of docs/semantics.md."""
 
 from __future__ import annotations
 

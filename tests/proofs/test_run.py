@@ -22,7 +22,7 @@ PLAIN = Statement((const("x", "Real"),), {"positive": "(< 0.0 x)"}, "(<= 0.0 x)"
 
 def theorem(statement: Statement, broken: Statement) -> Theorem:
     lemma = Lemma("one", "Words.", statement, (Variant("broken.", broken),))
-    return Theorem("plain", "Plain", "ours (DESIGN §0)", "Words.", "Words.", Scope.GENERAL, "any.", (lemma,))
+    return Theorem("plain", "Plain", "ours", "Words.", "Words.", Scope.GENERAL, "any.", (lemma,))
 
 
 def problem(script: str, **show: str) -> Problem:

@@ -33,7 +33,7 @@ from robust.smt.limits import Deadline
 
 REPLANS = 10
 PLANNER_SECONDS = 7.0
-"""What the paper's experiments allow [DESIGN §6]."""
+"""What a run is allowed unless told otherwise."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The state of a simulated world, moved forward from event to event as the model says [DESIGN §4].
+"""The state of a simulated world, moved forward from event to event as the model says [docs/semantics.md].
 
 It is a convenience of the simulation: whether a whole execution was valid is for :mod:`robust.plan.simulate` to say.
 """

@@ -1,4 +1,4 @@
-"""The two encodings describe the same robustness envelope [DESIGN §4]: they share no code but the plan model."""
+"""The two encodings describe the same robustness envelope: they share no code but the plan model."""
 
 from __future__ import annotations
 

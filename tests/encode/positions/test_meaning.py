@@ -1,4 +1,4 @@
-"""What plans mean in the positions encoding, case by case [DESIGN §4]."""
+"""What plans mean in the positions encoding, case by case [docs/semantics.md]."""
 
 from __future__ import annotations
 
