@@ -304,6 +304,7 @@ def _figure4(printed: Printed) -> list[str]:
         "### Figure 4: scaling in the delivery domain",
         _paragraph(intro),
         markdown(("method", *origins), cells),
+        _unbounded(rows),
         _controllability(rows),
     ]
 
@@ -314,6 +315,18 @@ def _seconds(limit: float | None) -> str:
 
 def _names(contenders: Iterable[Any]) -> str:
     return ", ".join(one.label for one in contenders)
+
+
+def _unbounded(rows: Sequence[Printed]) -> str:
+    boxes = [run for row in rows if (run := row["runs"].get("widen")) is not None and run["box"] is not None]
+    ends, infinite, capped = (
+        sum(len(run[key]) * factor for run in boxes) for key, factor in (("box", 2), ("unbounded", 1), ("capped", 1))
+    )
+    return _paragraph(
+        f"Of the {ends} ends of the {len(boxes)} boxes of exact widening, {infinite} are infinite, and {capped} are "
+        "durations that nothing bounds above but the number in the duration constraint of their action. The JSON names "
+        "each such direction."
+    )
 
 
 def _controllability(rows: Sequence[Printed]) -> str:

@@ -53,7 +53,8 @@ def conversions():
 def figure4():
     run = {"status": "complete", "seconds": 1.5, "box": None, "unbounded": [], "capped": [], "polyhedra": None}
     run |= {"cpu_s": 1.0, "memory_mb": 80.0, "search_s": 1.0, "message": None}
-    runs = {"irr": run, "widen": {**run, "status": "timeout", "seconds": 10.0}}
+    widened = {"box": {"a": ["0", None], "b": ["0", "9"]}, "unbounded": ["a above"], "capped": ["b"]}
+    runs = {"irr": run, "widen": {**run, **widened, "status": "timeout", "seconds": 10.0}}
     found = {"status": "complete", "dynamic": "yes", "strong": "no", "kept": 0.5, "bounded": 0, "cut": 0, "reason": ""}
     rows = (
         Figure4Row(Instance("own-1", Origin.OWN, 1, ("", "", "")), runs, found),
@@ -99,6 +100,7 @@ def test_conversions_and_figure4():
     assert "| exact widening | 0 of 2 |" in text
     flowing = " ".join(text.split())
     assert "Of 1 boxes of exact widening: dynamically controllable: yes 1; strongly: no 1." in flowing
+    assert "Of the 8 ends of the 2 boxes of exact widening, 2 are infinite, and 2 are durations" in flowing
     assert "they keep 50.0 % of their widths on average" in flowing
     assert "NOT" not in text
 
