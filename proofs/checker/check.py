@@ -72,7 +72,7 @@ class Near:
 
     def __add__(self, other: "Near") -> "Near":
         short, long = sorted((self.terms, other.terms), key=len)
-        return Near(*map(sum, zip(short, long)), *long[len(short) :])
+        return Near(*(left + right for left, right in zip(short, long)), *long[len(short) :])
 
     def __mul__(self, other: "Near") -> "Near":
         terms: list[Fraction | int] = [0] * (len(self.terms) + len(other.terms))
@@ -82,7 +82,7 @@ class Near:
         return Near(*terms)
 
     def __sub__(self, other: "Near") -> "Near":
-        return self + other * Near(-1)
+        return self + Near(*(-term for term in other.terms))
 
     @property
     def sign(self) -> int:
