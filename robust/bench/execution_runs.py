@@ -27,15 +27,13 @@ from robust.execute.planners.registry import create_planner
 from robust.execute.planners.remembering import RememberingPlanner
 from robust.execute.replanning.plans import Options, prepare_timed
 from robust.execute.replanning.record import Run, RunStatus, Segment
-from robust.execute.replanning.run import REPLANS, Mission, execute
+from robust.execute.replanning.run import PLANNER_SECONDS, REPLANS, Mission, execute
 from robust.execute.worlds.rules import Rules, parse_rules
 from robust.plan.parametrize import ParameterSpec, parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.timed import TimedPlan
 from robust.smt.limits import Deadline
 
-PLANNER_S = 7.0
-"""What a planner has unless told otherwise."""
 PREPARATION_S = 30.0
 """For conversion and box, each."""
 DURATION_DEVIATION = 70
@@ -78,7 +76,7 @@ def run_table(
     columns: Sequence[int] | None = None,
     executors: Sequence[str] = EXECUTORS,
     planner: str | None = None,
-    planner_s: float = PLANNER_S,
+    planner_s: float = PLANNER_SECONDS,
     drain: bool | None = None,
     battery: Fraction = BATTERY,
     seed: int = 0,

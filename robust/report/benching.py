@@ -258,9 +258,10 @@ def bench_conversions(  # noqa: PLR0917 (what the command was told)
 
 def bench_table(table: int, cases: Cases, request: BenchRequest, guard: Guard) -> int:
     """Run every executor on the delivery problems."""
-    from robust.bench.execution_runs import BATTERY, PLANNER_S, run_table  # noqa: PLC0415 - only what is asked for
+    from robust.bench.execution_runs import BATTERY, run_table  # noqa: PLC0415 - only what is asked for
+    from robust.execute.replanning.run import PLANNER_SECONDS  # noqa: PLC0415
 
-    planner_s = options.seconds(request.limit, "--planner-limit") or PLANNER_S
+    planner_s = options.seconds(request.limit, "--planner-limit") or PLANNER_SECONDS
     battery = BATTERY if cases.battery is None else parse_number(cases.battery, Location("--battery"))
     return _run(
         request,

@@ -1,7 +1,6 @@
 """The dispatcher: what it decides, what reveals parameters, and every way in which observations can go wrong."""
 
 from fractions import Fraction
-from random import Random
 
 import pytest
 
@@ -31,7 +30,7 @@ from robust.execute.worlds.world import Setting, SimulatedWorld
 from robust.irr.box import Box, Interval
 from robust.plan.model import Atom, Fluent
 from robust.plan.simulate import simulate
-from tests.execute.execution import PLAN, PLANS, drawn, fixed, tasks, tasks_dispatchable, with_box
+from tests.execute.execution import PLAN, PLANS, fixed, tasks, tasks_dispatchable, with_box
 
 F = Fraction
 EPSILON = F(1, 1000)
@@ -323,41 +322,6 @@ def test_boxes_must_be_those_of_the_plan():
 
 
 # -- guarantees --------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_inside_the_box_of_a_drawn_plan_every_execution_succeeds(seed):
-    """Random partial orders of tasks that nothing disturbs, with a deadline that leaves room."""
-    random = Random(f"plans {seed}")  # noqa: S311 - reproducible
-    count = random.randint(2, 6)
-    declared, instances, constraints = [], [], []
-    for number in range(count):
-        nominal = random.randint(2, 9)
-        declared.append(f"parameter d{number} default {nominal};")
-        instances.append(f"durative-action instance w{number} : (work t{number});")
-        constraints.append(f"c: w{number}.end - w{number}.start in [d{number}, d{number}];")
-        for before in range(number):
-            if random.random() < 0.5:
-                bound = random.choice(["0.001", "1", "2.5"])
-                constraints.append(f"c: w{number}.start - w{before}.end in [{bound}, inf];")
-        constraints.append(f"c: w{number}.end - .zero in [0, 200];")
-    objects = " ".join(f"t{number}" for number in range(count))
-    atoms = " ".join(f"(ready t{number})" for number in range(count))
-    goal = " ".join(f"(done t{number})" for number in range(count))
-    problem = (
-        f"(define (problem p) (:domain tasks) (:objects {objects} - task)"
-        f" (:init {atoms} (open) (at 201 (not (open))) (= (stock) 0)) (:goal (and {goal})))"
-    )
-    plan = tasks("\n".join([*declared, *instances, *constraints]), problem=problem)
-    box = Box({f"d{number}": Interval(F(1), F(200 - 3 * count, count)) for number in range(count)})
-    dispatchable = make_dispatchable(plan, box)
-    assert dispatchable.guarantee is Guarantee.DYNAMIC
-    for repeat in range(5):
-        values = drawn(box, random)
-        dispatcher = Dispatcher(dispatchable)
-        run_in_world(dispatcher, SimulatedWorld(Setting(dispatchable), Luck(fixed(values), repeat)))
-        assert (dispatcher.ended, dispatcher.ending) == (True, None)
-        assert simulate(plan, values, dispatcher.times).valid
 
 
 def test_a_wait_is_kept_and_ended_by_the_observation():

@@ -33,7 +33,7 @@ from robust.smt.limits import Deadline
 
 REPLANS = 10
 PLANNER_SECONDS = 7.0
-"""What a run is allowed unless told otherwise."""
+"""What a run is allowed unless told otherwise, and its planner each time."""
 
 
 @dataclass(frozen=True)
