@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from robust.execute.drive import simulate
+from robust.execute.drive import run_in_world
 from robust.pike_bridge.generators.k_intents import random_k_intents
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.baselines.interface import Mode, TeamExecutive, execution_faults, make_executive
@@ -86,7 +86,7 @@ def execute(plan: TeamPlan, script: Script, make: Callable[[], TeamExecutive]) -
         executive = make()
         executive.prepare()
         timed = _Timed(executive)
-        simulate(timed, ScriptedTeam(plan, executive, script))
+        run_in_world(timed, ScriptedTeam(plan, executive, script))
         seconds = timed.seconds
     except OutOfTimeError:
         outcome = "timeout"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.execute.drive import simulate
+from robust.execute.drive import run_in_world
 from robust.pike_bridge.generators.random_plans import random_plan
 from robust.pike_bridge.model import Assignment, Condition, Effect, TeamPlan
 from robust.pike_bridge.online.companion import Accompanied
@@ -163,5 +163,5 @@ class _Measurement:
         executive.prepare()
         self._preparation += time.perf_counter() - started
         timed = self._timed = _Timed(executive, judges[0])
-        simulate(timed, SimulatedTeam(self._plan, executive, judges[0], Story(), seed=seed))
+        run_in_world(timed, SimulatedTeam(self._plan, executive, judges[0], Story(), seed=seed))
         return "none" if executive.outcome is None else type(executive.outcome).__name__.lower()

@@ -25,7 +25,7 @@ _NUMBER_LIKE = re.compile(r"[-+.0-9a-zA-Z_]+")
 _SURROGATE = re.compile("[\ud800-\udfff]")
 _WORDS = {"true": True, "false": False, "null": None}
 Key: TypeAlias = str | int
-Path: TypeAlias = tuple[Key, ...]
+JsonPath: TypeAlias = tuple[Key, ...]
 """The keys and positions that lead to a value from the top of a document."""
 
 
@@ -95,9 +95,9 @@ def describe(value: Json) -> str:
             assert_never(value)
 
 
-def walk(top: Json) -> Iterator[tuple[Path, Json]]:
+def walk(top: Json) -> Iterator[tuple[JsonPath, Json]]:
     """Every value of a document with the path that leads to it; outer values first."""
-    pending: list[tuple[Path, Json]] = [((), top)]
+    pending: list[tuple[JsonPath, Json]] = [((), top)]
     while pending:
         path, value = pending.pop()
         yield path, value

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Final
 
 from robust.errors import Location
-from robust.pike_bridge.json_text import Key, Path
+from robust.pike_bridge.json_text import JsonPath, Key
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +16,7 @@ class Places:
     """The location of each value of a document by its path, such as `("events", 3, "guard", "x")`."""
 
     file: str | None = None
-    locations: Mapping[Path, Location] = field(default_factory=lambda: MappingProxyType({}))
+    locations: Mapping[JsonPath, Location] = field(default_factory=lambda: MappingProxyType({}))
 
     def of(self, *path: Key) -> Location | None:
         """The location of a value, or of the innermost value around it that is written; None without a file."""

@@ -12,7 +12,6 @@ from robust.plan.model import (
     ActionInstance,
     And,
     Comparison,
-    Condition,
     Duration,
     DurationConstraint,
     Expression,
@@ -22,6 +21,9 @@ from robust.plan.model import (
     Or,
     Relation,
     Truth,
+)
+from robust.plan.model import (
+    Condition as StateCondition,
 )
 from robust.plan.pddl.instantiation import junction
 from robust.plan.pddl.syntax import ActionSchema, Domain, Problem
@@ -47,7 +49,7 @@ class StaticFacts:
         }
         self._written = domain.written
 
-    def simplify(self, condition: Condition) -> Condition:
+    def simplify(self, condition: StateCondition) -> StateCondition:
         """The condition with what never changes decided."""
         match condition:
             case Truth():

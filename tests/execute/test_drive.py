@@ -3,7 +3,7 @@
 import asyncio
 from fractions import Fraction
 
-from robust.execute.drive import WallClock, drive, simulate
+from robust.execute.drive import WallClock, drive, run_in_world
 
 
 class Echo:
@@ -49,7 +49,7 @@ class Shout:
 
 def test_simulation_steps_at_messages_and_wakes_and_delivers_consequences_at_the_same_time():
     executive = Echo()
-    last = simulate(executive, Shout(Fraction(3, 200)))
+    last = run_in_world(executive, Shout(Fraction(3, 200)))
     moment = Fraction(3, 200)
     assert executive.steps == [
         (Fraction(0), ()),
@@ -63,7 +63,9 @@ def test_simulation_steps_at_messages_and_wakes_and_delivers_consequences_at_the
 
 def test_simulation_stops_at_the_horizon():
     executive = Echo()
-    assert simulate(executive, Shout(Fraction(5)), horizon=Fraction(1, 50) - Fraction(1, 1000)) == Fraction(19, 1000)
+    assert run_in_world(executive, Shout(Fraction(5)), horizon=Fraction(1, 50) - Fraction(1, 1000)) == Fraction(
+        19, 1000
+    )
     assert [moment for moment, _ in executive.steps] == [0, Fraction(1, 100)]
 
 

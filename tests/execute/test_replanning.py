@@ -10,7 +10,7 @@ from robust.errors import InputError, UnsupportedError
 from robust.execute.dispatch.dispatcher import Dispatcher
 from robust.execute.dispatch.executors import Blex
 from robust.execute.dispatch.messages import LeftBox, Rejected
-from robust.execute.drive import drive, simulate
+from robust.execute.drive import drive, run_in_world
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
 from robust.execute.replanning.judge import Beginning, judged
 from robust.execute.replanning.plans import Options, Prepared, fitting, prepare_plan, prepare_timed
@@ -230,7 +230,7 @@ def test_an_action_that_never_ends_is_waited_for_and_said():
     chosen = mission()
     ready = prepared(chosen)
     dispatcher = Dispatcher(ready.dispatchable)
-    simulate(dispatcher, Endless(ready.setting, Luck(Rules(), 0)))
+    run_in_world(dispatcher, Endless(ready.setting, Luck(Rules(), 0)))
     assert isinstance(dispatcher.ending, LeftBox)
     assert (dispatcher.ended, dispatcher.running) == (False, ("n0",))
 
@@ -288,7 +288,7 @@ def test_driving_decides_as_simulation_does(plan):
     dispatchable = with_box(*plan)
     setting = Setting(dispatchable)
     simulated = Dispatcher(dispatchable)
-    simulate(simulated, SimulatedWorld(setting, Luck(Rules(), 3)))
+    run_in_world(simulated, SimulatedWorld(setting, Luck(Rules(), 3)))
 
     async def in_real_time():
         dispatcher, world = Dispatcher(dispatchable), SimulatedWorld(setting, Luck(Rules(), 3))
@@ -321,7 +321,7 @@ def test_the_judge_finds_what_the_executive_does_not():
     chosen = mission()
     ready = prepared(chosen)
     world = SimulatedWorld(ready.setting, Luck(Rules(), 0))
-    simulate(Dispatcher(ready.dispatchable), world)
+    run_in_world(Dispatcher(ready.dispatchable), world)
     executed = list(world.executed.values())
     plan = ready.dispatchable.plan
     beginning = Beginning(plan.initial_atoms, world.initial, plan.timed_literals, plan.goal)

@@ -10,7 +10,7 @@ import pytest
 from robust.errors import InputError
 from robust.execute.dispatch.dispatcher import Dispatcher
 from robust.execute.dispatch.messages import Completed, Contradicted, Dispatch, Failed, Observed
-from robust.execute.drive import simulate
+from robust.execute.drive import run_in_world
 from robust.execute.worlds.distributions import Below, Constant, HalfNormal, Normal, Uniform, draw
 from robust.execute.worlds.luck import Luck
 from robust.execute.worlds.rules import Rule, Rules, Subject, parse_rules
@@ -174,7 +174,7 @@ def constant(subject, name, value):
 def test_without_rules_nature_does_what_is_planned():
     dispatchable, world = world_of()
     dispatcher = Dispatcher(dispatchable)
-    simulate(dispatcher, world)
+    run_in_world(dispatcher, world)
     assert dispatcher.ending is None
     assert {name: (one.outcome, one.end - one.start) for name, one in world.executed.items()} == {
         "w1": (Outcome.DONE, 10),
@@ -218,7 +218,7 @@ def test_consumption_is_drawn_and_shown():
         box={"first": (4, 20), "need": (1, 6)},
     )
     dispatcher = Dispatcher(dispatchable)
-    simulate(dispatcher, world)
+    run_in_world(dispatcher, world)
     assert dispatcher.ending is None
     assert dispatcher.observed["need"] == 5
     assert world.state.fluents[Fluent("stock")] == 5
@@ -232,7 +232,7 @@ def test_what_an_action_really_needs_decides_whether_it_starts():
         box={"first": (4, 20), "need": (1, 12)},
     )
     dispatcher = Dispatcher(dispatchable)
-    simulate(dispatcher, world)
+    run_in_world(dispatcher, world)
     assert isinstance(dispatcher.ending, Contradicted)
     assert "(>= (stock) (need b)) does not hold" in str(dispatcher.ending)
 

@@ -15,7 +15,7 @@ from time import monotonic
 
 from robust.errors import InputError, RobustError
 from robust.execute.dispatch.dispatcher import Dispatcher
-from robust.execute.drive import simulate
+from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
 from robust.execute.replanning.judge import Beginning, judged
 from robust.execute.replanning.plans import Options, Prepared, prepare_timed
@@ -135,7 +135,7 @@ class _Running:
             dispatcher = Dispatcher(prepared.dispatchable, drain=self._mission.drain)
             world = SimulatedWorld(prepared.setting, self._luck, levels_known=bool(self._segments))
             self._begin(prepared, world)
-            last = simulate(dispatcher, world)
+            last = run_in_world(dispatcher, world)
             if not self._mission.drain:
                 world.stop(last)
             spent = (planner_seconds, prepared.seconds)

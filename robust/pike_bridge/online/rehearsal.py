@@ -10,7 +10,7 @@ from fractions import Fraction
 from functools import partial
 
 from robust.errors import SolverError
-from robust.execute.drive import simulate
+from robust.execute.drive import run_in_world
 from robust.pike_bridge.execution import Execution, faults
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.companion import Accompanied
@@ -104,7 +104,7 @@ class Rehearsal:
         self._executive = PlanExecutive(self.plan, partial(self._reasoner, deciding), deadline=self.deadline)
         world = SimulatedTeam(self.plan, self._executive, self._judge, self.story, seed=self.seed)
         try:
-            simulate(_Recorded(self), world)
+            run_in_world(_Recorded(self), world)
         except OutOfTimeError:
             return self.so_far(Ending.TIMEOUT)
         except KeyboardInterrupt:

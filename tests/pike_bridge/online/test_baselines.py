@@ -6,7 +6,7 @@ from itertools import product
 
 import pytest
 
-from robust.execute.drive import simulate
+from robust.execute.drive import run_in_world
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
 from robust.pike_bridge.generators.action_text import ActionText, domain_text, problem_text
 from robust.pike_bridge.generators.k_intents import k_intents
@@ -54,7 +54,7 @@ class Recorder:
 
 def run(plan, mode, script, *, recovery=None, notice=Fraction(0)):
     recorder = Recorder(make_executive(mode, plan, SMT, recovery=recovery or {}))
-    simulate(recorder, ScriptedTeam(plan, recorder.executive, script, notice=notice))
+    run_in_world(recorder, ScriptedTeam(plan, recorder.executive, script, notice=notice))
     return recorder
 
 
@@ -290,7 +290,7 @@ def test_a_broken_link_makes_kirk_guess_anew(seed):
     world = ScriptedTeam(plan, kirk.executive, draw_script(plan, seed))
     blocked = Estimate(false=frozenset({Atom("free-a")}))
     world._plan_for(Fraction(1), blocked)
-    simulate(kirk, world)
+    run_in_world(kirk, world)
     assert isinstance(kirk.executive.outcome, Succeeded)
     assert kirk.executive.replans == 1
     assert [each.action for each in kirk.of(Dispatched)] == ["(wait)", "(take-b)"]
@@ -309,7 +309,7 @@ def test_a_choice_that_changes_during_recovery_does_not_end_it():
     kirk = Recorder(Kirk(plan, SMT, recovery={f"(walk-{who}-a)": Fraction(1) for who in ("ann", "bob")}))
     world = ScriptedTeam(plan, kirk.executive, Script({"ann": "b"}, least(plan)))
     world._plan_for(Fraction(1, 2), Outcome("bob", "b"))
-    end = simulate(kirk, world)
+    end = run_in_world(kirk, world)
     first, second = kirk.of(Replanned)
     assert second.time == Fraction(1, 2)
     assert second.recovery == 1 + first.time + first.recovery - second.time

@@ -6,7 +6,7 @@ from functools import cache
 import pytest
 
 from robust.errors import InputError
-from robust.execute.drive import simulate
+from robust.execute.drive import run_in_world
 from robust.pike_bridge.execution import Execution, faults
 from robust.pike_bridge.generators.random_plans import random_plan
 from robust.pike_bridge.load import load_team_plan
@@ -139,7 +139,7 @@ def check_against_the_oracle(plan, story, seed):
         return found
 
     executive.step = step
-    simulate(executive, SimulatedTeam(plan, executive, executive.reasoner, story, seed=seed))
+    run_in_world(executive, SimulatedTeam(plan, executive, executive.reasoner, story, seed=seed))
     if isinstance(executive.outcome, Succeeded):
         scenario = {name: domain[0] for name, domain in plan.network.domains.items()} | executive.progress.chosen
         assert faults(plan, Execution(scenario, executive.progress.times)) == ()
@@ -180,7 +180,7 @@ def test_two_solvers_allow_the_same():
 
     executive = PlanExecutive(plan, both)
     judge = executive.reasoner.deciding
-    simulate(executive, SimulatedTeam(plan, executive, judge, Story(), seed=1))
+    run_in_world(executive, SimulatedTeam(plan, executive, judge, Story(), seed=1))
     assert isinstance(executive.outcome, Succeeded)
 
 
@@ -207,7 +207,7 @@ class Abridged(SemanticReasoner):
 def test_what_the_witness_answers_is_what_the_solver_says(index):
     plan = kitchen() if index is None else drawn(index)
     executive = PlanExecutive(plan, Abridged)
-    simulate(executive, SimulatedTeam(plan, executive, executive.reasoner, Story(), seed=1))
+    run_in_world(executive, SimulatedTeam(plan, executive, executive.reasoner, Story(), seed=1))
     assert executive.outcome is not None
     assert len(executive.progress.times) > 5
 

@@ -6,7 +6,7 @@ from functools import cache
 import pytest
 
 from robust.errors import InputError
-from robust.execute.drive import simulate
+from robust.execute.drive import run_in_world
 from robust.pike_bridge.execution import faults
 from robust.pike_bridge.generators.figures import figure_6b, figure_7b
 from robust.pike_bridge.generators.random_plans import random_plan
@@ -108,7 +108,7 @@ def test_conflicts_are_minimal_and_schedules_correct(name):
 
     executive.step = step
     team = SimulatedTeam(plan, executive, executive.reasoner, Story(human=Human.CARELESS), seed=1)
-    simulate(executive, team)
+    run_in_world(executive, team)
     conflicts += check_moment(executive)
     assert conflicts
 

@@ -7,7 +7,7 @@ from random import Random
 import pytest
 
 from robust.errors import InputError
-from robust.execute.drive import simulate
+from robust.execute.drive import run_in_world
 from robust.pike_bridge.compilation import Temporal
 from robust.pike_bridge.generators import figures
 from robust.pike_bridge.generators.k_intents import k_intents
@@ -101,7 +101,7 @@ class Execution:
 
         self.executive.step = step
         team = SimulatedTeam(plan, self.executive, judges[0], tale or story(plan, number), seed=number)
-        simulate(self.executive, team, horizon=Fraction(500))
+        run_in_world(self.executive, team, horizon=Fraction(500))
 
 
 def infer(executive):

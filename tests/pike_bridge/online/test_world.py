@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import pytest
 
-from robust.execute.drive import simulate
+from robust.execute.drive import run_in_world
 from robust.pike_bridge.builder import act, build, parallel, sequence, within
 from robust.pike_bridge.generators.random_plans import random_plan
 from robust.pike_bridge.model import TeamPlan
@@ -57,7 +57,7 @@ def test_a_limit_between_two_multiples_of_epsilon_can_be_used_up_and_not_more():
     def run(takes):
         executive = PlanExecutive(plan, SemanticReasoner)
         team = _Slow(plan, executive, takes)
-        simulate(executive, team)
+        run_in_world(executive, team)
         return executive.outcome, executive.progress
 
     outcome, progress = run(Fraction("2.00025"))
