@@ -27,10 +27,10 @@ from robust.api import check, envelope
 from robust.bench.figure4_instances import recorded_instances
 from robust.bench.process import COMMAND
 from robust.bench.suite import read_suite
-from robust.certify.matching import mismatch
+from robust.certify.document import mismatch
 from robust.certify.produce import PlanCertificate, digests
 from robust.certify.verify import checker_path
-from robust.encode.interface import create_encoding
+from robust.encode import create_encoding
 from robust.errors import RobustError
 from robust.irr.box import Box
 from robust.plan.load import load_plan

@@ -17,10 +17,9 @@ if TYPE_CHECKING:
     from robust.errors import InputError, RobustError, SolverError, UnsupportedError
     from robust.execute.convert import Conversion, Mode, convert
     from robust.execute.unified import from_unified_planning, to_unified_planning
-    from robust.irr.box import Box, Interval
+    from robust.irr.box import Box, EnvelopeResult, Interval, Status, Step
     from robust.irr.check import Answer, CheckResult, Counterexample
     from robust.irr.compare import Comparison
-    from robust.irr.result import EnvelopeResult, Status, Step
     from robust.plan.load import load_plan
     from robust.plan.model import ParametrizedPlan
     from robust.qe.compute import RegionResult, RegionStatus
@@ -35,7 +34,7 @@ _HOME = {
     "Comparison": "robust.irr.compare",
     "Conversion": "robust.execute.convert",
     "Counterexample": "robust.irr.check",
-    "EnvelopeResult": "robust.irr.result",
+    "EnvelopeResult": "robust.irr.box",
     "InputError": "robust.errors",
     "Interval": "robust.irr.box",
     "Mode": "robust.execute.convert",
@@ -45,8 +44,8 @@ _HOME = {
     "RegionStatus": "robust.qe.compute",
     "RobustError": "robust.errors",
     "SolverError": "robust.errors",
-    "Status": "robust.irr.result",
-    "Step": "robust.irr.result",
+    "Status": "robust.irr.box",
+    "Step": "robust.irr.box",
     "UnsupportedError": "robust.errors",
     "check": "robust.api",
     "compare": "robust.api",

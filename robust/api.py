@@ -6,22 +6,21 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 
-from robust.encode.interface import EPSILON, create_encoding
+from robust.encode import create_encoding
+from robust.encode.interface import EPSILON
 from robust.errors import InputError, did_you_mean
-from robust.irr.box import Box, Interval
+from robust.irr.box import Box, EnvelopeResult, Interval, Step
 from robust.irr.check import Checker, CheckResult
 from robust.irr.compare import Comparing, Comparison
 from robust.irr.containment import Containment
 from robust.irr.irr import IncrementalRobustification
 from robust.irr.methods import ExactSearch
-from robust.irr.result import EnvelopeResult, Step
 from robust.plan.model import ParametrizedPlan
 from robust.qe.compute import RegionResult
 from robust.qe.compute import region as _region
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.export import Exporter
-from robust.smt.interrupts import noticing_interrupts
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, noticing_interrupts
 
 
 @noticing_interrupts()

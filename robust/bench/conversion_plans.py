@@ -23,7 +23,7 @@ from robust.execute.delivery import (
     delivery_problem,
     scaling_instance,
 )
-from robust.execute.original import InvalidPlanError, Original, declarations, schedule_of, validated
+from robust.execute.distances import InvalidPlanError, Original, declarations, schedule_of, validated
 from robust.plan.load import assemble
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.pddl.syntax import Domain, Problem

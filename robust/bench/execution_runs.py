@@ -20,16 +20,23 @@ from robust.bench.sweep import run_sweep
 from robust.errors import InputError
 from robust.execute.delivery import PREPARATIONS, TASKS, DeliveryVariant, TableProblem, delivery_domain, table_problems
 from robust.execute.delivery.domain import preparation_action
-from robust.execute.dispatch.executors import parse_executor
 from robust.execute.dispatch.messages import LeftBox
-from robust.execute.dispatch.network import Guarantee
+from robust.execute.dispatch.network import Guarantee, parse_executor
+from robust.execute.planners.interface import RememberingPlanner
 from robust.execute.planners.registry import create_planner
-from robust.execute.planners.remembering import RememberingPlanner
-from robust.execute.replanning.plans import Options, prepare_timed
-from robust.execute.replanning.record import Run, RunStatus, Segment
-from robust.execute.replanning.run import PLANNER_SECONDS, REPLANS, Mission, execute
+from robust.execute.replan import (
+    PLANNER_SECONDS,
+    REPLANS,
+    Mission,
+    Options,
+    Run,
+    RunStatus,
+    Segment,
+    execute,
+    prepare_timed,
+)
 from robust.execute.worlds.rules import Rules, parse_rules
-from robust.plan.parametrize import ParameterSpec, parse_specs
+from robust.plan.parameters import ParameterSpec, parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.timed import TimedPlan
 from robust.smt.limits import Deadline

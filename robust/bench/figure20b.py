@@ -224,7 +224,7 @@ def run_figure20b(
 def _search(seed: int, problems: int, limit: float, on_result: Progress | None) -> Search:
     """Ask the oracle about each plan; Ctrl-C ends the search with what is known."""
     from robust.pike_bridge.generators.random_plans import random_plan  # noqa: PLC0415 - imports the grammar
-    from robust.pike_bridge.oracle import Existence, Oracle  # noqa: PLC0415 - imports solvers
+    from robust.pike_bridge.semantics import Existence, Oracle  # noqa: PLC0415 - imports solvers
     from robust.smt.limits import Deadline  # noqa: PLC0415
 
     admitting, decided = [], 0

@@ -12,8 +12,8 @@ from robust.errors import InputError, Location
 from robust.execute.convert import convert
 from robust.execute.delivery import scaling_instance
 from robust.execute.parametrization import option_of
-from robust.plan.parametrize import parse_specs
-from robust.plan.pddl.files import read_text
+from robust.plan.parameters import parse_specs
+from robust.plan.pddl.forms import read_text
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import write_stn
 from robust.plan.timed import parse_timed_plan

@@ -16,8 +16,7 @@ from robust.bench.process import Processes
 from robust.bench.run import EnvelopeRun, box_as_dict
 from robust.errors import RobustError
 from robust.execute.controllability.assess import Controllability, Kind
-from robust.irr.box import Box
-from robust.irr.result import Side
+from robust.irr.box import Box, Side
 from robust.plan.load import load_plan
 from robust.plan.model import ActionInstance, Duration, ParameterReference, ParametrizedPlan, Relation
 from robust.plan.polynomial import Polynomial

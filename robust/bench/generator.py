@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from robust.plan.pddl.files import read_text
+from robust.plan.pddl.forms import read_text
 
 DOMAIN = Path(__file__).parents[1] / "examples" / "generator" / "domain.pddl"
 

@@ -14,7 +14,7 @@ from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.baselines.interface import Mode, TeamExecutive, execution_faults, make_executive
 from robust.pike_bridge.online.baselines.kirk import KirkDecision
 from robust.pike_bridge.online.baselines.script import Script, ScriptedTeam, draw_script
-from robust.pike_bridge.online.messages import Message, Succeeded
+from robust.pike_bridge.online.progress import Message, Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner
 from robust.smt.limits import Deadline, OutOfTimeError
 

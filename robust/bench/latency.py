@@ -12,8 +12,7 @@ from robust.pike_bridge.generators.random_plans import random_plan
 from robust.pike_bridge.model import Assignment, Condition, Effect, TeamPlan
 from robust.pike_bridge.online.companion import Accompanied
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.messages import Decision, Message
-from robust.pike_bridge.online.progress import Progress
+from robust.pike_bridge.online.progress import Decision, Message, Progress
 from robust.pike_bridge.online.reasoners import SMT, make_reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import SimulatedTeam, Story

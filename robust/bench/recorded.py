@@ -18,7 +18,7 @@ from robust.bench.options import check_limit, plotting
 from robust.bench.process import Processes
 from robust.bench.run import EnvelopeRun, Intervals, Outcome, box_as_dict, run_envelope, side_text
 from robust.bench.suite import RecordedInstance, read_suite
-from robust.irr.result import Side
+from robust.irr.box import Side
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -13,13 +13,12 @@ from enum import Enum
 from fractions import Fraction
 from functools import partial
 
-from robust.execute.convert import Conversion
+from robust.execute.convert import Conversion, check_plan
 from robust.execute.distances import Edge, Paths
-from robust.execute.tighten import check_plan
 from robust.irr.check import Answer, CheckResult
-from robust.plan.interference import mutex_pairs
 from robust.plan.model import ZERO, Bound, ParametrizedPlan, TemporalConstraint
 from robust.plan.polynomial import Polynomial
+from robust.plan.simulate import mutex_pairs
 from robust.smt.limits import Deadline
 
 

@@ -13,9 +13,8 @@ from typing import Any
 from robust.bench import process
 from robust.bench.process import Measured, Processes
 from robust.errors import InputError
-from robust.irr.box import Interval
-from robust.irr.result import Side
-from robust.plan.numerals import parse_number
+from robust.irr.box import Interval, Side
+from robust.numbers import parse_number
 
 Intervals = Mapping[str, Interval]
 

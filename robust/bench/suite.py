@@ -18,7 +18,7 @@ from typing import Any
 from robust.bench.run import Intervals, parse_end
 from robust.errors import InputError, Location, did_you_mean
 from robust.irr.box import Interval
-from robust.plan.pddl.files import read_text
+from robust.plan.pddl.forms import read_text
 
 FILE_NAME = "recorded-results.json"
 _FIELDS = ("instance", "domain", "problem", "plan", "irr", "irr_box", "irr_order", "ccmmz", "ccmmz_box")

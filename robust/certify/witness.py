@@ -12,21 +12,18 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from robust.certify.cycles import Step, length_of, positive_cycle
-from robust.certify.ground import GroundPlan, Line, number
+from robust.certify.ground import GroundPlan, Line, Step, length_of, number, positive_cycle
 from robust.encode.interface import Encoding, Obligation
 from robust.errors import UnsupportedError
-from robust.irr.bad_set import DiscoveredBadSet
-from robust.irr.box import Box, Interval
-from robust.irr.containment import within
-from robust.irr.faces import constraints_of
-from robust.irr.result import Side
+from robust.irr.box import Box, Interval, Side
+from robust.irr.containment import DiscoveredBadSet, within
+from robust.irr.widen import constraints_of
 from robust.plan.model import TimePoint
 from robust.plan.simulate import simulate
 from robust.qe.constraint import LinearConstraint
-from robust.qe.lp import feasible_point, maximize
 from robust.qe.nnf import Reader, conjunction, implicant, names_in
 from robust.qe.polyhedron import Polyhedron
+from robust.qe.simplex import feasible_point, maximize
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Verdict
 

@@ -1,0 +1,39 @@
+"""A plan as formulas: enc_tn, enc_eff and enc_proofs as named obligations, in two encodings [IRR §2]."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from robust.encode.interface import ENCODINGS, EPSILON, Encoding
+from robust.errors import InputError, did_you_mean
+from robust.plan.model import ParametrizedPlan
+from robust.smt.limits import Deadline
+
+
+def create_encoding(
+    name: str,
+    plan: ParametrizedPlan,
+    epsilon: Fraction = EPSILON,
+    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+) -> Encoding:
+    """The encoding of that name.
+
+    Args:
+        name: `relational` or `positions`.
+        plan: the ground, parametrized plan.
+        epsilon: the separation of mutex time points.
+        deadline: when queries stop being built.
+
+    Raises:
+        InputError: if there is no such encoding.
+        UnsupportedError: if an expression is not linear after folding constants.
+    """
+    from robust.encode.encoding import RelationalEncoding  # noqa: PLC0415 - only the one that is used
+    from robust.encode.positions.encoding import PositionsEncoding  # noqa: PLC0415 - only the one that is used
+
+    match name:
+        case "relational":
+            return RelationalEncoding(plan, epsilon)
+        case "positions":
+            return PositionsEncoding(plan, epsilon, deadline=deadline)
+    raise InputError(f"unknown encoding {name!r}{did_you_mean(name, ENCODINGS)}")

@@ -10,15 +10,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from functools import cache
 
-from robust.encode.clock import FINALLY, Clock, before
-from robust.encode.durations import duration_rules
+from robust.encode.conditions import OverAll, duration_rules
 from robust.encode.interface import EPSILON, Obligation, Stage
 from robust.encode.mutex import MutexPair, mutex_pairs
-from robust.encode.network import Difference, TemporalNetwork
-from robust.encode.orders import Orders, common_scale
-from robust.encode.overall import OverAll
-from robust.encode.slices import Slices
-from robust.encode.state import States
+from robust.encode.network import Difference, Orders, Slices, TemporalNetwork, common_scale
+from robust.encode.state import FINALLY, Clock, States, before
 from robust.encode.validity import Validity
 from robust.encode.variables import Linear, TimeVariable, constant
 from robust.errors import UnsupportedError

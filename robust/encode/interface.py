@@ -13,7 +13,6 @@ from fractions import Fraction
 from typing import Protocol
 
 from robust.encode.variables import Linear, Range, least
-from robust.errors import InputError, did_you_mean
 from robust.plan.model import ParametrizedPlan, TimePoint
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict
@@ -114,33 +113,3 @@ class Encoding(Protocol):
 
     def schedule(self, values: Mapping[str, Fraction]) -> dict[TimePoint, Fraction]:
         """The time of every time point, from values of :meth:`unknowns` by symbol name."""
-
-
-def create_encoding(
-    name: str,
-    plan: ParametrizedPlan,
-    epsilon: Fraction = EPSILON,
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
-) -> Encoding:
-    """The encoding of that name.
-
-    Args:
-        name: `relational` or `positions`.
-        plan: the ground, parametrized plan.
-        epsilon: the separation of mutex time points.
-        deadline: when queries stop being built.
-
-    Raises:
-        InputError: if there is no such encoding.
-        UnsupportedError: if an expression is not linear after folding constants.
-    """
-    # Imported here because both encodings implement the types of this module.
-    from robust.encode.encoding import RelationalEncoding  # noqa: PLC0415
-    from robust.encode.positions.encoding import PositionsEncoding  # noqa: PLC0415
-
-    match name:
-        case "relational":
-            return RelationalEncoding(plan, epsilon)
-        case "positions":
-            return PositionsEncoding(plan, epsilon, deadline=deadline)
-    raise InputError(f"unknown encoding {name!r}{did_you_mean(name, ENCODINGS)}")

@@ -1,30 +1,399 @@
-"""Conversion of time-triggered plans to parametrized STN plans [IRR §3, Figure 1]."""
+"""Conversion to the least constrained network: only what keeps every condition true, in the order of the plan.
+
+Three kinds of edges, and nothing else:
+
+- durations (:mod:`robust.execute.parametrization`);
+- mutex pairs, separated by ε in the order of the plan. No-moving-targets makes every writer of an atom mutex with
+  every reader and every contrary writer of it, and the same for fluents. So these edges alone settle which value each
+  condition at a start or an end, each conditional effect and the goal reads, unless it depends on durations or
+  continuous change;
+- over-all conditions, which do not count as readers: the atom keeps its value from its achiever to the end. Contrary
+  writers are ordered with the achiever already, so what is to be said is: achiever before start, later threats after
+  end.
+
+Timed literals have fixed times: their orders become bounds from zero.
+
+Which achiever? If nothing had made the atom false by then, the initial state: that costs no edge. Otherwise any
+achiever since the last contrary writer will do, and each keeps the same threats out, so every choice costs one edge.
+One that comes before the start anyway costs none; else the most recent is taken, as the Esterel transformer does:
+where the transformer's network is valid, this one then allows all of its schedules.
+
+What depends on numbers that vary with the schedule, and over-all conditions that different literals keep true in
+turn, is left to :mod:`robust.execute.convert`; so is finding the edges of over-all conditions that are true without
+them, because their literals are true by turns whatever the order is.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
+from functools import partial
+from itertools import pairwise
 
+from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.errors import Location, SolverError
-from robust.execute.causal import causal_network
-from robust.execute.distances import Edge, constraints_of, irredundant, is_implied
+from robust.execute.distances import (
+    Edge,
+    Original,
+    Paths,
+    Write,
+    constraints_of,
+    declarations,
+    earliest,
+    edge,
+    irredundant,
+    is_implied,
+    schedule_of,
+    validated,
+)
 from robust.execute.esterel import esterel_edges
-from robust.execute.original import Original, declarations, schedule_of, validated
-from robust.execute.parametrization import Parametrization, parametrization
-from robust.execute.tighten import Tightener, Tightening, check_plan
-from robust.irr.check import Answer, CheckResult
+from robust.execute.parametrization import (
+    Parametrization,
+    certain_duration,
+    duration_edges,
+    influences,
+    parametrization,
+    settled_durations,
+)
+from robust.irr.box import Box, Interval, Status
+from robust.irr.check import Answer, Checker, CheckResult, Counterexample
+from robust.irr.methods import ExactSearch
 from robust.plan.load import assemble
-from robust.plan.model import ZERO, ParametrizedPlan, TimePoint
-from robust.plan.parametrize import ParameterSpec
+from robust.plan.model import (
+    ZERO,
+    ActionInstance,
+    And,
+    Comparison,
+    Condition,
+    Holds,
+    Or,
+    Parameter,
+    ParameterReference,
+    ParametrizedPlan,
+    TemporalConstraint,
+    TimePoint,
+    Timing,
+    Truth,
+)
+from robust.plan.parameters import ParameterSpec
 from robust.plan.pddl.syntax import Domain, Problem
+from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
-from robust.smt.interrupts import noticing_interrupts
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, noticing_interrupts
+
+
+@dataclass(frozen=True, slots=True)
+class CausalNetwork:
+    """A network in parts; the original schedule satisfies all of them.
+
+    `points` are zero and the time points of instances; `certain` holds whatever the parameters are, and may imply
+    others; `durations` are the bounds of durations, `links` are the edges that protect over-all conditions, and `edges`
+    are these and the separations of mutex pairs.
+    """
+
+    points: tuple[TimePoint, ...]
+    certain: tuple[Edge, ...]
+    durations: tuple[Edge, ...]
+    edges: tuple[Edge, ...]
+    links: frozenset[Edge]
+
+
+def causal_network(original: Original, pinned: Collection[str] = ()) -> CausalNetwork:
+    """The network that keeps conditions over atoms true; instances in `pinned` keep the durations of the plan.
+
+    It need not keep conditions over numbers: see :func:`robust.execute.convert.tighten`.
+    """
+    durative = [instance for instance in original.plan.instances if instance.durative]
+    points = tuple(point for point in original.plan.time_points if point.time is None)
+    certain = (
+        *(Edge(ZERO, point, Fraction(0)) for point in points if point != ZERO),
+        *(certain_duration(original, instance) for instance in durative),
+    )
+    durations = tuple(bound for instance in durative for bound in duration_edges(original, instance, pinned))
+    settled = settled_durations(original, pinned)
+    orders = [edge(a, b, original.epsilon) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
+    paths = Paths(points, (*certain, *orders))
+    links = [link for instance in durative for link in _over_all_edges(original, instance, paths)]
+    known = tuple(bound for bound in durations if bound.source.instance in settled)
+    edges = tuple(dict.fromkeys((*orders, *links)))
+    return CausalNetwork(points, (*certain, *known), durations, edges, frozenset(links) - frozenset(orders))
+
+
+def _over_all_edges(original: Original, instance: ActionInstance, paths: Paths) -> Iterator[Edge]:
+    for part in instance.conditions:
+        if part.timing is Timing.OVER_ALL:
+            cost = partial(_cost, original, instance, paths)
+            for literal in _kept(original, instance, part.condition, cost) or ():
+                yield from _protection(original, instance, literal, paths)
+
+
+def _cost(original: Original, instance: ActionInstance, paths: Paths, literals: tuple[Holds, ...]) -> int:
+    """How many edges it takes to protect literals."""
+    return sum(len(list(_protection(original, instance, literal, paths))) for literal in literals)
+
+
+def _kept(
+    original: Original, instance: ActionInstance, condition: Condition, cost: Callable[[tuple[Holds, ...]], int]
+) -> tuple[Holds, ...] | None:
+    """Literals that hold from start to end and make the condition true, of least cost; None if no literals do.
+
+    Conjuncts that no literals keep true are passed over. Comparisons are taken for true where all of the condition
+    needs them, for false where there is an alternative.
+    """
+    match condition:
+        case Truth(value):
+            return () if value else None
+        case Comparison():
+            return ()
+        case Holds():
+            return (condition,) if _holds_throughout(original, instance, condition) else None
+        case And(operands):
+            parts = [_kept(original, instance, operand, cost) for operand in operands]
+            return tuple(literal for part in parts if part is not None for literal in part)
+        case Or(operands):
+            alternatives = [_kept(original, instance, one, cost) for one in operands if not isinstance(one, Comparison)]
+            return min((one for one in alternatives if one), key=cost, default=None)
+
+
+def _holds_throughout(original: Original, instance: ActionInstance, literal: Holds) -> bool:
+    """Whether the literal holds from right after the start up to the end."""
+    start, end = original.times[instance.start], original.times[instance.end]
+    return all(
+        (literal.atom in happening.after.atoms) is literal.value
+        for happening in original.execution.happenings
+        if start <= happening.time < end or happening.time == start
+    )
+
+
+def _protection(original: Original, instance: ActionInstance, literal: Holds, paths: Paths) -> Iterator[Edge]:
+    """Achiever before start, contrary writers not before the end unless they are before the achiever."""
+    start, end = original.times[instance.start], original.times[instance.end]
+    writes = original.writes(literal.atom)
+    contrary = [one for one in writes if one.value is not literal.value]
+    broken = max((one.time for one in contrary if one.time <= start), default=None)
+    initially = (literal.atom in original.plan.initial_atoms) is literal.value
+    if broken is not None or not initially:
+        supports = [one for one in writes if one.value is literal.value and one.time <= start]
+        achievers = [one for one in supports if broken is None or broken < one.time]
+        yield from _after_achiever(instance.start, achievers, paths)
+    for one in contrary:
+        if one.time >= end and one.point != instance.end:
+            yield edge(instance.end, one.point, Fraction(0))
+
+
+def _after_achiever(start: TimePoint, achievers: Sequence[Write], paths: Paths) -> Iterator[Edge]:
+    """The edge from one of the achievers, by time, to the start; none if one of them is not after it anyway."""
+    links = [edge(one.point, start, Fraction(0)) for one in achievers]
+    if links and not any(_is_implied(link, paths) for link in links):
+        yield links[-1]
+
+
+def _is_implied(link: Edge, paths: Paths) -> bool:
+    known = paths.implied(link.source, link.target)
+    return known is not None and known >= link.weight
+
+
+@dataclass(frozen=True, slots=True)
+class Tightening:
+    """A bound that was needed beyond what keeps atoms true.
+
+    `edge` is the bound, `own` the distance that the plan itself has, and `obligation` the first one that broke
+    without it.
+    """
+
+    edge: Edge
+    own: Fraction
+    obligation: str
+
+
+@dataclass(frozen=True)
+class Tightener:
+    """Asks about networks of one plan.
+
+    Args:
+        original: the plan and its schedule.
+        solver: `z3` or `cvc5`.
+        deadline: after it nothing is proved any more.
+        say: called with what is being done.
+    """
+
+    original: Original
+    solver: str
+    deadline: Deadline
+    say: Callable[[str], None]
+
+    def tighten(self, edges: Sequence[Edge]) -> tuple[Tightening, ...]:
+        """Bounds that make a network valid which the original schedule satisfies; empty if it is valid.
+
+        Raises:
+            SolverError: if the solver cannot decide, or not in time.
+            KeyboardInterrupt: if interrupted.
+        """
+        found = self._forced(edges)
+        if not found:
+            return ()
+        less = replace(self, deadline=self._half())
+        self.say("dropping bounds")
+        found = less._without_needless(edges, found)
+        self.say("loosening bounds")
+        return tuple(less._loosened(edges, found))
+
+    def without_removable(
+        self, fixed: Sequence[Edge], edges: Sequence[Edge], candidates: Collection[Edge]
+    ) -> list[Edge]:
+        """The edges without those candidates, latest first, that the proof does not need; all if time is short.
+
+        Together with the `fixed` edges they are valid.
+        """
+        less = replace(self, deadline=self._half())
+        kept = list(edges)
+        for one in reversed(edges):
+            if one in candidates:
+                self.say("dropping edges")
+                rest = [other for other in kept if other != one]
+                every = (*fixed, *rest)
+                if is_implied(one, every) or less._is_needless(one, every):
+                    kept = rest
+        return kept
+
+    def _is_needless(self, one: Edge, others: Sequence[Edge]) -> bool:
+        return not self._breaks_without(one, others) and self.check(others).answer is Answer.PROVED
+
+    def _breaks_without(self, one: Edge, others: Sequence[Edge]) -> bool:
+        """Whether one of two schedules that break this edge only breaks an obligation: mostly, and without a solver."""
+        plan, epsilon = self.original.plan, self.original.epsilon
+        literals = {point: point.time for point in plan.time_points if point.time is not None}
+        points = [point for point in plan.time_points if point.time is None]
+        for slack in (epsilon, Fraction(1)):
+            times = earliest(points, (*others, Edge(one.target, one.source, slack - one.weight)))
+            if times is not None and simulate(plan, plan.nominal, {**literals, **times}, epsilon=epsilon).violations:
+                return True
+        return False
+
+    def _half(self) -> Deadline:
+        """Half of the time that is left: what is loosened has to be proved once more afterwards."""
+        remaining = self.deadline.remaining
+        return self.deadline if remaining is None else Deadline.after(remaining / 2)
+
+    def check(self, edges: Iterable[Edge]) -> CheckResult:
+        """Whether the plan is valid for every schedule that satisfies the edges."""
+        return check_plan(self._plan(edges), self.original.epsilon, self.solver, self.deadline)
+
+    # -- what counterexamples ask for --------------------------------------------------------------------------------
+
+    def _forced(self, edges: Sequence[Edge]) -> list[Tightening]:
+        found: dict[Edge, Tightening] = {}
+        while True:
+            self.say(f"proving the network with {len(found)} bounds on distances")
+            result = self.check((*edges, *found))
+            if result.answer is Answer.PROVED:
+                return list(found.values())
+            if not result.counterexamples:
+                raise SolverError(
+                    f"found {_undecided(result)!r} undecided, expected a proof that the network is valid; "
+                    "allow more time or another solver"
+                )
+            counterexample = next(iter(result.counterexamples.values()))
+            new = [one for one in self._bounds_against(counterexample) if one.edge not in found]
+            if not new:
+                raise SolverError(
+                    f"found no bound that keeps {counterexample.obligation!r}, which the plan itself does not break; "
+                    "please report this plan as a bug"
+                )
+            found |= {one.edge: one for one in new}
+
+    def _bounds_against(self, counterexample: Counterexample) -> list[Tightening]:
+        """Bounds at the plan's distances where the schedule has others."""
+        plan, times = self.original.plan, self.original.times
+        points = influences(plan, counterexample.obligation)
+        order = {point: i for i, point in enumerate(plan.time_points)}
+        ordered = sorted(points, key=lambda point: (times[point], order[point]))
+        bounds = []
+        for earlier, later in pairwise(ordered):
+            own = self.original.distance(earlier, later)
+            other = counterexample.schedule[later] - counterexample.schedule[earlier]
+            if other != own:
+                bound = edge(earlier, later, own) if other < own else edge(later, earlier, -own)
+                bounds.append(Tightening(bound, own, counterexample.obligation))
+        return bounds
+
+    # -- less of it --------------------------------------------------------------------------------------------------
+
+    def _without_needless(self, edges: Sequence[Edge], found: list[Tightening]) -> list[Tightening]:
+        """The bounds without those, latest first, that the proof does not need."""
+        kept = list(found)
+        for one in reversed(found):
+            rest = [other for other in kept if other is not one]
+            if self.check((*edges, *(other.edge for other in rest))).answer is Answer.PROVED:
+                kept = rest
+        return kept
+
+    def _loosened(self, edges: Sequence[Edge], found: Sequence[Tightening]) -> Iterable[Tightening]:
+        """The bounds at the ends of the widest box of bounds; those without end are dropped."""
+        box = self._widened(edges, found)
+        for name, one in zip(_names(found), found, strict=True):
+            weight = _loosest(box.intervals[name], one.edge.weight, self.original.epsilon)
+            if weight is not None:
+                yield replace(one, edge=replace(one.edge, weight=weight))
+
+    def _widened(self, edges: Sequence[Edge], found: Sequence[Tightening]) -> Box:
+        """How far all bounds can be lowered at once; as they are, where widening cannot tell in time."""
+        names = _names(found)
+        plan = self._plan(edges)
+        fixed = [replace(one, lower=one.nominal, upper=one.nominal) for one in plan.parameters]
+        free = [Parameter(name, one.edge.weight, upper=one.edge.weight) for name, one in zip(names, found, strict=True)]
+        bounds = [
+            TemporalConstraint(one.edge.source, one.edge.target, Polynomial.variable(ParameterReference(name)), None)
+            for name, one in zip(names, found, strict=True)
+        ]
+        widened = replace(plan, parameters=(*fixed, *free), constraints=(*plan.constraints, *bounds))
+        encoding = create_encoding("relational", widened, self.original.epsilon, self.deadline)
+        result = ExactSearch(encoding, solver=self.solver, deadline=self.deadline).widen()
+        if result.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        return result.box if result.verified else Box.nominal(widened.parameters)
+
+    def _plan(self, edges: Iterable[Edge]) -> ParametrizedPlan:
+        constraints = tuple(
+            TemporalConstraint(one.source, one.target, Polynomial.constant(one.weight), None) for one in edges
+        )
+        return replace(self.original.plan, constraints=constraints)
+
+
+def check_plan(plan: ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> CheckResult:
+    """Whether the plan is valid at the nominal parameter values.
+
+    Raises:
+        KeyboardInterrupt: if interrupted.
+        InputError: if the network has no schedule.
+        UnsupportedError: for an expression that is not linear.
+    """
+    encoding = create_encoding("relational", plan, epsilon, deadline)
+    result = Checker(encoding, Box.nominal(plan.parameters), solver=solver, deadline=deadline).run()
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return result
+
+
+def _names(found: Sequence[Tightening]) -> list[str]:
+    return [f"bound {i}" for i in range(len(found))]
+
+
+def _loosest(interval: Interval, own: Fraction, epsilon: Fraction) -> Fraction | None:
+    """The least value of an interval; where its end does not belong to it, one ε above or the plan's own."""
+    if interval.lower is None or interval.lower_closed:
+        return interval.lower
+    return min(interval.lower + epsilon, own)
+
+
+def _undecided(result: CheckResult) -> str:
+    undecided = (name for name, answer in result.obligations.items() if answer is Answer.UNKNOWN)
+    return next(undecided, result.reason or "the network")
 
 
 class Mode(Enum):
@@ -78,7 +447,7 @@ def convert(
         problem: the problem.
         timed: the time-triggered plan.
         mode: how the network is made.
-        specs: what becomes a parameter, see :mod:`robust.plan.parametrize`; nominal values of durations and starts are
+        specs: what becomes a parameter, see :mod:`robust.plan.parameters`; nominal values of durations and starts are
             those of the plan.
         epsilon: the separation of mutex time points.
         solver: `z3` or `cvc5`.

@@ -1,8 +1,8 @@
 """Executives and the time they run in: one core for simulated and for real time.
 
 An executive is a state machine that never looks at a clock: it is told what happened and how late it is, answers with
-what it decided, and says when it wants to be asked again. :func:`run_in_world` runs it against a world that knows its own
-future, at once and the same each time; :func:`drive` runs it against a queue of messages in the time of a clock.
+what it decided, and says when it wants to be asked again. :func:`run_in_world` runs it against a world that knows its
+own future, at once and the same each time; :func:`drive` runs it against a queue of messages in the time of a clock.
 """
 
 from __future__ import annotations

@@ -20,8 +20,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.execute.distances import Edge, edge
-from robust.execute.original import Original
+from robust.execute.distances import Edge, Original, edge
 from robust.plan.model import (
     ZERO,
     ActionInstance,

@@ -1,27 +1,215 @@
-"""Parameters of a plan that is being converted [IRR §3, Parametrization].
-
-The original schedule gives every duration and start time its nominal value. A plan file can hold parameters in its
-constraints; initial values of fluents, and durations that the domain fixes by `(= ?duration e)`, are parameters of the
-problem, and have to be named again to whoever reads the plan (:mod:`robust.plan.parametrize`).
-"""
+"""Which time points an obligation depends on: its own, and those of all changes that what it reads comes from."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import assert_never
 
 from robust.errors import InputError, Location
-from robust.execute.distances import Edge
+from robust.execute.distances import Edge, Original
+from robust.numbers import format_number
 from robust.plan.load import domain_parameters
-from robust.plan.model import ZERO, ParameterReference, TimePoint
-from robust.plan.numerals import format_number
-from robust.plan.parametrize import ParameterSpec, Target
+from robust.plan.model import (
+    ZERO,
+    ActionInstance,
+    Atom,
+    Comparison,
+    Condition,
+    Duration,
+    DurationConstraint,
+    Expression,
+    Fluent,
+    Holds,
+    NumericVariable,
+    ParameterReference,
+    ParametrizedPlan,
+    Relation,
+    TimePoint,
+    Timing,
+)
+from robust.plan.parameters import ParameterSpec, Target, wire
 from robust.plan.pddl.grounding import initial_fluents
 from robust.plan.pddl.syntax import Comparator, Domain, Problem
+from robust.plan.simulate import mutex_pairs
 from robust.plan.stn import InstanceDeclaration, ParameterDeclaration, STNConstraint, STNPlan
-from robust.plan.wiring import wire
+from robust.plan.timeline import leaves
+
+Variable = Atom | Fluent
+
+
+@dataclass(frozen=True, slots=True)
+class _Use:
+    """What is read, and where: `points` matter by themselves, `variables` by who changes them."""
+
+    points: frozenset[TimePoint]
+    variables: frozenset[Variable]
+
+
+def influences(plan: ParametrizedPlan, obligation: str) -> frozenset[TimePoint]:
+    """The time points on whose distances it depends whether a schedule breaks the obligation of that name.
+
+    All time points for a name that is not known here.
+    """
+    use = _obligation(plan, obligation)
+    if use is None:
+        return frozenset(plan.time_points)
+    writers = _writers(plan)
+    points, known = set(use.points), set(use.variables)
+    pending = list(use.variables)
+    while pending:
+        for written in writers.get(pending.pop(), ()):
+            points |= written.points
+            new = written.variables - known
+            known |= new
+            pending.extend(new)
+    return frozenset(points)
+
+
+def _obligation(plan: ParametrizedPlan, name: str) -> _Use | None:
+    for goal in plan.goal:
+        if goal.label == name:
+            return _use((), None, [goal.condition], ())
+    for instance in plan.instances:
+        for part in instance.durations:
+            if instance.label(part) == name:
+                return _use(instance.time_points, instance, [part.condition], ())
+        for condition in instance.conditions:
+            if instance.label(condition) == name:
+                over_all = condition.timing is Timing.OVER_ALL
+                points = instance.time_points if over_all else (instance.at(condition.timing),)
+                return _use(points, instance, [condition.condition], ())
+    pair = next((pair for pair in mutex_pairs(plan) if f"separation: {pair[0]}, {pair[1]}" == name), None)
+    return None if pair is None else _Use(frozenset(pair), frozenset())
+
+
+def _writers(plan: ParametrizedPlan) -> dict[Variable, list[_Use]]:
+    """For every atom and fluent, the changes of it: when they happen and what they depend on."""
+    found: dict[Variable, list[_Use]] = {}
+    for instance in plan.instances:
+        for effect in instance.atom_effects:
+            use = _use((instance.at(effect.timing),), instance, [effect.condition], ())
+            found.setdefault(effect.atom, []).append(use)
+        for numeric in instance.numeric_effects:
+            use = _use((instance.at(numeric.timing),), instance, [numeric.condition], [numeric.expression])
+            found.setdefault(numeric.fluent, []).append(use)
+        for continuous in instance.continuous_effects:
+            use = _use(instance.time_points, instance, (), [continuous.rate])
+            found.setdefault(continuous.fluent, []).append(use)
+    for literal in plan.timed_literals:
+        found.setdefault(literal.target, []).append(_Use(frozenset({literal.point}), frozenset()))
+    return found
+
+
+def _use(
+    points: Iterable[TimePoint],
+    instance: ActionInstance | None,
+    conditions: Iterable[Condition],
+    expressions: Iterable[Expression],
+) -> _Use:
+    used = set(points)
+    variables: set[Variable] = set()
+    for condition in conditions:
+        variables |= {leaf.atom for leaf in leaves(condition) if isinstance(leaf, Holds)}
+    for expression in (*expressions, *_compared(conditions)):
+        variables |= {variable for variable in expression.variables if isinstance(variable, Fluent)}
+        if instance is not None and any(isinstance(variable, Duration) for variable in expression.variables):
+            used |= set(instance.time_points)
+    return _Use(frozenset(used), frozenset(variables))
+
+
+def _compared(conditions: Iterable[Condition]) -> Iterator[Expression]:
+    for condition in conditions:
+        for leaf in leaves(condition):
+            if isinstance(leaf, Comparison):
+                yield leaf.expression
+
+
+def duration_edges(original: Original, instance: ActionInstance, pinned: Collection[str]) -> tuple[Edge, ...]:
+    """Bounds on t_end − t_start; at least 0, or ε where start and end are mutex.
+
+    A duration constraint `(= ?duration e)`, and any duration of an instance in `pinned`, is the plan's own. Bounds of
+    inequalities are read in the state of the original schedule. Strict ones are taken as if they were not, and what is
+    not linear in `?duration` is passed over: these are for :mod:`robust.execute.convert` to find out.
+    """
+    own = original.distance(instance.start, instance.end)
+    equal = any(one.condition.relation is Relation.EQUAL for one in instance.durations)
+    if equal or instance.identifier in pinned:
+        return Edge(instance.start, instance.end, own), Edge(instance.end, instance.start, -own)
+    lower = certain_duration(original, instance).weight
+    upper: Fraction | None = None
+    for is_lower, bound in _bounds(original, instance):
+        if is_lower:
+            lower = max(lower, bound)
+        else:
+            upper = bound if upper is None else min(upper, bound)
+    edges = (Edge(instance.start, instance.end, lower),)
+    return edges if upper is None else (*edges, Edge(instance.end, instance.start, -upper))
+
+
+def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[str]:
+    """The instances whose bounds of durations are the same for all schedules and parameter values.
+
+    Not those in `pinned`, nor those with a duration constraint that reads a parameter or a fluent that changes.
+    """
+    plan = original.plan
+    written = {literal.target for literal in plan.timed_literals}
+    for instance in plan.instances:
+        written |= {effect.fluent for effect in instance.numeric_effects}
+        written |= {effect.fluent for effect in instance.continuous_effects}
+
+    def is_settled(variable: NumericVariable) -> bool:
+        match variable:
+            case Duration():
+                return True
+            case ParameterReference():
+                return False
+            case Fluent():
+                return variable not in written and not plan.initial_fluents[variable].variables
+            case _:
+                assert_never(variable)
+
+    return frozenset(
+        one.identifier
+        for one in plan.instances
+        if one.identifier not in pinned
+        and all(is_settled(variable) for part in one.durations for variable in part.condition.expression.variables)
+    )
+
+
+def certain_duration(original: Original, instance: ActionInstance) -> Edge:
+    """The lower bound of t_end − t_start that holds for every duration: 0, or ε where start and end are mutex."""
+    lower = original.epsilon if (instance.start, instance.end) in original.mutex else Fraction(0)
+    return Edge(instance.start, instance.end, lower)
+
+
+def _bounds(original: Original, instance: ActionInstance) -> Iterator[tuple[bool, Fraction]]:
+    """Lower (True) and upper bounds."""
+    for constraint in instance.durations:
+        if constraint.condition.relation is Relation.DIFFERENT:
+            continue
+        value, slope = _in_duration(original, instance, constraint)
+        if slope:
+            yield slope > 0, -value / slope
+
+
+def _in_duration(
+    original: Original, instance: ActionInstance, constraint: DurationConstraint
+) -> tuple[Fraction, Fraction]:
+    """The constraint's expression as `value + slope · ?duration`; the slope is 0 if it is not of this form."""
+    expression = constraint.condition.expression
+    reading = original.execution.reading(original.before(instance.at(constraint.timing)), instance)
+    value, slope = Fraction(0), Fraction(0)
+    for monomial, factor in expression.terms.items():
+        degree = sum(1 for variable in monomial if isinstance(variable, Duration))
+        if degree > 1:
+            return Fraction(0), Fraction(0)
+        for variable in monomial:
+            factor *= 1 if isinstance(variable, Duration) else reading.variable(variable)  # noqa: PLW2901 - a product
+        value, slope = (value, slope + factor) if degree else (value + factor, slope)
+    return value, slope
 
 
 @dataclass(frozen=True)

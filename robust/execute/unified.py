@@ -1,26 +1,325 @@
-"""unified-planning objects in and out: an optional extra, imported only when one of these functions is called.
-
-Numbers stay exact: unified-planning has fractions in its plans, and its problems are not printed with decimals on the
-way (:mod:`robust.execute.unified_problem`).
-"""
+"""unified-planning expressions as PDDL text, with exact numbers; names in lower case."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from robust.errors import InputError, SolverError, did_you_mean
-from robust.plan.model import ParameterReference, TimePoint, TimePointKind
+from robust.errors import InputError, SolverError, UnsupportedError, did_you_mean
+from robust.numbers import format_number
+from robust.plan.model import Atom, Fluent, ParameterReference, TimedLiteral, TimePoint, TimePointKind
+from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.stn import InstanceDeclaration, STNBound, STNPlan
 from robust.plan.timed import TimedPlan, TimedStep
 
 if TYPE_CHECKING:
+    import unified_planning.model as up
     import unified_planning.model as up_model
     import unified_planning.plans as up_plans
+
+
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
+_JUNCTIONS = {
+    "is_and": "and",
+    "is_or": "or",
+    "is_not": "not",
+    "is_implies": "imply",
+    "is_equals": "=",
+    "is_le": "<=",
+    "is_lt": "<",
+    "is_plus": "+",
+    "is_times": "*",
+    "is_minus": "-",
+    "is_div": "/",
+}
+
+
+def name_of(text: str) -> str:
+    """The name in lower case; InputError for one that PDDL cannot have."""
+    if _NAME.fullmatch(text) is None:
+        raise InputError(f"found the name {text!r}, expected letters, digits, '_' and '-'")
+    return text.lower()
+
+
+def typed(variables: Iterable[Any]) -> str:
+    """Parameters or variables, each with its type."""
+    return " ".join(f"?{name_of(one.name)} - {_type(one)}" for one in variables)
+
+
+def _type(variable: Any) -> str:
+    if not variable.type.is_user_type():
+        raise UnsupportedError(f"found parameter {variable.name!r} of type {variable.type}, expected objects")
+    return name_of(variable.type.name)
+
+
+def named(fluent: up.FNode) -> tuple[str, tuple[str, ...]]:
+    """Name and arguments of a ground fluent."""
+    return name_of(fluent.fluent().name), tuple(name_of(one.object().name) for one in fluent.args)
+
+
+def constant(value: up.FNode) -> bool | Fraction:
+    """A truth value or a number."""
+    return bool(value.bool_constant_value()) if value.is_bool_constant() else number_of(value)
+
+
+def number_of(value: up.FNode) -> Fraction:
+    """A number, exactly."""
+    if not (value.is_int_constant() or value.is_real_constant()):
+        raise UnsupportedError(f"found the value '{value}', expected a truth value or a number")
+    return Fraction(value.constant_value())
+
+
+def expression(root: up.FNode) -> str:
+    """A condition or a numeric expression; without recursion, whatever its depth."""
+    results: list[str] = []
+    pending: list[tuple[up.FNode, bool]] = [(root, False)]
+    while pending:
+        node, is_done = pending.pop()
+        if not is_done:
+            pending.append((node, True))
+            pending.extend((one, False) for one in reversed(node.args))
+            continue
+        cut = len(results) - len(node.args)
+        parts, results = results[cut:], results[:cut]
+        results.append(_text(node, parts))
+    return results[0]
+
+
+def _text(node: up.FNode, parts: list[str]) -> str:
+    for test, word in _JUNCTIONS.items():
+        if getattr(node, test)():
+            return f"({' '.join((word, *parts))})"
+    for test, write in _LEAVES.items():
+        if getattr(node, test)():
+            return write(node, parts)
+    raise UnsupportedError(f"found the expression '{node}', expected one that PDDL 2.1 can say")
+
+
+def _number(node: up.FNode, _parts: list[str]) -> str:
+    value = number_of(node)
+    text = format_number(value)
+    return f"(/ {value.numerator} {value.denominator})" if "/" in text else text
+
+
+def _quantified(node: up.FNode, parts: list[str]) -> str:
+    word = "forall" if node.is_forall() else "exists"
+    return f"({word} ({typed(node.variables())}) {parts[0]})"
+
+
+_LEAVES: dict[str, Callable[[Any, list[str]], str]] = {
+    "is_iff": lambda _, parts: f"(and (imply {parts[0]} {parts[1]}) (imply {parts[1]} {parts[0]}))",
+    "is_forall": _quantified,
+    "is_exists": _quantified,
+    "is_fluent_exp": lambda node, parts: f"({' '.join((name_of(node.fluent().name), *parts))})",
+    "is_parameter_exp": lambda node, _: f"?{name_of(node.parameter().name)}",
+    "is_variable_exp": lambda node, _: f"?{name_of(node.variable().name)}",
+    "is_object_exp": lambda node, _: name_of(node.object().name),
+    "is_bool_constant": lambda node, _: "(and)" if node.is_true() else "(or)",
+    "is_int_constant": _number,
+    "is_real_constant": _number,
+}
+
+
+_NEEDS = ":typing :fluents :adl :durative-actions :duration-inequalities :timed-initial-literals"
+
+
+def problem_of(problem: up.Problem) -> tuple[Domain, Problem]:
+    """Domain and problem that say what a unified-planning problem says.
+
+    Raises:
+        InputError: for names that PDDL cannot tell apart, and fluents without initial value.
+        UnsupportedError: for what PDDL 2.1 with timed initial literals cannot say.
+    """
+    _check_supported(problem)
+    name = name_of(problem.name or "problem")
+    file = f"<unified-planning problem {name}>"
+    domain = parse_domain(_domain_text(problem, name), file)
+    read = parse_problem(_problem_text(problem, name), domain, file)
+    atoms, fluents = _initial_state(problem)
+    literals = sorted(_timed_literals(problem), key=lambda literal: literal.time)
+    return domain, replace(read, atoms=atoms, fluents=fluents, timed_literals=tuple(literals))
+
+
+def _check_supported(problem: up.Problem) -> None:
+    present = {
+        "timed goals": problem.timed_goals,
+        "trajectory constraints": problem.trajectory_constraints,
+        "processes": problem.processes,
+        "events": problem.events,
+        "simulated effects": [one for one in problem.actions if _simulated(one)],
+    }
+    for what, found in present.items():
+        if found:
+            raise UnsupportedError(f"found {what}, expected a problem without them")
+    for what, names in {
+        "action": [one.name for one in problem.actions],
+        "fluent": [one.name for one in problem.fluents],
+        "object": [one.name for one in problem.all_objects],
+        "type": [one.name for one in problem.user_types],
+    }.items():
+        lowered = [name_of(one) for one in names]
+        twice = next((one for one in lowered if lowered.count(one) > 1), None)
+        if twice is not None:
+            raise InputError(f"found two names of {what}s that are both {twice!r} in lower case, expected one")
+
+
+def _simulated(action: up.Action) -> bool:
+    return bool(getattr(action, "simulated_effect", None) or getattr(action, "simulated_effects", None))
+
+
+# -- the domain --------------------------------------------------------------------------------------------------------
+
+
+def _domain_text(problem: up.Problem, name: str) -> str:
+    types = " ".join(
+        f"{name_of(one.name)} - {name_of(one.father.name) if one.father is not None else 'object'}"
+        for one in problem.user_types
+        if name_of(one.name) != "object"
+    )
+    predicates = [one for one in problem.fluents if one.type.is_bool_type()]
+    functions = [one for one in problem.fluents if one.type.is_int_type() or one.type.is_real_type()]
+    other = next((one for one in problem.fluents if one not in predicates and one not in functions), None)
+    if other is not None:
+        raise UnsupportedError(f"found fluent {other.name!r} of type {other.type}, expected a Boolean or a number")
+    return "\n".join(
+        (
+            f"(define (domain {name})",
+            f"(:requirements {_NEEDS})",
+            f"(:types {types})",
+            f"(:predicates {' '.join(map(_signature, predicates))})",
+            f"(:functions {' '.join(map(_signature, functions))})",
+            *(_action(one) for one in problem.actions),
+            ")",
+        )
+    )
+
+
+def _signature(fluent: up.Fluent) -> str:
+    return f"({name_of(fluent.name)} {typed(fluent.signature)})"
+
+
+def _action(action: up.Action) -> str:
+    head = f"{name_of(action.name)} :parameters ({typed(action.parameters)})"
+    if not hasattr(action, "duration"):
+        conditions = " ".join(map(expression, action.preconditions))
+        effects = " ".join(_effect(one) for one in action.effects)
+        return f"(:action {head} :precondition (and {conditions}) :effect (and {effects}))"
+    conditions = " ".join(
+        f"({when} {expression(one)})"
+        for interval, all_of in action.conditions.items()
+        for when in _whens(interval)
+        for one in all_of
+    )
+    effects = " ".join(_timed(one, _when(timing)) for timing, all_of in action.effects.items() for one in all_of)
+    continuous = " ".join(
+        _continuous(one, interval) for interval, all_of in action.continuous_effects.items() for one in all_of
+    )
+    return (
+        f"(:durative-action {head} :duration {_duration(action.duration)} "
+        f":condition (and {conditions}) :effect (and {effects} {continuous}))"
+    )
+
+
+def _duration(interval: up.DurationInterval) -> str:
+    lower, upper = expression(interval.lower), expression(interval.upper)
+    if lower == upper and not (interval.is_left_open() or interval.is_right_open()):
+        return f"(= ?duration {lower})"
+    above, below = ">" if interval.is_left_open() else ">=", "<" if interval.is_right_open() else "<="
+    return f"(and ({above} ?duration {lower}) ({below} ?duration {upper}))"
+
+
+def _when(timing: up.Timing) -> str:
+    if timing.delay == 0 and not timing.is_global():
+        return "at start" if timing.is_from_start() else "at end"
+    raise UnsupportedError(f"found a condition or effect at '{timing}', expected the start or the end of its action")
+
+
+def _whens(interval: up.TimeInterval) -> list[str]:
+    """At start, over all, at end: the parts of an interval; ends that belong to it count by themselves."""
+    lower, upper = _when(interval.lower), _when(interval.upper)
+    if lower == upper:
+        return [lower]
+    if lower == "at end":
+        raise UnsupportedError(f"found a condition over '{interval}', expected an interval from start to end")
+    first = [] if interval.is_left_open() else [lower]
+    last = [] if interval.is_right_open() else [upper]
+    return [*first, "over all", *last]
+
+
+def _effect(effect: up.Effect, wrap: str = "{}") -> str:
+    text = wrap.format(_change(effect))
+    if effect.is_conditional():
+        text = f"(when {wrap.format(expression(effect.condition))} {text})"
+    if effect.is_forall():
+        text = f"(forall ({typed(effect.forall)}) {text})"
+    return text
+
+
+def _timed(effect: up.Effect, when: str) -> str:
+    return _effect(effect, f"({when} {{}})")
+
+
+def _change(effect: up.Effect) -> str:
+    target, value = expression(effect.fluent), effect.value
+    if effect.fluent.type.is_bool_type():
+        if not value.is_bool_constant():
+            raise UnsupportedError(f"found effect '{effect}', expected one that makes {target} true or false")
+        return target if value.is_true() else f"(not {target})"
+    word = "assign" if effect.is_assignment() else "increase" if effect.is_increase() else "decrease"
+    return f"({word} {target} {expression(value)})"
+
+
+def _continuous(effect: up.Effect, interval: up.TimeInterval) -> str:
+    if "over all" not in _whens(interval) or effect.is_conditional() or effect.is_forall():
+        message = f"found continuous effect '{effect}', expected an unconditional one from start to end"
+        raise UnsupportedError(message)
+    word = "increase" if effect.is_continuous_increase() else "decrease"
+    return f"({word} {expression(effect.fluent)} (* #t {expression(effect.value)}))"
+
+
+# -- the problem -------------------------------------------------------------------------------------------------------
+
+
+def _problem_text(problem: up.Problem, name: str) -> str:
+    objects = " ".join(f"{name_of(one.name)} - {name_of(one.type.name)}" for one in problem.all_objects)
+    goal = " ".join(map(expression, problem.goals))
+    return f"(define (problem {name}) (:domain {name}) (:objects {objects}) (:init) (:goal (and {goal})))"
+
+
+def _initial_state(problem: up.Problem) -> tuple[frozenset[Atom], dict[Fluent, Fraction]]:
+    from unified_planning.exceptions import UPProblemDefinitionError  # noqa: PLC0415 - an optional dependency
+
+    try:
+        values = problem.initial_values
+    except UPProblemDefinitionError as error:
+        raise InputError(f"found {error}, expected an initial value for every fluent") from error
+    atoms = (Atom(*named(fluent)) for fluent, value in values.items() if value.is_bool_constant() and value.is_true())
+    numbers = {
+        Fluent(*named(fluent)): number_of(value) for fluent, value in values.items() if not value.is_bool_constant()
+    }
+    return frozenset(atoms), numbers
+
+
+def _timed_literals(problem: up.Problem) -> Iterator[TimedLiteral]:
+    for timing, effects in problem.timed_effects.items():
+        if not (timing.is_global() and timing.is_from_start()):
+            raise UnsupportedError(f"found a timed effect at '{timing}', expected a time after the plan's start")
+        yield from _literals_at(Fraction(timing.delay), effects)
+
+
+def _literals_at(time: Fraction, effects: Iterable[up.Effect]) -> Iterator[TimedLiteral]:
+    for effect in effects:
+        if not effect.is_assignment() or effect.is_conditional() or effect.is_forall():
+            raise UnsupportedError(f"found timed effect '{effect}', expected an unconditional assignment")
+        value = constant(effect.value)
+        where = named(effect.fluent)
+        yield TimedLiteral(time, Atom(*where) if isinstance(value, bool) else Fluent(*where), value)
 
 
 def from_unified_planning(
@@ -36,8 +335,6 @@ def from_unified_planning(
     plans = _module("unified_planning.plans")
     if not isinstance(plan, plans.TimeTriggeredPlan):
         raise InputError(f"found a {type(plan).__name__}, expected a TimeTriggeredPlan of unified-planning")
-    from robust.execute.unified_expressions import name_of  # noqa: PLC0415 - needs unified-planning
-    from robust.execute.unified_problem import problem_of  # noqa: PLC0415 - needs unified-planning
 
     steps = tuple(
         TimedStep(

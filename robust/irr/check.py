@@ -16,8 +16,7 @@ from robust.plan.model import TimePoint
 from robust.plan.simulate import Simulation, simulate
 from robust.smt.export import Exporter
 from robust.smt.limits import Deadline, OutOfTimeError
-from robust.smt.session import Session, Verdict
-from robust.smt.statistics import Statistics
+from robust.smt.session import Session, Statistics, Verdict
 
 
 class Answer(Enum):

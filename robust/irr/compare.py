@@ -7,19 +7,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.encode.interface import EPSILON, Encoding, create_encoding
-from robust.irr.box import Box
+from robust.encode import create_encoding
+from robust.encode.interface import EPSILON, Encoding
+from robust.irr.box import Box, EnvelopeResult, Side, Status
 from robust.irr.check import Answer, Checker
 from robust.irr.containment import Containment
-from robust.irr.faces import Face, Limit, constraints_of, least_stretch
 from robust.irr.irr import IncrementalRobustification
 from robust.irr.methods import ExactSearch
-from robust.irr.result import EnvelopeResult, Side, Status
-from robust.irr.widen import faces_of
+from robust.irr.widen import Face, Limit, constraints_of, faces_of, least_stretch
 from robust.plan.model import ParametrizedPlan
-from robust.qe.bounds import VolumeBounds
 from robust.qe.compute import RegionResult, RegionStatus
 from robust.qe.compute import region as compute_region
+from robust.qe.estimate import VolumeBounds
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.smt.limits import Deadline, OutOfTimeError

@@ -18,9 +18,8 @@ from fractions import Fraction
 from itertools import cycle
 
 from robust.errors import InputError, did_you_mean
-from robust.irr.box import Box, Interval
+from robust.irr.box import Box, EnvelopeResult, Interval, Side, Status, Step
 from robust.irr.containment import Containment, Refutation, require_some_schedule
-from robust.irr.result import EnvelopeResult, Side, Status, Step
 from robust.plan.model import Parameter
 from robust.smt.limits import Deadline, OutOfTimeError
 

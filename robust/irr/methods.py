@@ -6,14 +6,11 @@ import time
 from collections.abc import Callable, Sequence
 
 from robust.encode.interface import Encoding
-from robust.irr.bad_set import DiscoveredBadSet
-from robust.irr.box import Box
-from robust.irr.containment import require_some_schedule
-from robust.irr.faces import Face
+from robust.irr.box import Box, EnvelopeResult, Side, Status, Step
+from robust.irr.containment import DiscoveredBadSet, require_some_schedule
 from robust.irr.irr import ordered
 from robust.irr.optimal import EmptyEnvelopeError, OptimalBox
-from robust.irr.result import EnvelopeResult, Side, Status, Step
-from robust.irr.widen import Widening
+from robust.irr.widen import Face, Widening
 from robust.qe.compute import RegionStatus, region
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.export import Exporter

@@ -14,15 +14,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from robust.encode.variables import Linear, variable
-from robust.irr.box import Box, Interval
-from robust.irr.faces import Face
-from robust.irr.result import Side
-from robust.irr.widen import BadSet, faces_of
+from robust.irr.box import Box, Interval, Side
+from robust.irr.widen import BadSet, Face, faces_of
 from robust.plan.model import Parameter, ParameterReference
 from robust.plan.polynomial import Polynomial
 from robust.qe.constraint import LinearConstraint
-from robust.qe.lp import feasible_point, maximize
 from robust.qe.polyhedron import Polyhedron
+from robust.qe.simplex import feasible_point, maximize
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Terms

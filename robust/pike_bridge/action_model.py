@@ -1,21 +1,17 @@
-"""What the activities of a network need and do, from a PDDL domain and problem [PIKE §2.1, §4.4].
-
-Conditions are conjunctions of literals, effects are literals. Disjunctions and numbers are allowed where what never
-changes in the plan decides them. Where an activity deletes and adds an atom at one event, the atom is added, as PDDL
-has it. The duration constraints of an action and the bounds of its activity hold both: their intersection is taken.
-
-Activities take time, so that their actions are durative: an instantaneous action is refused.
-"""
+"""The events of the initial state and of the goal, which are before and after all others [PIKE §4.4]."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from pathlib import Path
 from typing import assert_never
 
 from robust.errors import InputError, UnsupportedError
-from robust.pike_bridge.ends import with_ends
+from robust.numbers import format_number
+from robust.pike_bridge.files import read_tpnu, write_tpnu
 from robust.pike_bridge.model import (
     ALWAYS,
     EPSILON,
@@ -23,20 +19,201 @@ from robust.pike_bridge.model import (
     INITIAL,
     Activity,
     Condition,
+    Constraint,
     Effect,
+    Event,
     Literal,
     TeamPlan,
     Tpnu,
 )
-from robust.pike_bridge.places import NOWHERE, Places
-from robust.pike_bridge.static_facts import Durations, StaticFacts
-from robust.pike_bridge.validate import validate
-from robust.plan.model import ActionInstance, And, Atom, AtomEffect, Comparison, Holds, Or, Timing, Truth
-from robust.plan.model import Condition as StateCondition
-from robust.plan.numerals import format_number
-from robust.plan.pddl.grounding import ground_action, ground_goal
-from robust.plan.pddl.reader import parse_domain, parse_problem
+from robust.pike_bridge.validate import NOWHERE, Places, validate
+from robust.plan.model import (
+    ActionInstance,
+    And,
+    Atom,
+    AtomEffect,
+    Comparison,
+    Duration,
+    DurationConstraint,
+    Expression,
+    Fluent,
+    Holds,
+    NumericVariable,
+    Or,
+    Relation,
+    Timing,
+    Truth,
+)
+from robust.plan.model import (
+    Condition as StateCondition,
+)
+from robust.plan.pddl.grounding import ground_action, ground_goal, junction
+from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.pddl.syntax import ActionSchema, Domain, Problem
+from robust.plan.polynomial import Polynomial
+
+
+def with_ends(network: Tpnu, epsilon: Fraction) -> Tpnu:
+    """The network with `e_initial` and `e_goal`, added if missing, every other event between them.
+
+    An event is constrained to be ε after `e_initial` unless it follows anyway: along constraints with lower bounds of
+    at least zero that hold whenever the event is activated, the first of them at least ε after `e_initial`. Likewise
+    for `e_goal`.
+    """
+    names = {event.name for event in network.events}
+    before = () if INITIAL in names else (Event(INITIAL),)
+    after = () if GOAL in names else (Event(GOAL),)
+    complete = replace(network, events=(*before, *network.events, *after))
+    inner = [event for event in complete.events if event.name not in {INITIAL, GOAL}]
+    to_goal = [
+        Constraint(event.name, GOAL, epsilon, None, event.guard)
+        for event in _unconnected(inner, GOAL, _Links(complete, epsilon, forward=False))
+    ]
+    complete = replace(complete, constraints=(*complete.constraints, *to_goal))
+    from_initial = [
+        Constraint(INITIAL, event.name, epsilon, None, event.guard)
+        for event in _unconnected([*inner, Event(GOAL)], INITIAL, _Links(complete, epsilon, forward=True))
+    ]
+    return replace(complete, constraints=(*complete.constraints, *from_initial))
+
+
+def _unconnected(events: Iterable[Event], end: str, links: _Links) -> list[Event]:
+    """A small set of events from which, with the end, all others are reached."""
+    reached: set[str] = set()
+    links.reach(end, reached)
+    chosen = []
+    # Events that nothing leads to first: what is left then lies on cycles, and one event of each cycle will do.
+    for event in sorted(events, key=lambda event: event.name in links.entered):
+        if event.name not in reached:
+            chosen.append(event)
+            links.reach(event.name, reached)
+    return chosen
+
+
+class _Links:
+    """For each event, those that certainly follow it (or precede it) whenever they are activated themselves."""
+
+    def __init__(self, network: Tpnu, epsilon: Fraction, *, forward: bool) -> None:
+        self._following: dict[str, list[str]] = {}
+        self.entered: set[str] = set()
+        guards = network.guards
+        end = INITIAL if forward else GOAL
+        for constraint in network.temporal_constraints:
+            near, far = constraint.source, constraint.target
+            if not forward:
+                near, far = far, near
+            least = epsilon if near == end else 0
+            if constraint.lower is None or constraint.lower < least or near == far:
+                continue
+            if constraint.guard <= guards[far]:
+                self._following.setdefault(near, []).append(far)
+                self.entered.add(far)
+
+    def reach(self, start: str, reached: set[str]) -> None:
+        """Add all that certainly follows an event."""
+        pending = [start]
+        while pending:
+            event = pending.pop()
+            if event not in reached:
+                reached.add(event)
+                pending.extend(self._following.get(event, ()))
+
+
+@dataclass(frozen=True, slots=True)
+class Durations:
+    """How long an action may take; None is no upper bound."""
+
+    lower: Fraction
+    upper: Fraction | None
+
+
+class StaticFacts:
+    """The atoms that no effect of the plan touches, and the fluents that no action of the domain changes."""
+
+    def __init__(self, domain: Domain, problem: Problem, instances: Iterable[ActionInstance]) -> None:
+        self._initial = problem.atoms
+        self._touched = {effect.atom for instance in instances for effect in instance.atom_effects}
+        self._values: Mapping[Fluent, Fraction] = {
+            fluent: value for fluent, value in problem.fluents.items() if fluent.function not in domain.written
+        }
+        self._written = domain.written
+
+    def simplify(self, condition: StateCondition) -> StateCondition:
+        """The condition with what never changes decided."""
+        match condition:
+            case Truth():
+                return condition
+            case Holds(atom, value):
+                return condition if atom in self._touched else Truth((atom in self._initial) == value)
+            case Comparison(expression, relation):
+                known = self._known(expression)
+                return _truth(known.constant_term, relation) if known.is_constant else condition
+            case And(operands):
+                return junction([self.simplify(operand) for operand in operands], every=True)
+            case Or(operands):
+                return junction([self.simplify(operand) for operand in operands], every=False)
+            case _:
+                assert_never(condition)
+
+    def durations(self, instance: ActionInstance, schema: ActionSchema) -> Durations:
+        """The durations that the action allows.
+
+        Raises:
+            InputError: if a number that decides about the duration has no value.
+            UnsupportedError: if the duration depends on what changes or is a parameter, or has a strict bound.
+        """
+        lower: Fraction = Fraction(0)
+        upper: Fraction | None = None
+        for constraint in instance.durations:
+            slope, limit = self._limit(constraint, instance, schema)
+            both = constraint.condition.relation is Relation.EQUAL
+            if slope > 0 or both:
+                lower = max(lower, limit)
+            if slope < 0 or both:
+                upper = limit if upper is None else min(upper, limit)
+        return Durations(lower, upper)
+
+    def _limit(
+        self, constraint: DurationConstraint, instance: ActionInstance, schema: ActionSchema
+    ) -> tuple[Fraction, Fraction]:
+        """A bound on the duration, and the factor whose sign says on which side it is."""
+        expression = self._known(constraint.condition.expression)
+        for variable in sorted(expression.variables, key=str):
+            if isinstance(variable, Fluent) and variable.function not in self._written:
+                reason = f"duration {constraint.text} of {instance} reads it"
+                remedy = f"add (= {variable} VALUE) to the problem's :init"
+                message = f"found no initial value of {variable}, expected one because {reason}: {remedy}"
+                raise InputError(message, schema.location)
+        slope = dict(expression.coefficients()).get(Duration(), Fraction(0))
+        strict = constraint.condition.relation not in {Relation.AT_LEAST, Relation.EQUAL}
+        if expression.variables != {Duration()} or not expression.is_linear or slope == 0 or strict:
+            message = f"found duration {constraint.text} of {instance}, expected <=, >= or = and a constant"
+            raise UnsupportedError(f"{message} in plans with choices", schema.location)
+        return slope, -expression.constant_term / slope
+
+    def _known(self, expression: Expression) -> Expression:
+        """With the values of fluents that never change."""
+
+        def value(variable: NumericVariable) -> Expression:
+            if isinstance(variable, Fluent) and variable in self._values:
+                return Polynomial.constant(self._values[variable])
+            return Polynomial.variable(variable)
+
+        return expression.substitute(value)
+
+
+def _truth(value: Fraction, relation: Relation) -> Truth:
+    match relation:
+        case Relation.AT_LEAST:
+            return Truth(value >= 0)
+        case Relation.GREATER:
+            return Truth(value > 0)
+        case Relation.EQUAL:
+            return Truth(value == 0)
+        case Relation.DIFFERENT:
+            return Truth(value != 0)
+        case _:
+            assert_never(relation)
 
 
 def team_plan_of(network: Tpnu, domain: str, problem: str, *, epsilon: Fraction = EPSILON) -> TeamPlan:
@@ -219,3 +396,65 @@ def _span(activity: Activity, timing: Timing) -> tuple[str, str]:
 
 def _interval(lower: Fraction, upper: Fraction | None) -> str:
     return f"[{format_number(lower)}, {'∞' if upper is None else format_number(upper)}]"
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """What `.tpnu.json` and two PDDL files say together."""
+
+    network: Tpnu
+    domain: str
+    problem: str
+
+    @property
+    def name(self) -> str:
+        return self.network.name
+
+    def plan(self, epsilon: Fraction = EPSILON) -> TeamPlan:
+        """The plan with the conditions and effects of its activities."""
+        return team_plan_of(self.network, self.domain, self.problem, epsilon=epsilon)
+
+    def write(self, directory: str | os.PathLike[str], name: str = "plan") -> Path:
+        """Write `NAME.tpnu.json`, `domain.pddl` and `problem.pddl`; the path of the first.
+
+        Raises:
+            InputError: if the directory or a file in it cannot be written.
+        """
+        place = Path(directory)
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+            (place / "domain.pddl").write_text(self.domain, encoding="utf-8")
+            (place / "problem.pddl").write_text(self.problem, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"cannot write to {str(place)!r}: {(error.strerror or str(error)).lower()}") from None
+        path = place / f"{name}.tpnu.json"
+        write_tpnu(path, self.network, domain="domain.pddl", problem="problem.pddl")
+        return path
+
+
+def load_team_plan(path: str | os.PathLike[str], *, epsilon: Fraction = EPSILON) -> TeamPlan:
+    """Read a `.tpnu.json` file, its domain and its problem.
+
+    Args:
+        epsilon: how far apart a producer, its consumer and what threatens them are kept.
+
+    Raises:
+        InputError: with the place, if a file cannot be read, is wrong, or does not fit the others.
+        UnsupportedError: if the actions or the goal need more than conjunctions of literals.
+    """
+    document = read_tpnu(path)
+    validate(document.network, document.places)
+    domain = read_domain(document.beside(document.domain))
+    problem = read_problem(document.beside(document.problem), domain)
+    return team_plan(document.network, domain, problem, places=document.places, epsilon=epsilon)
+
+
+def load_network(path: str | os.PathLike[str]) -> Tpnu:
+    """Read only the network of a `.tpnu.json` file, for what needs no action model.
+
+    Raises:
+        InputError: with line and column, if the file cannot be read or its network is wrong.
+    """
+    document = read_tpnu(path)
+    validate(document.network, document.places)
+    return document.network

@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import TypeAlias, assert_never
 
 from robust.errors import InputError
+from robust.numbers import parse_number
 from robust.pike_bridge.model import (
     ALWAYS,
     EPSILON,
@@ -26,7 +27,6 @@ from robust.pike_bridge.model import (
     Guard,
     Tpnu,
 )
-from robust.plan.numerals import parse_number
 
 Number: TypeAlias = int | str | Fraction
 """Exact numbers: `3`, `"0.25"`, `"1/3"` or a Fraction."""

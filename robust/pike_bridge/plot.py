@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from robust.errors import InputError, Location
+from robust.numbers import format_number, shorten
 from robust.pike_bridge.layout import Layout, Point, layered
 from robust.pike_bridge.model import EPSILON, Activity, Choice, Constraint, Tpnu, guard_text
 from robust.pike_bridge.scenarios import contradicts
-from robust.plan.numerals import format_number, shorten
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
 from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, product
+from types import MappingProxyType
+from typing import TypeAlias, assert_never
 
-from robust.errors import InputError, did_you_mean
-from robust.pike_bridge.model import Assignment, Choice, Condition, Constraint, Effect, Guard, Literal, TeamPlan
+from robust.errors import InputError, SolverError, did_you_mean
+from robust.pike_bridge.knowledge.interface import Commitment, Exclude, Require
+from robust.pike_bridge.model import (
+    Assignment,
+    Choice,
+    Condition,
+    Constraint,
+    Effect,
+    Guard,
+    Literal,
+    TeamPlan,
+    Tpnu,
+    guard,
+)
+from robust.plan.model import Atom
 from robust.plan.polynomial import Polynomial
-from robust.smt.session import Value
+from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Session, Statistics, Value, Verdict
 from robust.smt.terms import Formula, Terms
 
 
@@ -178,3 +196,369 @@ def _compatible(one: Guard, other: Guard) -> bool:
     """Whether no choice has different values in the two guards."""
     values = dict(one)
     return all(values.get(variable, value) == value for variable, value in other)
+
+
+Assumption: TypeAlias = Guard | Sequence[Commitment]
+"""An environment, or what execution has committed to."""
+
+NO_TIMES: Mapping[str, Fraction] = MappingProxyType({})
+
+
+class Existence(Enum):
+    """Whether a correct execution exists; UNKNOWN if the time was not enough."""
+
+    EXISTS = "exists"
+    NONE = "none"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A verdict; if it is EXISTS, with a correct execution as witness."""
+
+    verdict: Existence
+    witness: Execution | None = None
+
+
+class Oracle:
+    """One incremental solver session for questions about the correct executions of a plan.
+
+    Raises:
+        SolverError: if the solver is unknown or not installed.
+        InputError: if a guard, a constraint, a condition or an effect mentions an unknown choice, value or event.
+    """
+
+    def __init__(self, plan: TeamPlan, *, solver: str = "z3", statistics: Statistics | None = None) -> None:
+        self.plan = plan
+        self.statistics = statistics or Statistics()
+        self._solver = solver
+        self._semantics = Semantics(plan)
+        self._session = self._start()
+
+    def decide(
+        self,
+        assume: Assumption = frozenset(),
+        schedule: Mapping[str, Fraction] = NO_TIMES,
+        *,
+        now: Fraction | None = None,
+        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    ) -> Answer:
+        """Whether the partial execution is correct [PIKE, Definition 2.8]: whether a correct execution extends it.
+
+        The events of `schedule` are executed at their times, and therefore activated. Any other activated event may
+        have any time or, with `now`, any time from then on.
+
+        Raises:
+            InputError: if an assumption or the schedule mentions an unknown choice, value or event.
+            SolverError: if the witness is not correct: the solver or this package has a fault.
+        """
+        with self._session.frame(*self._assumptions(assume), *self._executed(schedule, now)):
+            verdict = self._session.check("correct execution", deadline)
+            match verdict:
+                case Verdict.SATISFIABLE:
+                    return Answer(Existence.EXISTS, self._witness(self._session, movable=not schedule and now is None))
+                case Verdict.UNSATISFIABLE:
+                    return Answer(Existence.NONE)
+                case Verdict.UNKNOWN:
+                    return Answer(Existence.UNKNOWN)
+                case _:
+                    assert_never(verdict)
+
+    def could_commit(
+        self,
+        commitments: Sequence[Commitment],
+        schedule: Mapping[str, Fraction] = NO_TIMES,
+        *,
+        now: Fraction | None = None,
+        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    ) -> bool:
+        """As :meth:`decide`, in the manner of knowledge bases.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+            InputError: as :meth:`decide`.
+            SolverError: as :meth:`decide`.
+        """
+        answer = self.decide(commitments, schedule, now=now, deadline=deadline)
+        if answer.verdict is Existence.UNKNOWN:
+            raise OutOfTimeError
+        return answer.verdict is Existence.EXISTS
+
+    def scenarios(
+        self,
+        assume: Assumption = frozenset(),
+        *,
+        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    ) -> Iterator[Execution]:
+        """Each team scenario that admits a correct execution, once, with such an execution, as they are found.
+
+        Choices that a scenario never comes to have a value in it, too [PIKE, Definition 2.2].
+
+        Raises:
+            OutOfTimeError: if the deadline passes before all are found.
+            InputError: as :meth:`decide`.
+            SolverError: as :meth:`decide`.
+        """
+        session = self._start()
+        session.add(*self._assumptions(assume))
+        mentioned = _by_choice((*_guards(self.plan), *_environments(assume)))
+        seen: list[Guard] = []
+        while True:
+            match session.check("another scenario", deadline):
+                case Verdict.UNKNOWN:
+                    raise OutOfTimeError
+                case Verdict.UNSATISFIABLE:
+                    return
+                case Verdict.SATISFIABLE:
+                    witness = self._witness(session, movable=True)
+                    alike = self._alike(witness.scenario, mentioned)
+                    for scenario in self._extensions(alike):
+                        if not any(holds(earlier, scenario) for earlier in seen):
+                            deadline.enforce()
+                            yield self._confirmed(Execution(scenario, witness.schedule))
+                    seen.append(alike)
+                    session.add(self._semantics.terms.negation(self._semantics.guard(alike)))
+
+    def _alike(self, scenario: Mapping[str, str], mentioned: Mapping[str, set[Guard]]) -> Guard:
+        """An environment of the scenario throughout which every guard in question has the same truth.
+
+        Left out are choices that only such guards mention as are false for another reason.
+        """
+        kept = dict(scenario)
+        for name in scenario:
+            others = ([each for each in label if each.variable != name] for label in mentioned.get(name, ()))
+            if all(any(kept.get(variable, value) != value for variable, value in rest) for rest in others):
+                del kept[name]
+        return guard(kept)
+
+    def _extensions(self, environment: Guard) -> Iterator[dict[str, str]]:
+        chosen = dict(environment)
+        choices = self.plan.network.choices
+        for values in product(*((chosen[each.name],) if each.name in chosen else each.domain for each in choices)):
+            yield {choice.name: value for choice, value in zip(choices, values, strict=True)}
+
+    def _start(self) -> Session:
+        session = Session(self._semantics.terms, solver=self._solver, statistics=self.statistics)
+        session.add(*self._semantics.formulas)
+        return session
+
+    def _assumptions(self, assume: Assumption) -> Iterator[Formula]:
+        if isinstance(assume, frozenset):
+            yield self._semantics.guard(assume)
+            return
+        for commitment in assume:
+            match commitment:
+                case Require(environment):
+                    yield self._semantics.guard(environment)
+                case Exclude(environment):
+                    yield self._semantics.terms.negation(self._semantics.guard(environment))
+                case _:
+                    assert_never(commitment)
+
+    def _executed(self, schedule: Mapping[str, Fraction], now: Fraction | None) -> Iterable[Formula]:
+        guards = self.plan.network.guards
+        for name in schedule:
+            if name not in guards:
+                raise InputError(f"the schedule gives a time to {name}; expected an event of the plan")
+        for name, time in schedule.items():
+            yield self._semantics.guard(guards[name])
+            yield self._semantics.at(name, time)
+        if now is not None:
+            for name, label in guards.items():
+                if name not in schedule:
+                    yield self._semantics.unless(label, self._semantics.not_before(name, now))
+
+    def _witness(self, session: Session, *, movable: bool) -> Execution:
+        """The execution of the last model, confirmed; if nothing fixes its times, it starts at zero."""
+        scenario = self._semantics.chosen(session.values(self._semantics.choices))
+        activated = [event.name for event in self.plan.network.events if holds(event.guard, scenario)]
+        values = session.values(self._semantics.times(activated))
+        times = {name: self._semantics.time(name, values) for name in activated}
+        start = min(times.values(), default=Fraction(0)) if movable else Fraction(0)
+        return self._confirmed(Execution(scenario, {name: time - start for name, time in times.items()}))
+
+    def _confirmed(self, execution: Execution) -> Execution:
+        found = faults(self.plan, execution)
+        if found:
+            raise SolverError(f"{self._solver} gave an execution that is not correct: {found[0]}; please report this")
+        return execution
+
+
+def _guards(plan: TeamPlan) -> set[Guard]:
+    """Every guard that makes a difference to what a scenario activates."""
+    network = plan.network
+    found = {each.guard for each in network.events} | {each.guard for each in network.temporal_constraints}
+    return found | {each.guard for each in plan.conditions} | {each.guard for each in plan.effects}
+
+
+def _environments(assume: Assumption) -> Iterator[Guard]:
+    if isinstance(assume, frozenset):
+        yield assume
+    else:
+        yield from (commitment.environment for commitment in assume)
+
+
+def _by_choice(guards: Iterable[Guard]) -> dict[str, set[Guard]]:
+    """The guards that mention each choice."""
+    found: dict[str, set[Guard]] = {}
+    for label in guards:
+        for variable, _ in label:
+            found.setdefault(variable, set()).add(label)
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Execution:
+    """Choices for a whole plan, and times for the events that they activate [PIKE, Definition 2.6]."""
+
+    scenario: Mapping[str, str]
+    schedule: Mapping[str, Fraction]
+
+
+@dataclass(frozen=True, slots=True)
+class BrokenConstraint:
+    """A temporal constraint that the schedule violates."""
+
+    constraint: Constraint
+    difference: Fraction
+    """How much later the target is than the source."""
+
+    def __str__(self) -> str:
+        lower = "-∞" if self.constraint.lower is None else self.constraint.lower
+        upper = "∞" if self.constraint.upper is None else self.constraint.upper
+        return (
+            f"{self.constraint.target} is {self.difference} after {self.constraint.source}; "
+            f"expected between {lower} and {upper}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class UnmetCondition:
+    """A condition that does not hold when it must."""
+
+    condition: Condition
+    action: str
+    """Whose condition it is; `the goal` for the goal's."""
+    time: Fraction
+    """When that shows first."""
+    culprit: Effect | None
+    """The effect that contradicts the condition; None if nothing ever established it."""
+
+    def __str__(self) -> str:
+        reason = "nothing has established it"
+        if self.culprit is not None:
+            reason = f"{self.culprit.event} makes {self.culprit.literal} true"
+        return f"{self.action} needs {self.condition.literal} at {self.time}, but {reason}"
+
+
+Fault: TypeAlias = BrokenConstraint | UnmetCondition
+
+
+def faults(plan: TeamPlan, execution: Execution) -> tuple[Fault, ...]:
+    """All that is wrong with an execution; it is correct if and only if there is nothing.
+
+    Each constraint and each condition appears at most once.
+
+    Raises:
+        InputError: if the scenario does not give each choice a value of its domain, or the schedule does not give a
+            time to exactly the activated events.
+    """
+    _validate(plan.network, execution)
+    return (*_broken(plan.network, execution), *_Simulation(plan, execution).run())
+
+
+def holds(guard: Guard, scenario: Mapping[str, str]) -> bool:
+    """Whether a full assignment entails a guard."""
+    return all(scenario[variable] == value for variable, value in guard)
+
+
+def _validate(network: Tpnu, execution: Execution) -> None:
+    for choice in network.choices:
+        value = execution.scenario.get(choice.name)
+        if value not in choice.domain:
+            raise InputError(f"choice {choice.name} has value {value}; expected one of {', '.join(choice.domain)}")
+    activated = {event.name for event in network.events if holds(event.guard, execution.scenario)}
+    for name in sorted(activated - execution.schedule.keys()):
+        raise InputError(f"activated event {name} has no time; expected a time for each activated event")
+    for name in sorted(execution.schedule.keys() - activated):
+        raise InputError(f"event {name} has a time, but is not activated; expected times for activated events only")
+
+
+def _broken(network: Tpnu, execution: Execution) -> Iterator[BrokenConstraint]:
+    for constraint in network.temporal_constraints:
+        if holds(constraint.guard, execution.scenario):
+            difference = execution.schedule[constraint.target] - execution.schedule[constraint.source]
+            too_early = constraint.lower is not None and difference < constraint.lower
+            too_late = constraint.upper is not None and difference > constraint.upper
+            if too_early or too_late:
+                yield BrokenConstraint(constraint, difference)
+
+
+class _Simulation:
+    """The state of the world and the conditions that are being watched, at the current moment of an execution.
+
+    An atom's state is the literals asserted at the latest moment at which any was. Two opposite ones leave the atom
+    neither true nor false, which is what a closed interval from a producer to its consumer demands of threats at the
+    very moment of the producer.
+    """
+
+    def __init__(self, plan: TeamPlan, execution: Execution) -> None:
+        self._plan = plan
+        self._time = execution.schedule
+        self._conditions = [each for each in plan.conditions if holds(each.guard, execution.scenario)]
+        self._effects: dict[Fraction, list[Effect]] = {}
+        for effect in plan.effects:
+            if holds(effect.guard, execution.scenario):
+                self._effects.setdefault(self._time[effect.event], []).append(effect)
+        self._state: dict[Atom, dict[Literal, Effect]] = {}
+        self._watched: list[Condition] = []
+
+    def run(self) -> Iterator[UnmetCondition]:
+        for now in sorted(set(self._time.values())):
+            happening = self._effects.get(now, [])
+            yield from self._open(now, happening)
+            yield from self._watch(now, happening)
+            self._apply(happening)
+            self._watched = [each for each in self._watched if self._time[each.last] > now]
+
+    def _open(self, now: Fraction, happening: list[Effect]) -> Iterator[UnmetCondition]:
+        """Look at the state just before now, for the conditions that begin now."""
+        for condition in self._conditions:
+            if self._time[condition.first] != now:
+                continue
+            state = self._state.get(condition.literal.atom, {})
+            if set(state) == {condition.literal} or any(_establishes(effect, condition) for effect in happening):
+                self._watched.append(condition)
+            else:
+                yield self._unmet(condition, now, state.get(condition.literal.negation))
+
+    def _watch(self, now: Fraction, happening: list[Effect]) -> Iterator[UnmetCondition]:
+        """Drop the watched conditions that an effect of this moment contradicts."""
+        for condition in list(self._watched):
+            culprit = next((effect for effect in happening if _contradicts(effect, condition)), None)
+            if culprit is not None:
+                self._watched.remove(condition)
+                yield self._unmet(condition, now, culprit)
+
+    def _apply(self, happening: list[Effect]) -> None:
+        changed: dict[Atom, dict[Literal, Effect]] = {}
+        for effect in happening:
+            changed.setdefault(effect.literal.atom, {})[effect.literal] = effect
+        self._state.update(changed)
+
+    def _unmet(self, condition: Condition, now: Fraction, culprit: Effect | None) -> UnmetCondition:
+        activities = self._plan.network.activities
+        action = "the goal" if condition.activity is None else activities[condition.activity].action
+        return UnmetCondition(condition, action, now, culprit)
+
+
+def _establishes(effect: Effect, condition: Condition) -> bool:
+    """Whether an activity's effect at its start makes its own condition over all true."""
+    own = condition.activity is not None and effect.activity == condition.activity
+    over_all = condition.first != condition.last
+    return own and over_all and effect.event == condition.first and effect.literal == condition.literal
+
+
+def _contradicts(effect: Effect, condition: Condition) -> bool:
+    own = condition.activity is not None and effect.activity == condition.activity
+    return effect.literal == condition.literal.negation and not (own and effect.event == condition.last)

@@ -1,23 +1,35 @@
-"""Whether a network makes sense [PIKE, Definition 2.1]; whether it can be executed is for checking to say.
-
-Beyond the definition, choices must be made before they matter. Where a guard mentions a choice, it must also demand
-what the choice's own event demands, so that the choice is made in every scenario in which it is asked for; and what is
-guarded must not be able to come before that event because nothing orders the two. The second is asked leniently: some
-path of constraints leads from the choice to what is guarded, each of which says "not before" and is compatible with the
-guard. Several choices may be made at one event. An event whose constraints contradict each other is no error here.
-"""
+"""Where the parts of a plan with choices are written, for messages about plans that come from a file."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Final
 
-from robust.errors import InputError, did_you_mean
-from robust.pike_bridge.environment import Vocabulary
-from robust.pike_bridge.json_text import Key
-from robust.pike_bridge.model import GOAL, INITIAL, Activity, Constraint, Guard, Tpnu, guard_text
-from robust.pike_bridge.places import NOWHERE, Places
-from robust.plan.numerals import format_number, shorten
+from robust.errors import InputError, Location, did_you_mean
+from robust.json_text import JsonPath, Key
+from robust.numbers import format_number, shorten
+from robust.pike_bridge.model import GOAL, INITIAL, Activity, Constraint, Guard, Tpnu, Vocabulary, guard_text
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """The location of each value of a document by its path, such as `("events", 3, "guard", "x")`."""
+
+    file: str | None = None
+    locations: Mapping[JsonPath, Location] = field(default_factory=lambda: MappingProxyType({}))
+
+    def of(self, *path: Key) -> Location | None:
+        """The location of a value, or of the innermost value around it that is written; None without a file."""
+        for length in range(len(path), -1, -1):
+            if path[:length] in self.locations:
+                return self.locations[path[:length]]
+        return None
+
+
+NOWHERE: Final = Places()
+"""Of plans that were built in memory."""
 
 
 def validate(network: Tpnu, places: Places = NOWHERE) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from robust.plan.load import assemble, load_plan
     from robust.plan.model import Parameter, ParametrizedPlan
-    from robust.plan.parametrize import ParameterSpec, parse_spec, parse_specs, read_parameter_file
+    from robust.plan.parameters import ParameterSpec, parse_spec, parse_specs, read_parameter_file
     from robust.plan.stn import STNPlan, parse_stn, read_stn, write_stn
     from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan, read_timed_plan, write_timed_plan
 

@@ -30,7 +30,7 @@ from robust.plan.model import (
     TemporalConstraint,
     Truth,
 )
-from robust.plan.parametrize import ParameterSpec, parse_specs, read_parameter_file
+from robust.plan.parameters import ParameterSpec, Wiring, parse_specs, read_parameter_file, referenced_parameters, wire
 from robust.plan.pddl.grounding import (
     fluents_read,
     ground_action,
@@ -43,7 +43,6 @@ from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.stn import ParameterDeclaration, STNBound, STNPlan, check_interval, check_range, read_stn
-from robust.plan.wiring import Wiring, referenced_parameters, wire
 
 File = str | PathLike[str]
 
@@ -58,7 +57,7 @@ def load_plan(
 ) -> ParametrizedPlan:
     """Read a PDDL domain and problem and a `.stn` plan; InputError for anything wrong in them.
 
-    `parameters` are specifications as :mod:`robust.plan.parametrize` describes them, and `parameter_file` is a TOML
+    `parameters` are specifications as :mod:`robust.plan.parameters` describes them, and `parameter_file` is a TOML
     file of more of them. The result is named after the plan's file.
     """
     parsed_domain = read_domain(domain)

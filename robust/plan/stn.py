@@ -16,14 +16,17 @@ parameters are case-sensitive. All numbers are exact; time has the unit of the p
 
 from __future__ import annotations
 
+import re
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from fractions import Fraction
 from os import PathLike
 from pathlib import PurePath
+from typing import NoReturn
 
-from robust.errors import InputError, Location
-from robust.plan.model import ParameterReference, TimePoint, TimePointKind
-from robust.plan.numerals import format_number
+from robust.errors import InputError, Location, did_you_mean
+from robust.numbers import format_number, is_number, parse_number, shorten
+from robust.plan.model import ZERO, ParameterReference, TimePoint, TimePointKind
 
 STNBound = Fraction | ParameterReference | None
 """A bound of a constraint; None is the infinite one: −∞ below, +∞ above."""
@@ -96,14 +99,13 @@ class STNPlan:
 
 def parse_stn(text: str, file: str = "<plan>") -> STNPlan:
     """The plan that a text describes; InputError with line and column for anything that is not a plan."""
-    from robust.plan.stn_reader import parse  # noqa: PLC0415 - the reader is built on the types of this module
 
     return parse(text, file)
 
 
 def read_stn(path: str | PathLike[str]) -> STNPlan:
     """The plan in a file; InputError if it cannot be read or is not a plan."""
-    from robust.plan.pddl.files import read_text  # noqa: PLC0415 - keeps the grammar of PDDL out of this import
+    from robust.plan.pddl.forms import read_text  # noqa: PLC0415 - keeps the grammar of PDDL out of this import
 
     return parse_stn(read_text(path), str(path))
 
@@ -168,3 +170,263 @@ def check_interval(constraint: STNConstraint, location: Location | None = None) 
             point = constraint.target
             message = f"found an interval without 0 between {point} and itself, expected one that contains 0"
             raise InputError(message, location)
+
+
+_BLANK = re.compile(r"(?:\s|#[^\n]*)*")
+_KEYWORD = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+_IDENTIFIER = re.compile(r"[A-Za-z0-9_]+(?:-+[A-Za-z0-9_]+)*")
+_TIME_POINT = re.compile(rf"(?P<zero>\.zero\b)|(?P<instance>{_IDENTIFIER.pattern})(?:\.(?P<end>[A-Za-z0-9_]+))?")
+_SYMBOL = re.compile(r"[A-Za-z0-9_-]+")
+_WORD = re.compile(r"[^\s\[\](),;:#]+")
+_ANYTHING = re.compile(rf"{_WORD.pattern}|.", re.DOTALL)
+_PARAMETER_NAME = re.compile(r"[A-Za-z_](?:[A-Za-z0-9_.-]*[A-Za-z0-9_])?")
+
+_STATEMENTS = ("parameter", "durative-action", "action", "c")
+_ATTRIBUTES = {"weight": "weight", "default": "default", "lb": "lower", "ub": "upper"}
+_EXPECTED_BOUND = "a number, a fraction a/b, inf, -inf or a parameter name"
+
+
+def parse(text: str, file: str) -> STNPlan:
+    """The plan that a text describes; InputError with line and column for anything that is not a plan."""
+    return _Parser(_Scanner(text, file)).plan()
+
+
+def is_parameter_name(name: str) -> bool:
+    """Whether a parameter may have this name: one that cannot be taken for a number, a bound or the zero point."""
+    return _PARAMETER_NAME.fullmatch(name) is not None and name.lower() not in RESERVED_NAMES
+
+
+def bad_parameter_name(name: str) -> str:
+    """The message about a name that :func:`is_parameter_name` refuses."""
+    expected = "a parameter name: letters, digits, '_', '-' and '.', beginning with a letter or '_'"
+    reserved = name.lower() in RESERVED_NAMES or name.lower() in {"+inf", "-inf", ".zero"} or is_number(name)
+    why = ", which cannot be told from a bound" if reserved else ""
+    return f"found {shorten(name)}{why}, expected {expected}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Token:
+    match: re.Match[str]
+    location: Location
+
+    @property
+    def text(self) -> str:
+        return self.match.group()
+
+
+class _Scanner:
+    """A position in the text, always past blanks and comments."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self.text = text
+        self.file = file
+        self._line_starts = [0, *(match.end() for match in re.finditer("\n", text))]
+        self._position = 0
+        self._skip(0)
+
+    def _skip(self, position: int) -> None:
+        blank = _BLANK.match(self.text, position)
+        self._position = blank.end() if blank else position
+
+    @property
+    def at_end(self) -> bool:
+        return self._position == len(self.text)
+
+    @property
+    def location(self) -> Location:
+        line = bisect_right(self._line_starts, self._position)
+        return Location(self.file, line, self._position - self._line_starts[line - 1] + 1)
+
+    def peek(self, pattern: re.Pattern[str]) -> str:
+        """What `pattern` matches here, empty if nothing."""
+        match = pattern.match(self.text, self._position)
+        return match.group() if match else ""
+
+    def take(self, pattern: re.Pattern[str], expected: str) -> _Token:
+        match = pattern.match(self.text, self._position)
+        if match is None:
+            self.fail(expected)
+        token = _Token(match, self.location)
+        self._skip(match.end())
+        return token
+
+    def literal(self, text: str, alternative: str = "") -> None:
+        if not self.text.startswith(text, self._position):
+            self.fail(f"{alternative}{text!r}")
+        self._skip(self._position + len(text))
+
+    def keyword(self, keyword: str) -> None:
+        if self.peek(_KEYWORD) != keyword:
+            self.fail(repr(keyword))
+        self._skip(self._position + len(keyword))
+
+    def fail(self, expected: str, hint: str = "") -> NoReturn:
+        found = "end of file" if self.at_end else shorten(self.peek(_ANYTHING))
+        raise InputError(f"found {found}, expected {expected}{hint}", self.location)
+
+
+class _Parser:
+    """One method per rule; what is declared so far is what a statement may refer to."""
+
+    def __init__(self, scanner: _Scanner) -> None:
+        self.scanner = scanner
+        self.parameters: dict[str, ParameterDeclaration] = {}
+        self.instances: dict[str, InstanceDeclaration] = {}
+        self.constraints: list[STNConstraint] = []
+
+    def plan(self) -> STNPlan:
+        while not self.scanner.at_end:
+            self.statement()
+        if not self.instances:
+            message = (
+                "empty plan: found no action instance, expected at least one 'durative-action instance ID : (...);'"
+            )
+            raise InputError(message, self.scanner.location)
+        return STNPlan(
+            tuple(self.parameters.values()),
+            tuple(self.instances.values()),
+            tuple(self.constraints),
+            self.scanner.file,
+        )
+
+    def statement(self) -> None:
+        location = self.scanner.location
+        keyword = self.scanner.peek(_KEYWORD)
+        if keyword not in _STATEMENTS:
+            hint = did_you_mean(keyword, _STATEMENTS) if len(keyword) > 1 else ""
+            self.scanner.fail("'parameter', 'durative-action', 'action' or 'c:'", hint)
+        self.scanner.keyword(keyword)
+        match keyword:
+            case "parameter":
+                self.parameter()
+            case "c":
+                self.constraint(location)
+            case _:
+                self.instance(durative=keyword == "durative-action")
+        self.scanner.literal(";")
+
+    def parameter(self) -> None:
+        token = self.scanner.take(_WORD, "a parameter name")
+        name = token.text
+        if not is_parameter_name(name):
+            raise InputError(bad_parameter_name(name), token.location)
+        if name in self.parameters:
+            raise _declared_twice("parameter", name, self.parameters[name].location, token.location)
+        values: dict[str, Fraction | None] = {}
+        while word := self.scanner.peek(_WORD):
+            attribute = _ATTRIBUTES.get(word)
+            if attribute is None:
+                self.scanner.fail("'weight', 'default', 'lb', 'ub' or ';'", did_you_mean(word, _ATTRIBUTES))
+            if attribute in values:
+                self.scanner.fail(f"{word!r} at most once in the declaration of {name!r}")
+            self.scanner.keyword(word)
+            values[attribute] = self.attribute(word)
+        declaration = ParameterDeclaration(
+            name,
+            weight=values.get("weight") or Fraction(1),
+            default=values.get("default"),
+            lower=values.get("lower"),
+            upper=values.get("upper"),
+            location=token.location,
+        )
+        check_range(declaration)
+        self.parameters[name] = declaration
+
+    def attribute(self, word: str) -> Fraction | None:
+        token = self.scanner.take(_WORD, f"the value of {word!r}")
+        return attribute_value(word, token.text, token.location)
+
+    def instance(self, *, durative: bool) -> None:
+        self.scanner.keyword("instance")
+        token = self.scanner.take(_IDENTIFIER, "an instance identifier of letters, digits, '_' and '-'")
+        identifier = token.text
+        if identifier in self.instances:
+            raise _declared_twice("instance", identifier, self.instances[identifier].location, token.location)
+        self.scanner.literal(":")
+        self.scanner.literal("(")
+        action = self.scanner.take(_SYMBOL, "an action name").text.lower()
+        arguments: list[str] = []
+        while self.scanner.peek(_SYMBOL):
+            arguments.append(self.scanner.take(_SYMBOL, "an object").text.lower())
+        self.scanner.literal(")", alternative="an object or ")
+        self.instances[identifier] = InstanceDeclaration(identifier, action, tuple(arguments), durative, token.location)
+
+    def constraint(self, location: Location) -> None:
+        self.scanner.literal(":")
+        target = self.time_point()
+        self.scanner.literal("-")
+        source = self.time_point()
+        self.scanner.keyword("in")
+        self.scanner.literal("[")
+        place = self.scanner.location
+        lower = self.bound(excluded="inf")
+        self.scanner.literal(",")
+        upper = self.bound(excluded="-inf")
+        self.scanner.literal("]")
+        constraint = STNConstraint(target, source, lower, upper, location)
+        check_interval(constraint, place)
+        self.constraints.append(constraint)
+
+    def time_point(self) -> TimePoint:
+        token = self.scanner.take(_TIME_POINT, "a time point: '.zero', 'ID.start', 'ID.end' or 'ID'")
+        if token.match["zero"]:
+            return ZERO
+        identifier, end = token.match["instance"], token.match["end"]
+        instance = self.instances.get(identifier)
+        if instance is None:
+            hint = did_you_mean(identifier, self.instances)
+            if "-" in identifier:
+                hint += " (a minus between time points needs blanks around it)"
+            found = f"found time point {shorten(token.text)} of an instance that is not declared above"
+            raise InputError(f"{found}, expected a declared instance{hint}", token.location)
+        if instance.durative and end in ("start", "end"):
+            return instance.start if end == "start" else instance.end
+        if not instance.durative and end is None:
+            return instance.start
+        if instance.durative:
+            expected = f"'{identifier}.start' or '{identifier}.end', since {identifier} is durative"
+        else:
+            expected = f"'{identifier}', since {identifier} is instantaneous"
+        raise InputError(f"found time point {shorten(token.text)}, expected {expected}", token.location)
+
+    def bound(self, *, excluded: str) -> STNBound:
+        token = self.scanner.take(_WORD, _EXPECTED_BOUND)
+        text = token.text
+        if text in ("inf", "+inf", "-inf"):
+            side = "lower" if excluded == "inf" else "upper"
+            if text.removeprefix("+") == excluded:
+                expected = (
+                    f"a {side} bound that some time can meet (use '{'-inf' if side == 'lower' else 'inf'}' for none)"
+                )
+                raise InputError(f"found {side} bound {text!r}, expected {expected}", token.location)
+            return None
+        if is_number(text):
+            return parse_number(text, token.location)
+        if text in self.parameters:
+            return ParameterReference(text)
+        if _PARAMETER_NAME.fullmatch(text):
+            hint = did_you_mean(text, [*self.parameters, "inf"])
+            raise InputError(
+                f"found {shorten(text)}, expected a bound: no such parameter is declared above{hint}", token.location
+            )
+        raise InputError(f"found {shorten(text)}, expected {_EXPECTED_BOUND}", token.location)
+
+
+def attribute_value(word: str, text: str, location: Location | None) -> Fraction | None:
+    """The value of a parameter's attribute; None is the infinite value that `lb -inf` and `ub inf` mean."""
+    infinities = {"lb": ("-inf",), "lower": ("-inf",), "ub": ("inf", "+inf"), "upper": ("inf", "+inf")}.get(word, ())
+    if text in infinities:
+        return None
+    if not is_number(text):
+        unbounded = f" or {infinities[0]}" if infinities else ""
+        expected = f"a number such as 5, -0.25, 1e-3 or 1/3{unbounded}"
+        raise InputError(f"found {shorten(text)} as {word!r}, expected {expected}", location)
+    value = parse_number(text, location)
+    if word == "weight" and value <= 0:
+        raise InputError(f"found weight {shorten(text)}, expected a weight above 0", location)
+    return value
+
+
+def _declared_twice(kind: str, name: str, first: Location | None, second: Location) -> InputError:
+    place = f" (first in line {first.line})" if first else ""
+    return InputError(f"found a second declaration of {kind} {name!r}{place}, expected one", second)

@@ -12,9 +12,8 @@ from robust.errors import RobustError
 from robust.report.numbers import exact_end
 
 if TYPE_CHECKING:
-    from robust.irr.box import Interval
+    from robust.irr.box import EnvelopeResult, Interval
     from robust.irr.check import CheckResult, Counterexample
-    from robust.irr.result import EnvelopeResult
 
 ENVELOPE = "robust/envelope/1"
 CHECK = "robust/check/1"

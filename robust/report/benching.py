@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from robust.errors import Location
-from robust.plan.numerals import parse_number
+from robust.numbers import parse_number
 from robust.report import options
 from robust.report.guard import UNDECIDED, Guard
 from robust.report.output import answering, print_json
@@ -259,7 +259,7 @@ def bench_conversions(  # noqa: PLR0917 (what the command was told)
 def bench_table(table: int, cases: Cases, request: BenchRequest, guard: Guard) -> int:
     """Run every executor on the delivery problems."""
     from robust.bench.execution_runs import BATTERY, run_table  # noqa: PLC0415 - only what is asked for
-    from robust.execute.replanning.run import PLANNER_SECONDS  # noqa: PLC0415
+    from robust.execute.replan import PLANNER_SECONDS  # noqa: PLC0415
 
     planner_s = options.seconds(request.limit, "--planner-limit") or PLANNER_SECONDS
     battery = BATTERY if cases.battery is None else parse_number(cases.battery, Location("--battery"))

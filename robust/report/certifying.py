@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from robust.bench.run import parse_end
 from robust.errors import InputError, Location, RefutedError
 from robust.irr.box import Box, Interval
-from robust.plan.numerals import shorten
-from robust.plan.pddl.files import read_bytes, read_text
+from robust.numbers import shorten
+from robust.plan.pddl.forms import read_bytes, read_text
 from robust.report import options
 from robust.report.guard import GivenUpError, Guard
 from robust.report.output import answering, print_json
@@ -165,7 +165,7 @@ def _checked(certificate: Path, files: Mapping[str, Path], deadline: Deadline) -
 
 def _matched(request: VerifyRequest, lines: tuple[str, ...], deadline: Deadline) -> tuple[int, tuple[str, ...]]:
     """The verdict once the certificate has been held against what this package makes of the files."""
-    from robust.certify.matching import mismatch  # noqa: PLC0415 - heavy
+    from robust.certify.document import mismatch  # noqa: PLC0415 - heavy
     from robust.plan.load import load_plan  # noqa: PLC0415
 
     plan = load_plan(*request.files, parameters=request.specs, parameter_file=request.parameter_file)
@@ -190,7 +190,7 @@ def _inputs(request: CertifyRequest | VerifyRequest) -> dict[str, Path]:
     """All input files by what they are, with the domain and the problem that a network names."""
     named = _named(request.files)
     if len(request.files) == 1:
-        from robust.pike_bridge.document import read_tpnu  # noqa: PLC0415 - heavy
+        from robust.pike_bridge.files import read_tpnu  # noqa: PLC0415 - heavy
 
         document = read_tpnu(request.files[0])
         named |= {"domain": document.beside(document.domain), "problem": document.beside(document.problem)}
@@ -202,7 +202,7 @@ def _inputs(request: CertifyRequest | VerifyRequest) -> dict[str, Path]:
 def _knowledge(request: CertifyRequest, epsilon: Fraction, deadline: Deadline) -> CertificateWriter:
     from robust.certify.produce import FormulaCertificate, digests  # noqa: PLC0415 - heavy
     from robust.certify.refute import NotRefutedError  # noqa: PLC0415
-    from robust.pike_bridge.load import load_team_plan  # noqa: PLC0415
+    from robust.pike_bridge.action_model import load_team_plan  # noqa: PLC0415
     from robust.pike_bridge.semantics import Semantics  # noqa: PLC0415
 
     semantics = Semantics(load_team_plan(request.files[0], epsilon=epsilon))
@@ -224,7 +224,7 @@ def _plan(
     request: CertifyRequest, epsilon: Fraction, deadline: Deadline, display: Display
 ) -> tuple[CertificateWriter, int | None]:
     from robust.certify.produce import PlanCertificate, digests  # noqa: PLC0415 - heavy
-    from robust.encode.interface import create_encoding  # noqa: PLC0415
+    from robust.encode import create_encoding  # noqa: PLC0415 - heavy
     from robust.plan.load import load_plan  # noqa: PLC0415
 
     named = _inputs(request)
@@ -254,7 +254,7 @@ def _plan(
 def _alethe(request: CertifyRequest, encoding: Encoding, box: Box | None, deadline: Deadline) -> int | None:
     if request.alethe is None:
         return None
-    from robust.certify.alethe import export  # noqa: PLC0415 - imports cvc5
+    from robust.certify.verify import export  # noqa: PLC0415 - imports cvc5
 
     if box is None:
         raise InputError("found --alethe with --kind region; expected it with plan, box or maximal")
@@ -278,7 +278,7 @@ def _box(request: CertifyRequest, plan: ParametrizedPlan, epsilon: Fraction, dea
     if request.box is not None:
         return _read_box(request.box, nominal)
     from robust.api import envelope  # noqa: PLC0415 - heavy
-    from robust.irr.result import Status  # noqa: PLC0415
+    from robust.irr.box import Status  # noqa: PLC0415
 
     found = envelope(
         plan, epsilon=epsilon, encoding=request.encoding, solver=request.solver, timeout=deadline.remaining

@@ -14,8 +14,8 @@ from rich.console import Console
 from rich.text import Text
 
 from robust.errors import InputError, Location
+from robust.irr.box import Side, Status
 from robust.irr.compare import Comparing, Comparison, Entry, FaceGap, Share, Witness
-from robust.irr.result import Side, Status
 from robust.plan.model import ParametrizedPlan
 from robust.report import options
 from robust.report.guard import Cause, GivenUpError, Guard

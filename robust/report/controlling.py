@@ -13,9 +13,8 @@ from rich.text import Text
 from robust.errors import RobustError
 from robust.execute.controllability.assess import Controllability, Finding, Kind, Verdict
 from robust.execute.controllability.shrink import HORIZON, Loss, Shrunk, loss
-from robust.irr.box import Box
-from robust.irr.faces import Face
-from robust.irr.result import Side
+from robust.irr.box import Box, Side
+from robust.irr.widen import Face
 from robust.report.numbers import end, exact_end, interval_text, readable
 from robust.report.terminal import show_table, table_of
 from robust.smt.limits import Deadline, OutOfTimeError

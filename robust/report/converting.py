@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robust.errors import InputError, Location, RefutedError
-from robust.plan.numerals import format_number, shorten
+from robust.numbers import format_number, shorten
 from robust.plan.stn import write_stn
 from robust.report import options
 from robust.report.guard import GivenUpError, Guard
@@ -72,7 +72,7 @@ def run_convert(request: ConvertRequest, guard: Guard) -> int:
 
 def _converted(request: ConvertRequest, display: Display, epsilon: Fraction, timeout: float | None) -> Conversion:
     from robust.execute.convert import Mode, convert  # noqa: PLC0415 - imports solvers
-    from robust.plan.parametrize import parse_specs  # noqa: PLC0415 - likewise
+    from robust.plan.parameters import parse_specs  # noqa: PLC0415 - likewise
     from robust.plan.pddl.reader import read_domain, read_problem  # noqa: PLC0415 - likewise
     from robust.plan.timed import read_timed_plan  # noqa: PLC0415 - likewise
 
@@ -193,7 +193,7 @@ def _answer(
 
 
 def _invalid(request: ConvertRequest, epsilon: Fraction, error: RefutedError) -> dict[str, Any]:
-    from robust.execute.original import InvalidPlanError  # noqa: PLC0415 - imports the grammar
+    from robust.execute.distances import InvalidPlanError  # noqa: PLC0415 - imports the grammar
 
     found = error.violations if isinstance(error, InvalidPlanError) else ()
     violations = [{"obligation": one.obligation, "time": str(one.time), "detail": one.detail} for one in found]

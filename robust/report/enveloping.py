@@ -7,9 +7,8 @@ from fractions import Fraction
 from pathlib import Path
 
 from robust.errors import InputError, Location
-from robust.irr.box import Box
+from robust.irr.box import Box, EnvelopeResult, Status, Step
 from robust.irr.check import Answer, Counterexample
-from robust.irr.result import EnvelopeResult, Status, Step
 from robust.plan.model import ParametrizedPlan
 from robust.report import options
 from robust.report.answers import envelope_answer

@@ -14,10 +14,8 @@ from robust.report.output import answering, print_json
 from robust.report.progress import Display
 
 if TYPE_CHECKING:
-    from robust.execute.replanning.plans import Options, Prepared
-    from robust.execute.replanning.record import Run
-    from robust.execute.replanning.run import Mission
-    from robust.plan.parametrize import ParameterSpec
+    from robust.execute.replan import Mission, Options, Prepared, Run
+    from robust.plan.parameters import ParameterSpec
     from robust.plan.pddl.syntax import Domain, Problem
 
 
@@ -90,7 +88,7 @@ def _check_counts(request: ExecuteRequest) -> None:
 
 
 def _execute_all(request: ExecuteRequest, runs: list[Run], display: Display, limit: float | None) -> None:
-    from robust.execute.replanning.run import execute, first_plan  # noqa: PLC0415 - imports solvers
+    from robust.execute.replan import execute, first_plan  # noqa: PLC0415 - imports solvers
 
     mission = _mission(request, limit)
     display.say("preparing the plan")
@@ -102,7 +100,7 @@ def _execute_all(request: ExecuteRequest, runs: list[Run], display: Display, lim
 
 def _mission(request: ExecuteRequest, limit: float | None) -> Mission:
     from robust.execute.planners.registry import create_planner  # noqa: PLC0415 - imports solvers
-    from robust.execute.replanning.run import Mission  # noqa: PLC0415 - likewise
+    from robust.execute.replan import Mission  # noqa: PLC0415 - likewise
     from robust.execute.worlds.rules import Rules, read_rules  # noqa: PLC0415 - likewise
 
     settings = _settings(request, limit)
@@ -122,8 +120,8 @@ def _mission(request: ExecuteRequest, limit: float | None) -> Mission:
 
 
 def _settings(request: ExecuteRequest, limit: float | None) -> Options:
-    from robust.execute.dispatch.executors import parse_executor  # noqa: PLC0415 - imports solvers
-    from robust.execute.replanning.plans import Options  # noqa: PLC0415 - likewise
+    from robust.execute.dispatch.network import parse_executor  # noqa: PLC0415 - imports solvers
+    from robust.execute.replan import Options  # noqa: PLC0415 - likewise
 
     return Options(
         executor=parse_executor(request.executor),
@@ -137,7 +135,7 @@ def _settings(request: ExecuteRequest, limit: float | None) -> Options:
 
 
 def _specs(request: ExecuteRequest) -> tuple[ParameterSpec, ...]:
-    from robust.plan.parametrize import parse_specs, read_parameter_file  # noqa: PLC0415 - imports the grammar
+    from robust.plan.parameters import parse_specs, read_parameter_file  # noqa: PLC0415 - imports the grammar
 
     beside = () if request.spec_file is None else read_parameter_file(request.spec_file)
     return (*beside, *parse_specs(request.specs))
@@ -152,7 +150,7 @@ def _read(request: ExecuteRequest) -> tuple[Domain, Problem]:
 
 def _prepared(file: Path, mission: Mission) -> Prepared:
     """The plan in a file: a network, or steps as planners print them."""
-    from robust.execute.replanning.plans import prepare_plan, prepare_timed  # noqa: PLC0415 - imports solvers
+    from robust.execute.replan import prepare_plan, prepare_timed  # noqa: PLC0415 - imports solvers
     from robust.plan.load import assemble  # noqa: PLC0415 - imports the grammar
     from robust.plan.stn import read_stn  # noqa: PLC0415 - likewise
     from robust.plan.timed import read_timed_plan  # noqa: PLC0415 - likewise

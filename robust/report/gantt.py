@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from robust.errors import InputError, Location
-from robust.plan.numerals import shorten
+from robust.numbers import shorten
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

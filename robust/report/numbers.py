@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from robust.plan.numerals import format_number
+from robust.numbers import format_number
 
 if TYPE_CHECKING:
     from robust.irr.box import Interval

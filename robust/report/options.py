@@ -9,7 +9,7 @@ from pathlib import Path
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.irr.box import Interval
-from robust.plan.numerals import EXPECTED_NUMBER, parse_number, shorten
+from robust.numbers import EXPECTED_NUMBER, parse_number, shorten
 
 PLOT_SUFFIXES = (".svg", ".png", ".pdf")
 

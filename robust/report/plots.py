@@ -17,9 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
 from robust.errors import InputError, Location
-from robust.irr.box import Box
-from robust.irr.result import EnvelopeResult, Status
-from robust.plan.numerals import shorten
+from robust.irr.box import Box, EnvelopeResult, Status
+from robust.numbers import shorten
 from robust.report.numbers import approximate, end, readable
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from robust.irr.result import Side, Step
+from robust.irr.box import Side, Step
 from robust.report.numbers import duration, interval_text, plural, readable
 
 _ROWS = 12

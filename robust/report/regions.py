@@ -16,9 +16,8 @@ from robust.plan.model import ParametrizedPlan
 from robust.qe.compute import RegionResult, RegionStatus
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.region import Region
+from robust.qe.region import Region, absorb
 from robust.qe.render import oriented
-from robust.qe.simplify import absorb
 from robust.report import options
 from robust.report.guard import Cause, GivenUpError, Guard
 from robust.report.numbers import duration, readable

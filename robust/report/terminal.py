@@ -14,9 +14,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from robust.irr.box import Interval
+from robust.irr.box import EnvelopeResult, Interval, Status
 from robust.irr.check import Answer, CheckResult, Counterexample
-from robust.irr.result import EnvelopeResult, Status
 from robust.plan.model import Fluent, Parameter
 from robust.plan.simulate import TraceStep, Violation
 from robust.report.numbers import duration, end, plural, readable

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from robust.execute.dispatch.messages import Observation, interval_text
 from robust.execute.dispatch.network import Guarantee
-from robust.execute.replanning.record import Run, RunStatus, Segment
+from robust.execute.replan import Run, RunStatus, Segment
 from robust.execute.worlds.world import Executed, Outcome
 from robust.irr.box import Interval
 from robust.plan.model import ActionInstance

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import select
+import signal
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from types import FrameType
 
 from robust.errors import InputError
-from robust.smt.interrupts import raise_if_interrupted
 
 LONGEST = 4_000_000
 """Seconds; z3 counts milliseconds in 32 bits."""
@@ -74,3 +78,37 @@ def has_input(reader: int, deadline: Deadline) -> bool:
             return True
         if deadline.passed:
             return False
+
+
+class _Notes:
+    noticed = False
+
+
+@contextmanager
+def noticing_interrupts() -> Iterator[None]:
+    """Note Ctrl-C within the block; it still raises KeyboardInterrupt at once wherever Python can.
+
+    Does nothing outside of the main thread, and where the program handles the signal in its own way.
+    """
+    usual = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or usual is not signal.default_int_handler:
+        yield
+        return
+    _Notes.noticed = False
+    signal.signal(signal.SIGINT, _note)
+    try:
+        yield
+    finally:
+        _Notes.noticed = False
+        signal.signal(signal.SIGINT, usual)
+
+
+def _note(number: int, frame: FrameType | None) -> None:
+    _Notes.noticed = True
+    signal.default_int_handler(number, frame)
+
+
+def raise_if_interrupted() -> None:
+    """Raise KeyboardInterrupt if Ctrl-C was pressed in the block of :func:`noticing_interrupts` that is running."""
+    if _Notes.noticed:
+        raise KeyboardInterrupt

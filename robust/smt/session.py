@@ -1,18 +1,240 @@
-"""Incremental sessions: assert, push and pop, ask, and read the answer in the caller's terms."""
+"""What the solvers were asked, and what it cost."""
 
 from __future__ import annotations
 
 import logging
+import os
+import pickle
+import signal
 import time
-from collections.abc import Iterable, Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+from typing import Any
 
-from robust.smt.backends import Value, Verdict, create_backend
+from pysmt.exceptions import NoSolverAvailableError, SolverReturnedUnknownResultError
+
+from robust.errors import SolverError, did_you_mean
 from robust.smt.export import Exporter
-from robust.smt.interrupts import raise_if_interrupted
-from robust.smt.limits import Deadline
-from robust.smt.statistics import Statistics
+from robust.smt.limits import Deadline, has_input, raise_if_interrupted
 from robust.smt.terms import Formula, Terms
+
+
+@dataclass(slots=True)
+class Statistics:
+    """Counts over all sessions that share it: queries by verdict, seconds in solvers, nodes of asserted formulas."""
+
+    queries: int = 0
+    satisfiable: int = 0
+    unsatisfiable: int = 0
+    unknown: int = 0
+    seconds: float = 0.0
+    nodes: int = 0
+
+    def as_dict(self) -> dict[str, float | int]:
+        return {
+            "queries": self.queries,
+            "satisfiable": self.satisfiable,
+            "unsatisfiable": self.unsatisfiable,
+            "unknown": self.unknown,
+            "seconds": round(self.seconds, 6),
+            "nodes": self.nodes,
+        }
+
+
+Value = Fraction | bool
+
+
+class Verdict(Enum):
+    """What a solver says of a query; UNKNOWN covers time-outs."""
+
+    SATISFIABLE = "sat"
+    UNSATISFIABLE = "unsat"
+    UNKNOWN = "unknown"
+
+
+class Backend(ABC):
+    """One incremental solver of quantifier-free linear real arithmetic."""
+
+    name: str
+
+    def __init__(self, terms: Terms) -> None:
+        self._terms = terms
+        self._solver = self._create(terms)
+
+    @abstractmethod
+    def _create(self, terms: Terms) -> Any: ...
+
+    def add(self, formula: Formula) -> None:
+        self._solver.add_assertion(formula)
+
+    def push(self) -> None:
+        self._solver.push()
+
+    def pop(self) -> None:
+        self._solver.pop()
+
+    @abstractmethod
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
+        """Decide the asserted formulas; `symbols` gives those whose values may be asked for afterwards."""
+
+    def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
+        """The model of the last satisfiable check."""
+        return {symbol.symbol_name(): _python_value(self._solver.get_value(symbol)) for symbol in symbols}
+
+
+class Z3(Backend):
+    """z3 stops at once on Ctrl-C and keeps time limits by itself."""
+
+    name = "z3"
+
+    def _create(self, terms: Terms) -> Any:
+        solver = _pysmt_solver(terms, self.name)
+        # All sessions of one environment share what has been translated already.
+        solver.converter = terms.translations.setdefault(self.name, solver.converter)
+        return solver
+
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
+        remaining = deadline.remaining
+        # Zero means "no limit" to z3, and a limit that has passed must still return at once.
+        milliseconds = 4294967295 if remaining is None else max(1, int(remaining * 1000))
+        self._solver.z3.set("timeout", milliseconds)
+        verdict = _solve(self._solver)
+        if verdict is Verdict.UNKNOWN and self._was_interrupted(deadline):
+            # z3's own handler takes the signal while it works, so Python never hears of it.
+            raise KeyboardInterrupt
+        return verdict
+
+    def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
+        """As for all, from one copy of the model: pySMT would make two for each symbol."""
+        import z3  # noqa: PLC0415 - slow to import
+
+        model, converter = self._solver.z3.model(), self._solver.converter
+        found: dict[str, Value] = {}
+        for symbol in symbols:
+            value = model.eval(converter.convert(symbol), model_completion=True)
+            numeral = not z3.is_bool(value)
+            found[symbol.symbol_name()] = Fraction(value.as_string()) if numeral else z3.is_true(value)
+        return found
+
+    def _was_interrupted(self, deadline: Deadline) -> bool:
+        """z3 gives the same reason for a time limit as for some interruptions; then the clock tells them apart."""
+        reason = self._solver.z3.reason_unknown()
+        remaining = deadline.remaining
+        in_time = remaining is None or remaining > 0.1
+        return "interrupted" in reason or ("canceled" in reason and in_time)
+
+
+class Cvc5(Backend):
+    """cvc5 cannot be interrupted while Python waits for it.
+
+    A query gets a short slice in this process; what takes longer runs in a forked copy of the process, which Ctrl-C or
+    the time limit ends at once, and which sends back the verdict and the values.
+    """
+
+    name = "cvc5"
+    slice_milliseconds = 100
+
+    def _create(self, terms: Terms) -> Any:
+        self._copied_values: Mapping[str, Value] | None = None
+        return _pysmt_solver(terms, self.name)
+
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
+        self._copied_values = None
+        remaining = deadline.remaining
+        slice_ = self.slice_milliseconds if remaining is None else min(self.slice_milliseconds, int(remaining * 1000))
+        self._solver.cvc5.setOption("tlimit-per", str(max(1, slice_)))
+        verdict = _solve(self._solver)
+        if verdict is Verdict.UNKNOWN and not deadline.passed:
+            return self._check_in_copy(deadline, list(symbols()))
+        return verdict
+
+    def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
+        if self._copied_values is None:
+            return super().values(symbols)
+        return {symbol.symbol_name(): self._copied_values[symbol.symbol_name()] for symbol in symbols}
+
+    def _check_in_copy(self, deadline: Deadline, symbols: list[Formula]) -> Verdict:
+        reader, writer = os.pipe()
+        child = os.fork()
+        if child == 0:
+            self._answer_in_copy(writer, symbols)
+        os.close(writer)
+        try:
+            answer = _read_until(reader, deadline)
+        finally:
+            os.close(reader)
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+        if not answer:
+            return Verdict.UNKNOWN
+        verdict, self._copied_values = pickle.loads(answer)  # noqa: S301 - written by our own copy
+        return Verdict(verdict)
+
+    def _answer_in_copy(self, writer: int, symbols: list[Formula]) -> None:
+        """Runs in the copy, which must never return into the caller's stack."""
+        try:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            self._solver.cvc5.setOption("tlimit-per", "0")
+            verdict = _solve(self._solver)
+            values = super().values(symbols) if verdict is Verdict.SATISFIABLE else {}
+            with os.fdopen(writer, "wb") as stream:
+                stream.write(pickle.dumps((verdict.value, values)))
+        finally:
+            os._exit(0)
+
+
+BACKENDS: Mapping[str, type[Backend]] = {"z3": Z3, "cvc5": Cvc5}
+
+
+def create_backend(name: str, terms: Terms) -> Backend:
+    """The solver of that name.
+
+    Raises:
+        SolverError: if there is no such solver or it is not installed.
+    """
+    if name not in BACKENDS:
+        raise SolverError(f"unknown solver {name!r}{did_you_mean(name, BACKENDS)}")
+    return BACKENDS[name](terms)
+
+
+def _pysmt_solver(terms: Terms, name: str) -> Any:
+    try:
+        solver = terms.environment.factory.Solver(name=name, logic="QF_LRA", incremental=True)
+    except NoSolverAvailableError as error:
+        raise SolverError(f"solver {name!r} is not installed; expected the Python package of that solver") from error
+    # pySMT checks the type of every assertion in its global environment, which then keeps all formulas for good. Terms
+    # are of the right type by construction.
+    solver._assert_is_boolean = lambda _formula: None
+    return solver
+
+
+def _solve(solver: Any) -> Verdict:
+    try:
+        return Verdict.SATISFIABLE if solver.solve() else Verdict.UNSATISFIABLE
+    except SolverReturnedUnknownResultError:
+        return Verdict.UNKNOWN
+
+
+def _python_value(constant: Formula) -> Value:
+    value = constant.constant_value()
+    return value if isinstance(value, bool) else Fraction(value.numerator, value.denominator)
+
+
+def _read_until(reader: int, deadline: Deadline) -> bytes:
+    """All that arrives before the deadline; empty if the writer does not finish in time."""
+    chunks: list[bytes] = []
+    while True:
+        if not has_input(reader, deadline):
+            return b""
+        chunk = os.read(reader, 65536)
+        if not chunk:
+            return b"".join(chunks)
+        chunks.append(chunk)
+
 
 log = logging.getLogger(__name__)
 

@@ -16,8 +16,8 @@ from robust.bench.conversion_plans import delivery_order, delivery_plan, drawn_p
 from robust.bench.conversions import ConversionTask, Source, convert_and_judge, run_conversions
 from robust.bench.removals import Kind, Removal, edges_of, judge_constraints
 from robust.errors import InputError
+from robust.execute.convert import check_plan
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
-from robust.execute.tighten import check_plan
 from robust.irr.check import Answer
 from robust.plan.model import TemporalConstraint
 from robust.plan.pddl.reader import parse_domain, parse_problem

@@ -12,9 +12,8 @@ from robust.api import envelope
 from robust.bench.recorded import run_recorded
 from robust.bench.suite import RecordedInstance, read_suite
 from robust.encode.encoding import RelationalEncoding
-from robust.irr.box import Box, Interval
+from robust.irr.box import Box, EnvelopeResult, Interval, Side, Status
 from robust.irr.containment import Containment
-from robust.irr.result import EnvelopeResult, Side, Status
 from robust.plan.load import load_plan
 from robust.plan.model import ParametrizedPlan
 from robust.smt.limits import Deadline

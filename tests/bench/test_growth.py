@@ -17,7 +17,7 @@ from robust.bench.growth import ENCODING_LADDERS, ENCODINGS, POINTS, Ladder, run
 from robust.bench.run import Outcome
 from robust.bench.unordered import envelope_sum, time_points, unordered_instance, write_unordered
 from robust.errors import InputError
-from robust.irr.result import Status
+from robust.irr.box import Status
 from robust.plan.load import load_plan
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron

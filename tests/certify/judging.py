@@ -6,12 +6,11 @@ import json
 from fractions import Fraction
 
 from robust.api import check, region
-from robust.certify.circuit import Circuit, Conjunction
+from robust.certify.circuit import Atom, Circuit, Conjunction
+from robust.certify.document import _literal, _node
 from robust.certify.ground import GroundPlan
-from robust.certify.linear import Atom
-from robust.certify.matching import _literal, _node
 from robust.certify.witness import Witnesses
-from robust.encode.interface import create_encoding
+from robust.encode import create_encoding
 from robust.errors import UnsupportedError
 from robust.irr.box import Box, Interval
 from robust.irr.check import Answer

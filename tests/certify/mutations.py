@@ -18,7 +18,7 @@ from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
 
-from robust.certify.matching import mismatch
+from robust.certify.document import mismatch
 from robust.smt.limits import Deadline
 from tests.certify import tools
 from tests.certify.judging import Judge

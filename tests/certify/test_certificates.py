@@ -6,9 +6,9 @@ from fractions import Fraction
 import pytest
 
 from robust.bench.suite import read_suite
-from robust.certify.existence import schedule_over
+from robust.certify.document import mismatch
 from robust.certify.ground import GroundPlan
-from robust.certify.matching import mismatch
+from robust.certify.produce import schedule_over
 from robust.errors import RefutedError, UnsupportedError
 from robust.irr.box import Interval
 from robust.plan.load import load_plan

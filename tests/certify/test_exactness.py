@@ -5,11 +5,10 @@ from fractions import Fraction
 import pytest
 
 from robust.api import region
-from robust.certify.exactness import halved, halves_of
-from robust.certify.matching import mismatch
+from robust.certify.document import mismatch
+from robust.certify.exactness import combined, halved, halves_of, multiples, section, substituted
 from robust.certify.produce import PlanCertificate
-from robust.certify.sections import combined, multiples, section, substituted
-from robust.encode.interface import create_encoding
+from robust.encode import create_encoding
 from robust.errors import RobustError
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron

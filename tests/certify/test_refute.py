@@ -6,11 +6,9 @@ from random import Random
 
 import pytest
 
-from robust.certify.circuit import Circuit, Translator, conjuncts
+from robust.certify.circuit import Atom, Circuit, Constraint, Translator, atom_of, conjuncts, constraint, contradiction
 from robust.certify.document import CertificateWriter
-from robust.certify.linear import Atom, Constraint, atom_of, constraint, contradiction
-from robust.certify.propositional import PropositionalSolver
-from robust.certify.refute import NotRefutedError, Refuter
+from robust.certify.refute import NotRefutedError, PropositionalSolver, Refuter
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict

@@ -6,8 +6,8 @@ import re
 import jsonschema
 import pytest
 
-from robust.pike_bridge.generators.figures import figure_23
 from robust.pike_bridge.generators.sat_reduction import sat_plan
+from robust.pike_bridge.generators.stories import figure_23
 from robust.report.schemas import schema
 from tests.cli.running import EXAMPLES, command
 

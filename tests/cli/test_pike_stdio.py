@@ -9,7 +9,7 @@ from functools import cache
 
 import pytest
 
-from robust.pike_bridge.load import load_team_plan
+from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.online.journal import read_journal
 from robust.pike_bridge.online.progress import Progress
 from tests.cli.running import COMMAND, command, environment

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from robust.irr.box import Box, Interval
-from robust.irr.result import EnvelopeResult, Side, Status, Step
+from robust.irr.box import Box, EnvelopeResult, Interval, Side, Status, Step
 from robust.plan.model import Parameter
 from robust.report.plots import plot_envelope
 from tests.cli.running import command, example

@@ -9,10 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from robust.encode.mutex import mutex_pairs
-from robust.encode.network import TemporalNetwork
-from robust.encode.slices import Slices
+from robust.encode.network import Slices, TemporalNetwork
 from robust.encode.variables import Auxiliary, TimeVariable, constant, least, parameters_in, variable
-from robust.plan.interference import mutex_pairs as simulated_mutex_pairs
 from robust.plan.model import (
     ZERO,
     Atom,
@@ -23,6 +21,7 @@ from robust.plan.model import (
     TimePointKind,
 )
 from robust.plan.polynomial import Polynomial
+from robust.plan.simulate import mutex_pairs as simulated_mutex_pairs
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Terms
 from tests.plan.building import action, instant, number, plan_of

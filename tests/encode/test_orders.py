@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from robust.encode.orders import Orders, common_scale
+from robust.encode.network import Orders, common_scale
 from robust.plan.model import TimePoint, TimePointKind
 
 POINTS = [TimePoint(TimePointKind.INSTANT, name) for name in "abcde"]

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust.encode.cycles import Facet
 from robust.encode.encoding import RelationalEncoding
+from robust.encode.validity import Facet
 from robust.encode.variables import Range
 from robust.plan.model import (
     ZERO,

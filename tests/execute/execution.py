@@ -14,7 +14,7 @@ from robust.execute.worlds.rules import Rule, Rules, Subject
 from robust.irr.box import Box, Interval
 from robust.plan.load import assemble, load_plan
 from robust.plan.model import ParametrizedPlan
-from robust.plan.parametrize import parse_specs
+from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import parse_stn
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from robust.execute.convert import Conversion, Mode, convert
 from robust.plan.load import load_plan
 from robust.plan.model import ParametrizedPlan, TimePoint
-from robust.plan.parametrize import parse_specs
+from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan
 from tests.sampling import Network

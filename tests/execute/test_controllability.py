@@ -8,8 +8,17 @@ import pytest
 
 from robust.errors import InputError
 from robust.execute.controllability.dynamic import dynamic
-from robust.execute.controllability.stnu import ContingentLink, RequirementLink, Step, Stnu, Way
-from robust.execute.controllability.walks import explain, negative_cycle, total, weight_in
+from robust.execute.controllability.stnu import (
+    ContingentLink,
+    RequirementLink,
+    Step,
+    Stnu,
+    Way,
+    explain,
+    negative_cycle,
+    total,
+    weight_in,
+)
 from robust.plan.model import ZERO
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.execute.controllability_oracles import (

@@ -10,11 +10,10 @@ import pytest
 import robust
 from robust.errors import InputError, UnsupportedError
 from robust.execute.controllability.assess import Controllability, Kind, Verdict, shrink
-from robust.execute.controllability.parametric import ends_of, parametric_stnu
 from robust.execute.controllability.shrink import HORIZON, loss
 from robust.execute.controllability.stnu import ContingentLink, RequirementLink
-from robust.irr.box import Box, Interval
-from robust.irr.result import Side
+from robust.execute.controllability.strong import ends_of, parametric_stnu
+from robust.irr.box import Box, Interval, Side
 from robust.plan.model import (
     ZERO,
     ActionInstance,

@@ -7,9 +7,8 @@ import pytest
 
 from robust.errors import InputError, RefutedError
 from robust.execute.controllability.dispatching import DynamicDispatch
-from robust.execute.controllability.dynamic import dynamic
+from robust.execute.controllability.dynamic import Wait, dynamic, waits
 from robust.execute.controllability.stnu import ContingentLink, RequirementLink, Stnu
-from robust.execute.controllability.waits import Wait, waits
 from robust.plan.model import ZERO
 from tests.execute.controllability_oracles import network, point, random_network
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from robust.errors import InputError, SolverError
 from robust.execute.convert import Mode, convert
+from robust.execute.distances import InvalidPlanError, Original
 from robust.execute.esterel import esterel_edges
-from robust.execute.original import InvalidPlanError, Original
 from robust.irr.check import Answer
 from robust.plan.load import load_plan
 from robust.plan.model import ZERO, ParametrizedPlan

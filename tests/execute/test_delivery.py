@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import robust
 from robust.api import envelope
 from robust.errors import InputError
-from robust.execute.convert import convert
+from robust.execute.convert import check_plan, convert
 from robust.execute.delivery import (
     PREPARATIONS,
     TASKS,
@@ -27,13 +27,12 @@ from robust.execute.delivery import (
 )
 from robust.execute.delivery.domain import preparation_action
 from robust.execute.delivery.problem import distance, places
-from robust.execute.original import InvalidPlanError
-from robust.execute.planners.output import check, checked_plan
-from robust.execute.tighten import check_plan
+from robust.execute.distances import InvalidPlanError
+from robust.execute.planners.interface import check, checked_plan
 from robust.irr.check import Answer
 from robust.plan.load import load_plan
 from robust.plan.model import Fluent
-from robust.plan.parametrize import parse_specs
+from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.timed import TimedPlan, parse_timed_plan
 from robust.smt.limits import Deadline

@@ -6,7 +6,6 @@ import pytest
 
 from robust.errors import InputError
 from robust.execute.dispatch.dispatcher import Dispatcher, Phase
-from robust.execute.dispatch.executors import Blex, Dreex, parse_executor
 from robust.execute.dispatch.messages import (
     Completed,
     Contradicted,
@@ -22,10 +21,10 @@ from robust.execute.dispatch.messages import (
     Succeeded,
     Unobserved,
 )
-from robust.execute.dispatch.network import Guarantee
+from robust.execute.dispatch.network import Blex, Dreex, Guarantee, parse_executor
 from robust.execute.dispatch.prepare import make_dispatchable
 from robust.execute.drive import run_in_world
-from robust.execute.worlds.luck import Luck
+from robust.execute.worlds.rules import Luck
 from robust.execute.worlds.world import Setting, SimulatedWorld
 from robust.irr.box import Box, Interval
 from robust.plan.model import Atom, Fluent

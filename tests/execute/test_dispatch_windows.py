@@ -6,8 +6,8 @@ from random import Random
 import pytest
 
 from robust.errors import InputError
+from robust.execute.dispatch.dispatcher import Windows
 from robust.execute.dispatch.network import DispatchNetwork
-from robust.execute.dispatch.windows import Windows
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 
 

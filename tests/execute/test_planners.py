@@ -17,11 +17,10 @@ from hypothesis import strategies as st
 from robust.errors import InputError, UnsupportedError
 from robust.execute.delivery import DeliveryVariant, delivery_domain, table_problems
 from robust.execute.planners import aries, kairos
-from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
-from robust.execute.planners.output import check, plan_texts
+from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check, plan_texts
 from robust.execute.planners.pddl_text import decimal, domain_text, problem_text
 from robust.execute.planners.registry import create_planner
-from robust.plan.numerals import parse_number
+from robust.numbers import parse_number
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.timed import parse_timed_plan
 from robust.smt.limits import Deadline

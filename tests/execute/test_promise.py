@@ -11,7 +11,7 @@ from robust.execute.dispatch.dispatcher import Dispatcher
 from robust.execute.dispatch.network import Guarantee
 from robust.execute.dispatch.prepare import make_dispatchable
 from robust.execute.drive import run_in_world
-from robust.execute.worlds.luck import Luck
+from robust.execute.worlds.rules import Luck
 from robust.execute.worlds.world import Setting, SimulatedWorld
 from robust.irr.box import Box, Interval
 from robust.plan.load import load_plan

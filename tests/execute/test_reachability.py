@@ -11,13 +11,10 @@ import pytest
 from robust.bench.conversion_plans import drawn_plan
 from robust.execute.delivery import DeliveryVariant, delivery_domain, table_problems
 from robust.execute.planners import relaxed
-from robust.execute.planners.earliest import EarliestTimes
-from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
-from robust.execute.planners.output import check
-from robust.execute.planners.reachability import ReachabilityFirst, unreachable
+from robust.execute.planners.earliest import EarliestTimes, ReachabilityFirst, unreachable
+from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, RememberingPlanner, check
 from robust.execute.planners.registry import PLANNERS, create_planner
 from robust.execute.planners.relaxed import relaxed_problem
-from robust.execute.planners.remembering import RememberingPlanner
 from robust.plan.load import assemble
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.simulate import simulate

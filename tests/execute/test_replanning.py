@@ -8,21 +8,31 @@ import pytest
 
 from robust.errors import InputError, UnsupportedError
 from robust.execute.dispatch.dispatcher import Dispatcher
-from robust.execute.dispatch.executors import Blex
 from robust.execute.dispatch.messages import LeftBox, Rejected
+from robust.execute.dispatch.network import Blex
 from robust.execute.drive import drive, run_in_world
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
-from robust.execute.replanning.judge import Beginning, judged
-from robust.execute.replanning.plans import Options, Prepared, fitting, prepare_plan, prepare_timed
-from robust.execute.replanning.problem import origin_after, remaining_problem
-from robust.execute.replanning.record import RunStatus
-from robust.execute.replanning.run import Mission, NoPlanError, execute, first_plan
-from robust.execute.worlds.luck import Luck
-from robust.execute.worlds.rules import Rule, Rules, Subject
+from robust.execute.replan import (
+    Beginning,
+    Mission,
+    NoPlanError,
+    Options,
+    Prepared,
+    RunStatus,
+    execute,
+    first_plan,
+    fitting,
+    judged,
+    origin_after,
+    prepare_plan,
+    prepare_timed,
+    remaining_problem,
+)
+from robust.execute.worlds.rules import Luck, Rule, Rules, Subject
 from robust.execute.worlds.world import Outcome, Setting, SimulatedWorld
 from robust.irr.box import Box, Interval
 from robust.plan.model import Atom, Fluent, TimedLiteral
-from robust.plan.parametrize import parse_specs
+from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.timed import parse_timed_plan
 from robust.plan.timeline import State

@@ -7,11 +7,11 @@ import pytest
 
 from robust.errors import InputError, SolverError, UnsupportedError
 from robust.execute.convert import convert
-from robust.execute.original import InvalidPlanError
+from robust.execute.distances import InvalidPlanError
 from robust.execute.unified import from_unified_planning, to_unified_planning
 from robust.irr.check import Answer
 from robust.plan.model import Atom, Fluent, TimedLiteral
-from robust.plan.parametrize import parse_specs
+from robust.plan.parameters import parse_specs
 
 up = pytest.importorskip("unified_planning.shortcuts")
 model = pytest.importorskip("unified_planning.model")

@@ -11,9 +11,19 @@ from robust.errors import InputError
 from robust.execute.dispatch.dispatcher import Dispatcher
 from robust.execute.dispatch.messages import Completed, Contradicted, Dispatch, Failed, Observed
 from robust.execute.drive import run_in_world
-from robust.execute.worlds.distributions import Below, Constant, HalfNormal, Normal, Uniform, draw
-from robust.execute.worlds.luck import Luck
-from robust.execute.worlds.rules import Rule, Rules, Subject, parse_rules
+from robust.execute.worlds.rules import (
+    Below,
+    Constant,
+    HalfNormal,
+    Luck,
+    Normal,
+    Rule,
+    Rules,
+    Subject,
+    Uniform,
+    draw,
+    parse_rules,
+)
 from robust.execute.worlds.world import Outcome, Setting, SimulatedWorld
 from robust.plan.model import Atom, Fluent
 from tests.execute.execution import PLAN, tasks_dispatchable

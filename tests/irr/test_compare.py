@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import robust
+from robust.irr.box import Side, Status
 from robust.irr.compare import METHODS, Comparing, Comparison
-from robust.irr.result import Side, Status
 from tests.cli.running import EXAMPLES, example
 
 BETA = Fraction(1)

@@ -14,11 +14,10 @@ from hypothesis import strategies as st
 from robust.api import check, envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
-from robust.irr.box import Box, Interval
+from robust.irr.box import Box, EnvelopeResult, Interval, Status
 from robust.irr.check import Answer
 from robust.irr.containment import Containment
 from robust.irr.irr import accepted_boxes
-from robust.irr.result import EnvelopeResult, Status
 from robust.plan.model import ParametrizedPlan
 from robust.plan.simulate import simulate
 from robust.smt.limits import Deadline

@@ -13,10 +13,9 @@ from robust.api import check
 from robust.api import envelope as any_envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError, UnsupportedError
-from robust.irr.box import Box, Interval
+from robust.irr.box import Box, Interval, Side, Status
 from robust.irr.check import Answer
 from robust.irr.containment import Containment
-from robust.irr.result import Side, Status
 from robust.plan.load import load_plan
 from robust.plan.model import (
     ZERO,

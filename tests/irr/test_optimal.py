@@ -10,9 +10,8 @@ from hypothesis import given
 from robust.api import envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
-from robust.irr.box import Box
+from robust.irr.box import Box, Status
 from robust.irr.containment import Containment
-from robust.irr.result import Status
 from robust.plan.model import ParametrizedPlan
 from robust.smt.limits import Deadline
 from tests.irr.test_widen import drawn, ends, parametric, searched, shipped

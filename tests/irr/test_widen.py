@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from robust.api import envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
-from robust.irr.box import Box, Interval
+from robust.irr.box import Box, EnvelopeResult, Interval, Status
 from robust.irr.containment import Containment
-from robust.irr.result import EnvelopeResult, Status
 from robust.plan.load import load_plan
 from robust.plan.model import ParametrizedPlan
 from robust.smt.limits import Deadline

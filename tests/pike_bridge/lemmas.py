@@ -12,16 +12,14 @@ from itertools import product
 from math import prod
 from random import Random
 
-from robust.pike_bridge.compilation import Compiling, Temporal
-from robust.pike_bridge.environment import Vocabulary
-from robust.pike_bridge.knowledge.interface import KnowledgeStatistics
+from robust.pike_bridge.compile import Compiling, Temporal
+from robust.pike_bridge.knowledge.interface import Effort, KnowledgeStatistics
 from robust.pike_bridge.knowledge.labels import Label, consensus, environments, insert
-from robust.pike_bridge.knowledge.nodes import Kind
-from robust.pike_bridge.knowledge.pitms import PiTms
-from robust.pike_bridge.knowledge.space import Effort
-from robust.pike_bridge.model import Assignment, Choice, Constraint, Event, Guard, TeamPlan, Tpnu
-from robust.pike_bridge.oracle import Existence, Oracle
-from robust.pike_bridge.temporal.labeled_values import LabeledNumbers
+from robust.pike_bridge.knowledge.network import Kind
+from robust.pike_bridge.knowledge.tms import PiTms
+from robust.pike_bridge.model import Assignment, Choice, Constraint, Event, Guard, TeamPlan, Tpnu, Vocabulary
+from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.temporal.distance_graph import LabeledNumbers
 from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory, is_model, satisfies
 from tests.pike_bridge.knowledge.theories import models, prime_implicants, scenarios
 from tests.pike_bridge.networks import candidate_subplan

@@ -7,8 +7,7 @@ from fractions import Fraction
 from itertools import pairwise, product
 from typing import TypeAlias
 
-from robust.pike_bridge.environment import Environment, Vocabulary
-from robust.pike_bridge.model import Constraint, Guard, Tpnu
+from robust.pike_bridge.model import Constraint, Environment, Guard, Tpnu, Vocabulary
 
 Bound: TypeAlias = tuple[Fraction, int]
 """A number and how many infinitesimals are added to it."""

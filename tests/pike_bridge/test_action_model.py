@@ -7,9 +7,9 @@ import pytest
 from robust.errors import InputError, UnsupportedError
 from robust.pike_bridge.action_model import team_plan_of
 from robust.pike_bridge.builder import act, build, choose, sequence
-from robust.pike_bridge.checking import Checking, Verdict
+from robust.pike_bridge.compile import Checking, Verdict
 from robust.pike_bridge.model import ALWAYS, EPSILON, GOAL, INITIAL, Condition, Effect, Literal, guard
-from robust.pike_bridge.propositional import propositional
+from robust.pike_bridge.theory import propositional
 from robust.plan.model import Atom
 from tests.pike_bridge.kitchen import DOMAIN, PROBLEM, kitchen
 

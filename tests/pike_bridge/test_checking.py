@@ -5,13 +5,11 @@ from __future__ import annotations
 import pytest
 
 from robust.errors import InputError
-from robust.pike_bridge.checking import Checking, Verdict, checked_assumptions
-from robust.pike_bridge.compilation import Compiling, Temporal
-from robust.pike_bridge.execution import faults
-from robust.pike_bridge.generators.kitchen import kitchen
+from robust.pike_bridge.compile import Checking, Compiling, Temporal, Verdict, checked_assumptions
 from robust.pike_bridge.generators.random_plans import Shape, random_plan
+from robust.pike_bridge.generators.stories import kitchen
 from robust.pike_bridge.model import guard
-from robust.pike_bridge.oracle import Oracle
+from robust.pike_bridge.semantics import Oracle, faults
 from robust.smt.limits import Deadline, OutOfTimeError
 
 BACKENDS = ("oracle", "pitms", "atms", "sat", "bdd")

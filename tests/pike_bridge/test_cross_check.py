@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from robust.pike_bridge.compilation import Temporal
-from robust.pike_bridge.cross_check import Subject, cross_check, differing, subjects
+from robust.pike_bridge.action_model import load_team_plan
+from robust.pike_bridge.compile import Temporal
+from robust.pike_bridge.cross_check import Subject, cross_check, differing, shrink, subjects
 from robust.pike_bridge.generators.k_intents import k_intents
 from robust.pike_bridge.generators.random_plans import Shape, random_plan
 from robust.pike_bridge.knowledge import Registration, register_knowledge_base, registry
 from robust.pike_bridge.knowledge.interface import Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
-from robust.pike_bridge.load import load_team_plan
 from robust.pike_bridge.model import Assignment
-from robust.pike_bridge.oracle import Existence, Oracle
-from robust.pike_bridge.propositional import propositional
-from robust.pike_bridge.shrink import shrink
+from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.theory import propositional
 from robust.smt.limits import Deadline, OutOfTimeError
 
 BACKENDS = ("bdd", "pitms", "atms", "sat")

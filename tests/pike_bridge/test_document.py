@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robust.errors import InputError
+from robust.json_text import Array, Constant, Json, Numeral, Object, Text, parse_json
 from robust.pike_bridge.builder import act, build
-from robust.pike_bridge.document import SCHEMA_FILE, parse_tpnu, read_tpnu, tpnu_text, write_tpnu
-from robust.pike_bridge.json_text import Array, Constant, Json, Numeral, Object, Text, parse_json
+from robust.pike_bridge.files import SCHEMA_FILE, parse_tpnu, read_tpnu, tpnu_text, write_tpnu
 from robust.pike_bridge.model import Activity, Choice, Constraint, Event, Tpnu, guard
 from tests.pike_bridge.kitchen import kitchen
 from tests.pike_bridge.plans import programs

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.pike_bridge.environment import EMPTY, Vocabulary, bits, entails
-from robust.pike_bridge.model import Assignment
+from robust.pike_bridge.model import EMPTY, Assignment, Vocabulary, bits, entails
 
 DOMAINS = {"x": ("1", "2"), "y": ("1", "2", "3"), "z": ("only",)}
 VOCABULARY = Vocabulary(DOMAINS)

@@ -9,7 +9,6 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from robust.errors import InputError
-from robust.pike_bridge.execution import Execution, faults
 from robust.pike_bridge.model import (
     Activity,
     Choice,
@@ -23,6 +22,7 @@ from robust.pike_bridge.model import (
     Tpnu,
     guard,
 )
+from robust.pike_bridge.semantics import Execution, faults
 from robust.plan.model import Atom
 from tests.pike_bridge.brute_force import is_met
 from tests.pike_bridge.networks import holds

@@ -8,16 +8,15 @@ from statistics import mean
 import pytest
 
 from robust.errors import InputError
-from robust.pike_bridge.causal.augment import augment
-from robust.pike_bridge.checking import Checking, Verdict
-from robust.pike_bridge.generators import figures
+from robust.pike_bridge.action_model import load_team_plan
+from robust.pike_bridge.causal import augment
+from robust.pike_bridge.compile import Checking, Verdict
+from robust.pike_bridge.generators import stories as figures
 from robust.pike_bridge.generators.k_intents import closest_factors, k_intents, random_k_intents
-from robust.pike_bridge.generators.kitchen import kitchen
 from robust.pike_bridge.generators.random_plans import random_plan
 from robust.pike_bridge.generators.sat_reduction import assignment, random_clauses, sat_plan, satisfies
-from robust.pike_bridge.generators.wing import wing
-from robust.pike_bridge.load import load_team_plan
-from robust.pike_bridge.oracle import Existence, Oracle
+from robust.pike_bridge.generators.stories import kitchen, wing
+from robust.pike_bridge.semantics import Existence, Oracle
 from robust.pike_bridge.temporal.labeled_apsp import labeled_distances
 from tests.cli.running import EXAMPLES
 

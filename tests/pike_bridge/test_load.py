@@ -3,9 +3,8 @@
 import pytest
 
 from robust.errors import InputError, UnsupportedError
-from robust.pike_bridge.action_model import team_plan_of
-from robust.pike_bridge.document import write_tpnu
-from robust.pike_bridge.load import load_network, load_team_plan
+from robust.pike_bridge.action_model import load_network, load_team_plan, team_plan_of
+from robust.pike_bridge.files import write_tpnu
 from tests.pike_bridge.kitchen import DOMAIN, PROBLEM, kitchen
 
 

@@ -10,11 +10,20 @@ from hypothesis import strategies as st
 
 from robust.errors import InputError, SolverError
 from robust.pike_bridge import builder
-from robust.pike_bridge.environment import Vocabulary
-from robust.pike_bridge.execution import faults
 from robust.pike_bridge.knowledge.interface import Exclude, Require
-from robust.pike_bridge.model import Choice, Condition, Constraint, Effect, Event, Literal, TeamPlan, Tpnu, guard
-from robust.pike_bridge.oracle import Existence, Oracle
+from robust.pike_bridge.model import (
+    Choice,
+    Condition,
+    Constraint,
+    Effect,
+    Event,
+    Literal,
+    TeamPlan,
+    Tpnu,
+    Vocabulary,
+    guard,
+)
+from robust.pike_bridge.semantics import Existence, Oracle, faults
 from robust.plan.model import Atom
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.brute_force import correct_scenarios

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.errors import InputError
-from robust.pike_bridge.ends import with_ends
+from robust.pike_bridge.action_model import with_ends
 from robust.pike_bridge.model import EPSILON, GOAL, INITIAL, Assignment, Choice, Constraint, Event, Tpnu, guard
 from robust.pike_bridge.scenarios import (
     active_choices,

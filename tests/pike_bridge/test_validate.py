@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 
 from robust.errors import InputError
-from robust.pike_bridge.document import parse_tpnu, tpnu_text
+from robust.pike_bridge.files import parse_tpnu, tpnu_text
 from robust.pike_bridge.model import (
     GOAL,
     INITIAL,

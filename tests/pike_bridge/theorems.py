@@ -13,15 +13,21 @@ from itertools import product
 from math import prod
 from random import Random
 
-from robust.pike_bridge.causal.augment import AugmentedPlan, Encoding, augment
-from robust.pike_bridge.causal.dominance import Dominance, prune
-from robust.pike_bridge.causal.links import Contexts, Happening, open_conditions
-from robust.pike_bridge.compilation import Temporal, compile_plan
-from robust.pike_bridge.execution import Execution, faults
+from robust.pike_bridge.causal import (
+    AugmentedPlan,
+    Contexts,
+    Dominance,
+    Encoding,
+    Happening,
+    augment,
+    open_conditions,
+    prune,
+)
+from robust.pike_bridge.compile import Temporal, compile_plan
 from robust.pike_bridge.model import Assignment, Condition, Guard, TeamPlan, Tpnu, may_produce
-from robust.pike_bridge.oracle import Existence, Oracle
-from robust.pike_bridge.temporal.circulation import temporal_conflicts
+from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
 from robust.pike_bridge.temporal.labeled_apsp import labeled_distances
+from robust.pike_bridge.temporal.schedule import temporal_conflicts
 from robust.pike_bridge.theory import Theory, is_model
 from tests.pike_bridge.brute_force import correct_orders, correct_scenarios, is_met, weak_orders
 from tests.pike_bridge.causal.models import AugmentedModels

@@ -27,7 +27,7 @@ from robust.plan.model import (
     TimePoint,
     TimePointKind,
 )
-from robust.plan.parametrize import parse_specs
+from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.stn import ParameterDeclaration, STNConstraint, parse_stn

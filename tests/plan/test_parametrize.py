@@ -9,17 +9,18 @@ from hypothesis import strategies as st
 
 from robust.errors import InputError, RobustError
 from robust.plan.model import Expression, Fluent, ParameterReference
-from robust.plan.parametrize import (
+from robust.plan.parameters import (
     ParameterSpec,
     Target,
+    Wiring,
     parse_parameter_file,
     parse_spec,
     parse_specs,
     read_parameter_file,
+    wire,
 )
 from robust.plan.polynomial import Polynomial
 from robust.plan.stn import parse_stn, write_stn
-from robust.plan.wiring import Wiring, wire
 
 CHARGE = Fluent("charge", ("auv",))
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robust.errors import InputError, RobustError
+from robust.numbers import format_number, parse_number
 from robust.plan.model import ZERO, ParameterReference, TimePoint, TimePointKind
-from robust.plan.numerals import format_number, parse_number
 from robust.plan.stn import (
     InstanceDeclaration,
     ParameterDeclaration,

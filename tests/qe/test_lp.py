@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.qe.constraint import Sense
-from robust.qe.lp import feasible_point, maximize, tableau
-from robust.qe.simplex import Tableau
+from robust.qe.simplex import Tableau, feasible_point, maximize, tableau
 from tests.qe.polyhedra import NAMES, SYMBOLS, as_z3, eq, is_valid, le, lt, number, polyhedra
 
 

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from robust.errors import InputError, SolverError
 from robust.irr.box import Box, Interval
-from robust.qe.cover import OutOfWorkError, outside, outside_by_solver, outside_by_splitting
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.region import Region
+from robust.qe.region import OutOfWorkError, Region, outside, outside_by_solver, outside_by_splitting
 from robust.smt.session import Session
 from robust.smt.terms import Terms
 from tests.qe.polyhedra import (
@@ -353,7 +352,7 @@ def test_splitting_stops_at_its_limit():
 
 
 def test_an_undecided_query_is_an_error(monkeypatch):
-    from robust.qe import cover  # noqa: PLC0415
+    from robust.qe import region as cover  # noqa: PLC0415
 
     monkeypatch.setattr(cover.Session, "check", lambda *_: cover.Verdict.UNKNOWN)
     with pytest.raises(SolverError, match="could not decide"):

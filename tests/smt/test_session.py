@@ -14,10 +14,8 @@ import pytest
 
 from robust.encode.variables import Auxiliary, constant, variable
 from robust.errors import SolverError
-from robust.smt.backends import BACKENDS
 from robust.smt.limits import Deadline
-from robust.smt.session import Session, Verdict
-from robust.smt.statistics import Statistics
+from robust.smt.session import BACKENDS, Session, Statistics, Verdict
 from robust.smt.terms import Terms
 from tests.smt.hard import hard_session
 
@@ -172,7 +170,7 @@ def test_values_survive_the_copy_that_a_slow_cvc5_query_runs_in(monkeypatch, ter
         return original(deadline, symbols)
 
     monkeypatch.setattr(backend, "_check_in_copy", in_copy)
-    monkeypatch.setattr("robust.smt.backends._solve", _unknown_once())
+    monkeypatch.setattr("robust.smt.session._solve", _unknown_once())
     truth = terms.fresh_boolean("b")
     session.add(terms.equal(X - Fraction(1, 3)), truth)
     assert session.check("in a copy") is Verdict.SATISFIABLE
@@ -188,7 +186,7 @@ def test_values_survive_the_copy_that_a_slow_cvc5_query_runs_in(monkeypatch, ter
 
 
 def _unknown_once():
-    from robust.smt.backends import _solve  # noqa: PLC0415 - the function before it is replaced
+    from robust.smt.session import _solve  # noqa: PLC0415 - the function before it is replaced
 
     parent, calls = os.getpid(), []
 

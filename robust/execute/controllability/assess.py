@@ -1,15 +1,8 @@
-"""Is a box weakly, dynamically and strongly controllable, and why not: verdicts that say what they are about.
+"""Weak controllability: a schedule exists for all values in a box, if they are known beforehand.
 
-A box promises that *for each* parameter value in it a schedule exists, and that every allowed schedule satisfies the
-obligations. Whether a dispatcher can find the schedule is a question about the network alone:
-
-- weakly controllable: it can if it knows all values beforehand. Exact.
-- dynamically controllable: it can if it sees each contingent link end, at that moment. Exact if each parameter that
-  varies is (part of) the length of one contingent link and stands nowhere else in the network; parameters that the
-  network does not mention, such as rates and levels, do not matter. A parameter that several links share, or that
-  stands in a requirement's bound, is beyond networks with uncertainty: CONTROLLABLE is then proved with independent and
-  hidden values or by one schedule, NOT_CONTROLLABLE with values that are known beforehand, and UNKNOWN is between.
-- strongly controllable: one schedule of what it executes suits all values. Exact, for all parameters.
+Every box that is a decoupled robustness envelope is weakly controllable by definition. Here it is decided again, from
+the network alone: by Farkas' lemma, a point without a schedule is a negative cycle, found by an SMT query. In general
+the question is coNP-complete (Morris and Muscettola, 1999).
 """
 
 from __future__ import annotations
@@ -21,17 +14,52 @@ from enum import Enum
 from fractions import Fraction
 from itertools import product
 
-from robust.execute.controllability.dynamic import DynamicAnswer, dynamic
-from robust.execute.controllability.parametric import Ends, ParametricStnu, ends_of, parametric_stnu
+from robust.encode.interface import Facet
+from robust.encode.network import TemporalNetwork
+from robust.encode.validity import Validity
+from robust.execute.controllability.dynamic import DynamicAnswer, Wait, dynamic, waits
 from robust.execute.controllability.shrink import Dynamically, Shrunk, Strongly
 from robust.execute.controllability.shrink import shrink as shrink_to
-from robust.execute.controllability.strong import StrongAnswer, strong
-from robust.execute.controllability.waits import Wait, waits
-from robust.execute.controllability.walks import explain
-from robust.execute.controllability.weak import weak
+from robust.execute.controllability.stnu import explain
+from robust.execute.controllability.strong import Ends, ParametricStnu, StrongAnswer, ends_of, parametric_stnu, strong
 from robust.irr.box import Box, Interval
 from robust.plan.model import ParametrizedPlan
 from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Session
+from robust.smt.session import Verdict as SolverVerdict
+from robust.smt.terms import Terms
+
+
+@dataclass(frozen=True, slots=True)
+class WeakAnswer:
+    """Whether every point of the box has a schedule; if not, the statements that some point contradicts."""
+
+    is_controllable: bool
+    contradiction: tuple[str, ...] = ()
+
+
+def weak(
+    plan: ParametrizedPlan,
+    box: Box,
+    *,
+    solver: str = "z3",
+    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+) -> WeakAnswer:
+    """Whether every point of the closure of a box has a schedule: none is lost at open ends.
+
+    Raises:
+        OutOfTimeError: if the deadline passes first.
+    """
+    terms = Terms()
+    validity = Validity(TemporalNetwork(plan), (), terms)
+    found = validity.broken_facet(box.ranges, lambda: Session(terms, solver=solver), deadline)
+    match found:
+        case None:
+            return WeakAnswer(True)
+        case Facet():
+            return WeakAnswer(False, found.origins)
+        case SolverVerdict():
+            raise OutOfTimeError
 
 
 class Kind(Enum):

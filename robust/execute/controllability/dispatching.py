@@ -14,8 +14,7 @@ from fractions import Fraction
 
 from robust.errors import InputError, RefutedError
 from robust.execute.controllability.dynamic import Case, DynamicAnswer, dynamic
-from robust.execute.controllability.stnu import ContingentLink, Stnu, bounds_text
-from robust.execute.controllability.walks import explain
+from robust.execute.controllability.stnu import ContingentLink, Stnu, bounds_text, explain
 from robust.plan.model import ZERO, TimePoint
 
 

@@ -1,29 +1,102 @@
-"""Dynamic controllability in O(n³) steps: backward propagation from negative nodes.
-
-Source: P. Morris (2014), *Dynamic controllability and dispatchability relationships*, CPAIOR. In the extended normal
-form each contingent link A ⇒ C of length [x, y] starts at a time point of its own, A′ = A + x, and has length
-[0, y − x]: its lower-case edge A′ → C has length 0, its upper-case edge C → A′ has length x − y. From each time point
-into which a negative edge leads, paths are followed backwards as long as they are negative; what comes out as not
-negative becomes an ordinary edge, so that paths through the time point need not be followed again. If a path gets back
-to a time point from where the search is still on, the network is not dynamically controllable. A piece that passes the
-lower-case edge of a link is negative at that moment, which is what the lower-case and cross-case reductions ask for,
-and never passes one when it began with the upper-case edge of the same link.
-
-Numbers are integers in units of a common denominator. An infinite length is larger than all sums that occur.
-"""
+"""The strategy behind dynamic controllability, for people and dispatchers: who waits for whom, and how long."""
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from math import lcm
 
-from robust.execute.controllability.stnu import ContingentLink, RequirementLink, Step, Stnu, Way
-from robust.execute.controllability.walks import NegativeCycle, negative_cycle, weight_in
+from robust.execute.controllability.stnu import (
+    ContingentLink,
+    NegativeCycle,
+    RequirementLink,
+    Step,
+    Stnu,
+    Way,
+    negative_cycle,
+    weight_in,
+)
+from robust.numbers import format_number
+from robust.plan.model import TimePoint
 from robust.smt.limits import Deadline
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """A time point waits until `delay` after `activation`, or until `end` has happened, whichever comes first.
+
+    A delay of None waits for the end however long it takes.
+    """
+
+    point: TimePoint
+    activation: TimePoint
+    delay: Fraction | None
+    end: TimePoint
+
+    def __str__(self) -> str:
+        if self.delay is None:
+            return f"{self.point} waits for {self.end}"
+        return f"{self.point} waits for {self.end}, at most {format_number(self.delay)} after {self.activation}"
+
+
+def waits(answer: DynamicAnswer) -> tuple[Wait, ...]:
+    """The conditional waits with which a dispatcher satisfies a controllable network, in the order of its time points.
+
+    Waits that the others and the requirements imply are left out: what comes after another time point need not say that
+    it waits as long, and what comes after the end of a link waits for it anyway.
+    """
+    form = answer.form
+    points, executable = form.stnu.points, set(form.stnu.executable)
+    every = [edge for edge in (*form.edges, *answer.derived) if edge.case is not Case.LOWER]
+    distance = _distances(form.size, [edge for edge in every if edge.case is Case.ORDINARY])
+    link_of = {node: form.stnu.links[index] for index, node in form.start.items()}
+    found = []
+    for start, link in link_of.items():
+        waiting = {edge.source: edge.weight for edge in every if edge.case is Case.UPPER and edge.target == start}
+        for edge in every:
+            if edge.case is Case.UPPER and edge.target == start:
+                waiting[edge.source] = min(edge.weight, waiting[edge.source])
+        for node in sorted(waiting, key=lambda node: -node):
+            if node >= len(points) or points[node] not in executable:
+                continue
+            if _is_implied(node, start, waiting, distance):
+                del waiting[node]
+            elif isinstance(link, ContingentLink):
+                length = form.length(waiting[node])
+                delay = None if length is None else link.lower - length
+                found.append(Wait(points[node], link.source, delay, link.target))
+    return tuple(sorted(found, key=lambda wait: (points.index(wait.point), points.index(wait.end))))
+
+
+def _is_implied(node: int, start: int, waiting: dict[int, int], distance: list[list[int | None]]) -> bool:
+    row, weight = distance[node], waiting[node]
+    without = row[start]
+    if without is not None and without <= weight:
+        return True
+    others = ((row[other], beyond) for other, beyond in waiting.items() if other != node)
+    # Only what happens before the time point has waited when the time point looks.
+    return any(before is not None and before <= 0 and before + beyond <= weight for before, beyond in others)
+
+
+def _distances(size: int, edges: Iterable[Edge]) -> list[list[int | None]]:
+    """Shortest paths between all nodes; None where there is none."""
+    table: list[list[int | None]] = [[0 if a == b else None for b in range(size)] for a in range(size)]
+    for edge in edges:
+        known = table[edge.source][edge.target]
+        table[edge.source][edge.target] = edge.weight if known is None else min(known, edge.weight)
+    for middle, after in enumerate(table):
+        reached = [(b, weight) for b, weight in enumerate(after) if weight is not None]
+        for row in table:
+            first = row[middle]
+            if first is not None:
+                for b, weight in reached:
+                    known = row[b]
+                    if known is None or first + weight < known:
+                        row[b] = first + weight
+    return table
 
 
 class Case(Enum):

@@ -19,11 +19,19 @@ from typing import Protocol
 
 from robust.errors import InputError
 from robust.execute.controllability.dynamic import dynamic
-from robust.execute.controllability.parametric import NOTHING, Ends, Form, ParametricStnu, ends_of, value
-from robust.execute.controllability.strong import Difference, differences, solve
-from robust.irr.box import Box, Interval
-from robust.irr.faces import Face
-from robust.irr.result import Side
+from robust.execute.controllability.strong import (
+    NOTHING,
+    Difference,
+    Ends,
+    Form,
+    ParametricStnu,
+    differences,
+    ends_of,
+    solve,
+    value,
+)
+from robust.irr.box import Box, Interval, Side
+from robust.irr.widen import Face
 from robust.plan.model import Parameter
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline

@@ -10,7 +10,7 @@ from random import Random
 
 from robust.errors import InputError
 from robust.execute.delivery.domain import MOST_RINGS, PREPARATIONS, TASKS, DeliveryVariant
-from robust.plan.numerals import format_number
+from robust.numbers import format_number
 
 Place = tuple[int, int]
 

@@ -1,19 +1,14 @@
-"""The dispatcher: executes a plan under a box of parameter values, one message at a time [IRR §3, Algorithm 2].
-
-Time points that are the dispatcher's to choose are executed as early as their windows and waits allow; the others are
-waited for. When an observation leaves the box, a window is missed, an observation does not come, or the world is not in
-the state that an action needs, the plan is given up: nothing more is started. By default the actions that are running
-are then waited for, so that the state from which the next plan starts is one that the model describes.
-"""
+"""Messages that cannot be what they claim: numbers that are none, names that nobody knows."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import Enum
 from fractions import Fraction
+from math import lcm
 
-from robust.execute.controllability.parametric import ParametricLink
-from robust.execute.dispatch.faults import flaw, in_order
+from robust.errors import did_you_mean
+from robust.execute.controllability.strong import ParametricLink
 from robust.execute.dispatch.messages import (
     Completed,
     Contradicted,
@@ -33,13 +28,237 @@ from robust.execute.dispatch.messages import (
     Succeeded,
     Unobserved,
 )
-from robust.execute.dispatch.network import NaturalLink
-from robust.execute.dispatch.observability import Means
-from robust.execute.dispatch.prepare import Dispatchable
-from robust.execute.dispatch.states import unmet
-from robust.execute.dispatch.windows import Windows
-from robust.plan.model import ZERO, ActionInstance, TimePoint, TimePointKind
-from robust.plan.numerals import format_number
+from robust.execute.dispatch.network import DispatchNetwork, NaturalLink, Tables
+from robust.execute.dispatch.prepare import Dispatchable, Means
+from robust.numbers import format_number
+from robust.plan.model import (
+    ZERO,
+    ActionInstance,
+    Comparison,
+    Condition,
+    Duration,
+    Fluent,
+    TimePoint,
+    TimePointKind,
+    Timing,
+)
+from robust.plan.timeline import Reading, State, leaves
+
+
+def is_exact(number: object) -> bool:
+    """Whether it is a number without rounding: floats, NaN among them, and texts are not."""
+    return isinstance(number, Fraction | int) and not isinstance(number, bool)
+
+
+def flaw(message: Message, dispatchable: Dispatchable) -> str | None:
+    """What is wrong with a message by itself, in one line; None if nothing is."""
+    match message:
+        case Started() | Completed() | Failed():
+            return _bad_time(message.time) or _unknown("instance", message.instance, dispatchable.plan.instance)
+        case Observed(parameter, value):
+            number = None if is_exact(value) else f"found {value!r} for {parameter!r}, expected an exact number"
+            return _unknown("parameter", parameter, dispatchable.box.intervals) or number
+        case StateEstimate(time):
+            return _bad_time(time)
+    return f"found {type(message).__name__}, expected a message"
+
+
+def _bad_time(time: object) -> str | None:
+    return None if is_exact(time) else f"found time {time!r}, expected an exact number"
+
+
+def _unknown(kind: str, name: str, known: Collection[str]) -> str | None:
+    return None if name in known else f"found {kind} {name!r}, expected one of the plan{did_you_mean(name, known)}"
+
+
+def in_order(messages: Sequence[Message]) -> list[Message]:
+    """Events by their time, starts first, then what is known about states and levels: they may arrive in any order."""
+
+    def key(message: Message) -> tuple[int, Fraction, int]:
+        match message:
+            case Started(_, time) if is_exact(time):
+                return 0, Fraction(time), 0
+            case Completed(_, time) | Failed(_, time) if is_exact(time):
+                return 0, Fraction(time), 1
+            case _:
+                return 1, Fraction(0), 0
+
+    return sorted(messages, key=key)
+
+
+def unmet(
+    instance: ActionInstance, estimate: StateEstimate, parameters: Mapping[str, Fraction], *, numbers: bool
+) -> str | None:
+    """The first condition at the start of an instance that does not hold in a state, as it is written in PDDL.
+
+    Conditions on `?duration`, on fluents that the estimate has no value of and, unless `numbers` is given, on any
+    fluents are passed over: nothing contradicts them.
+    """
+    reading = Reading(State(estimate.atoms, estimate.fluents), parameters)
+    for part in instance.conditions:
+        readable = part.timing is Timing.AT_START and _is_readable(part.condition, estimate, numbers=numbers)
+        if readable and not reading.holds(part.condition):
+            return f"{part.text} does not hold"
+    return None
+
+
+def _is_readable(condition: Condition, estimate: StateEstimate, *, numbers: bool) -> bool:
+    for leaf in leaves(condition):
+        if isinstance(leaf, Comparison):
+            fluents = [one for one in leaf.expression.variables if isinstance(one, Fluent)]
+            if any(isinstance(one, Duration) for one in leaf.expression.variables):
+                return False
+            if fluents and (not numbers or not estimate.fluents.keys() >= set(fluents)):
+                return False
+    return True
+
+
+class Windows:
+    """The windows of one execution; time points are numbered as in the network. Arithmetic is in integers, exactly."""
+
+    def __init__(self, network: DispatchNetwork, denominator: int = 1) -> None:
+        self.network = network
+        self._tables: Tables = network.scaled(denominator)
+        self._times: dict[int, int] = {}
+        size = len(network.points)
+        self._lower = [0] * size
+        self._upper: list[int | None] = [None] * size
+        self._cause: list[int | None] = [None] * size
+        self._blockers = [set(blockers) for blockers in network.blockers]
+        self._blocked: list[list[int]] = [[] for _ in range(size)]
+        for point, blockers in enumerate(self._blockers):
+            for blocker in blockers:
+                self._blocked[blocker].append(point)
+        self._waits: list[list[int]] = [[] for _ in range(size)]
+        for number, wait in enumerate(self._tables.waits):
+            self._waits[wait.point].append(number)
+
+    # -- what has happened -------------------------------------------------------------------------------------------
+
+    def happened(self, point: int, time: Fraction) -> None:
+        """A time point has happened; its time need not be in its window."""
+        ticks = self._ticks(time)
+        self._times[point] = ticks
+        for other, weight in self._tables.above[point]:
+            latest = ticks + weight
+            known = self._upper[other]
+            if known is None or latest < known:
+                self._upper[other] = latest
+                self._cause[other] = point
+        for other, weight in self._tables.below[point]:
+            self._lower[other] = max(self._lower[other], ticks + weight)
+        for other in self._blocked[point]:
+            self._blockers[other].discard(point)
+
+    def has_happened(self, point: int) -> bool:
+        return point in self._times
+
+    def time(self, point: int) -> Fraction | None:
+        """When a time point happened."""
+        ticks = self._times.get(point)
+        return None if ticks is None else Fraction(ticks, self._tables.scale)
+
+    @property
+    def times(self) -> dict[int, Fraction]:
+        return {point: Fraction(ticks, self._tables.scale) for point, ticks in self._times.items()}
+
+    # -- what may happen ---------------------------------------------------------------------------------------------
+
+    def window(self, point: int) -> tuple[Fraction, Fraction | None]:
+        """The least and the greatest time at which a time point may happen; None is never too late."""
+        upper = self._upper[point]
+        scale = self._tables.scale
+        return Fraction(self._lower[point], scale), None if upper is None else Fraction(upper, scale)
+
+    def is_late(self, point: int, now: Fraction) -> bool:
+        """Whether its greatest time has passed."""
+        return self.first_late((point,), now) is not None
+
+    def first_late(self, points: Iterable[int], now: Fraction) -> int | None:
+        """The first of these whose greatest time has passed."""
+        ticks = self._ticks(now)
+        for point in points:
+            upper = self._upper[point]
+            if upper is not None and upper < ticks:
+                return point
+        return None
+
+    def first_empty(self, points: Iterable[int]) -> int | None:
+        """The first of these that no time is left for."""
+        for point in points:
+            upper = self._upper[point]
+            if upper is not None and upper < self._lower[point]:
+                return point
+        return None
+
+    def first_ready(self, points: Iterable[int], now: Fraction) -> int | None:
+        """The first of these that can be dispatched."""
+        ticks = self._ticks(now)
+        for point in points:
+            ready = self._ready(point)
+            if ready is not None and ready <= ticks:
+                return point
+        return None
+
+    def next_moment(self, points: Iterable[int], now: Fraction, patience: Fraction) -> Fraction | None:
+        """When the first of these becomes ready, or its greatest time plus `patience` comes, after now."""
+        ticks, grace = self._ticks(now), self._ticks(patience)
+        ticks = self._ticks(now)  # in the units that patience may have asked for
+        found: int | None = None
+        for point in points:
+            ready, upper = self._ready(point), self._upper[point]
+            for moment in (ready, None if upper is None else upper + grace):
+                if moment is not None and moment > ticks and (found is None or moment < found):
+                    found = moment
+        return None if found is None else Fraction(found, self._tables.scale)
+
+    def ready(self, point: int) -> Fraction | None:
+        """From when on a time point can be dispatched, if nothing else happens; None if it waits for something."""
+        ready = self._ready(point)
+        return None if ready is None else Fraction(ready, self._tables.scale)
+
+    def _ready(self, point: int) -> int | None:
+        if self._blockers[point]:
+            return None
+        ready = self._lower[point]
+        for number in self._waits[point]:
+            wait = self._tables.waits[number]
+            if wait.end in self._times:
+                continue
+            if wait.delay is None:
+                return None
+            ready = max(ready, self._times[wait.activation] + wait.delay)
+        return ready
+
+    def cause(self, point: int) -> int | None:
+        """What its greatest time follows from."""
+        return self._cause[point]
+
+    def over(self, network: DispatchNetwork) -> Windows:
+        """The same history in another network with the same time points."""
+        fresh = Windows(network, self._tables.scale)
+        for point, ticks in self._times.items():
+            fresh.happened(point, Fraction(ticks, self._tables.scale))
+        return fresh
+
+    # -- units -------------------------------------------------------------------------------------------------------
+
+    def _ticks(self, time: Fraction) -> int:
+        if self._tables.scale % time.denominator:
+            self._rescale(time.denominator)
+        return time.numerator * (self._tables.scale // time.denominator)
+
+    def _rescale(self, denominator: int) -> None:
+        tables = self.network.scaled(lcm(self._tables.scale, denominator))
+        factor = tables.scale // self._tables.scale
+        self._times = {point: ticks * factor for point, ticks in self._times.items()}
+        self._lower = _times(self._lower, factor)
+        self._upper = [None if ticks is None else ticks * factor for ticks in self._upper]
+        self._tables = tables
+
+
+def _times(numbers: Iterable[int], factor: int) -> list[int]:
+    return [number * factor for number in numbers]
 
 
 class Phase(Enum):

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from robust.irr.box import Interval
+from robust.numbers import format_number
 from robust.plan.model import Atom, Fluent, TimePoint
-from robust.plan.numerals import format_number
 
 # -- messages ----------------------------------------------------------------------------------------------------------
 

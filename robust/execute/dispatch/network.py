@@ -1,11 +1,7 @@
-"""The temporal network of a plan as tables that a dispatcher can read quickly: who waits for whom, and how long.
+"""Which deviations an executor accepts before it re-plans [IRR §5].
 
-Under a box that is dynamically controllable, the tables hold all that follows from the constraints and from what nature
-may still choose, with the waits of P. Morris (2014): :mod:`robust.execute.controllability.dynamic`. Under any other box
-no strategy is certain; the tables then hold what follows if nature is kind. For BLEX they hold the constraints of the
-plan as they are written: it looks no further ahead than from one time point to the next [IRR, Algorithm 2].
-
-Numbers are integers in units of a common denominator; `scaled` gives the same tables in finer units.
+DREEX accepts what a box of parameter values allows that is proved to be inside the robustness envelope. BLEX(x), the
+baseline, accepts any duration or consumption within x per cent of what was planned, and proves nothing.
 """
 
 from __future__ import annotations
@@ -17,10 +13,11 @@ from fractions import Fraction
 from functools import cached_property
 from math import lcm
 
-from robust.errors import InputError
+from robust.errors import InputError, Location, did_you_mean
 from robust.execute.controllability.dynamic import Case, DynamicAnswer, dynamic
 from robust.execute.controllability.dynamic import Edge as NormalEdge
-from robust.execute.controllability.parametric import (
+from robust.execute.controllability.stnu import ContingentLink, Stnu
+from robust.execute.controllability.strong import (
     ParametricLink,
     ParametricStnu,
     ends_of,
@@ -28,12 +25,61 @@ from robust.execute.controllability.parametric import (
     greatest,
     least,
 )
-from robust.execute.controllability.stnu import ContingentLink, Stnu
-from robust.execute.dispatch.executors import Blex, Executor
 from robust.execute.distances import Edge, Paths
 from robust.irr.box import Box, Interval
-from robust.plan.model import TimePoint
+from robust.numbers import format_number, is_number, parse_number, shorten
+from robust.plan.model import ParametrizedPlan, TimePoint
 from robust.plan.polynomial import Polynomial
+
+_PLACE = Location("--executor")
+
+
+@dataclass(frozen=True, slots=True)
+class Dreex:
+    """The executor that is guided by an envelope."""
+
+    @property
+    def name(self) -> str:
+        return "dreex"
+
+
+@dataclass(frozen=True, slots=True)
+class Blex:
+    """The optimistic baseline: `share` is the deviation that it accepts, 0.3 for BLEX(30)."""
+
+    share: Fraction
+
+    @property
+    def name(self) -> str:
+        return f"blex:{format_number(self.share * 100)}"
+
+    def interval(self, value: Fraction) -> Interval:
+        """[(1 − x)·v, (1 + x)·v]."""
+        ends = sorted((value * (1 - self.share), value * (1 + self.share)))
+        return Interval(ends[0], ends[1])
+
+    def box(self, plan: ParametrizedPlan) -> Box:
+        """The interval of every parameter, around its nominal value."""
+        return Box({one.name: self.interval(one.nominal) for one in plan.parameters})
+
+
+Executor = Dreex | Blex
+
+
+def parse_executor(text: str) -> Executor:
+    """`dreex`, or `blex:30` for 30 per cent; InputError for anything else."""
+    name, colon, share = (part.strip() for part in text.lower().partition(":"))
+    if name == "dreex" and not colon:
+        return Dreex()
+    if name != "blex":
+        message = f"found {shorten(text)}, expected dreex or blex:PER_CENT{did_you_mean(name, ('dreex', 'blex'))}"
+        raise InputError(message, _PLACE)
+    if not is_number(share):
+        raise InputError(f"found {shorten(text)}, expected a number of per cent such as blex:30", _PLACE)
+    value = parse_number(share, _PLACE)
+    if not 0 <= value <= 100:
+        raise InputError(f"found {shorten(text)}, expected from 0 to 100 per cent", _PLACE)
+    return Blex(value / 100)
 
 
 class Guarantee(Enum):

@@ -1,27 +1,167 @@
-"""Any planner that reads PDDL files and prints a time-triggered plan, by the command that starts it."""
+"""Runs one planner and ends with it; started by :mod:`robust.execute.planners.command`, in a process group of its own.
+
+`watcher.py REPORT LIFELINE MEMORY COMMAND...`: REPORT and LIFELINE are file descriptors, MEMORY is a limit in bytes for
+each process of the planner (0: none). The exit code is written to REPORT. When LIFELINE reaches its end, because the
+parent died, the whole group is killed: no planner outlives the program that asked it.
+"""
 
 from __future__ import annotations
 
+import os
+import resource
+import select
 import shlex
 import shutil
+import signal
 import string
+import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
+from typing import BinaryIO
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, did_you_mean
-from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
-from robust.execute.planners.output import last_valid_plan, says_no_plan
+from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, last_valid_plan, says_no_plan
 from robust.execute.planners.pddl_text import domain_text, problem_text
-from robust.execute.planners.process import MEMORY_MB, Ended, run
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.timed import TimedPlan
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, has_input
+
+_LARGEST_FILE = 2**28
+"""Bytes; a planner that prints without end is ended before it fills the disk."""
+
+
+def main() -> None:
+    report, lifeline, memory = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    command = sys.argv[4:]
+    for descriptor in (report, lifeline):
+        os.set_inheritable(descriptor, False)
+    ended, wake = os.pipe()
+    os.set_blocking(wake, False)
+    signal.set_wakeup_fd(wake)
+    signal.signal(signal.SIGCHLD, lambda *_: None)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (_LARGEST_FILE, _LARGEST_FILE))
+    if memory:
+        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    try:
+        # Python ignores SIGXFSZ and SIGPIPE, which a child would inherit
+        child = os.posix_spawnp(
+            command[0], command, os.environ, setsigdef=[signal.SIGCHLD, signal.SIGXFSZ, signal.SIGPIPE]
+        )
+    except OSError as error:
+        print(f"cannot start {command[0]!r}: {error.strerror}", file=sys.stderr)  # noqa: T201 - the planner's stderr
+        os.write(report, b"127")
+        return
+    ready, _, _ = select.select([ended, lifeline], [], [])
+    if lifeline in ready:
+        os.killpg(0, signal.SIGKILL)
+    _, status = os.waitpid(child, 0)
+    os.write(report, str(os.waitstatus_to_exitcode(status)).encode())
+
+
+if __name__ == "__main__":
+    main()
+
+
+_WATCHER = Path(__file__).with_name("watcher.py")
+
+MEMORY_MB = 8192
+"""The address space that each process of a planner may have; more than any needs here, and less than a machine has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a process ended: `exit_code` is None at the deadline, and negative where another signal ended it."""
+
+    exit_code: int | None
+    stdout: str
+    stderr: str
+
+    @property
+    def timed_out(self) -> bool:
+        return self.exit_code is None
+
+    @property
+    def last_line(self) -> str:
+        """The last line on stderr, else on stdout; programs in Rust add a note, which says nothing."""
+        for text in (self.stderr, self.stdout):
+            lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("note: ")]
+            if lines:
+                return lines[-1]
+        return "no message"
+
+
+def run(
+    command: Sequence[str],
+    folder: Path,
+    deadline: Deadline,
+    *,
+    memory_mb: int = MEMORY_MB,
+    variables: Mapping[str, str] | None = None,
+) -> Ended:
+    """Run a command in a folder until it ends or the deadline passes; nothing of its process group is left.
+
+    `variables` are added to the environment.
+
+    Output goes to files in `folder`, so that a child that keeps its standard output open is not waited for.
+
+    Raises:
+        KeyboardInterrupt: on Ctrl-C, once the group has been killed.
+    """
+    out, err = folder / "stdout", folder / "stderr"
+    with (
+        _pipe() as (report, report_out),
+        _pipe() as (lifeline_in, _),
+        out.open("wb") as stdout,
+        err.open("wb") as stderr,
+    ):
+        numbers = (str(report_out.fileno()), str(lifeline_in.fileno()), str(memory_mb * 2**20))
+        process = subprocess.Popen(  # noqa: S603 - the planner that the user names
+            (sys.executable, "-I", "-S", str(_WATCHER), *numbers, *command),
+            stdin=subprocess.DEVNULL,
+            stdout=stdout,
+            stderr=stderr,
+            cwd=folder,
+            env={**os.environ, **(variables or {})},
+            pass_fds=(report_out.fileno(), lifeline_in.fileno()),
+            start_new_session=True,
+        )
+        try:
+            report_out.close()
+            code = report.read() if has_input(report.fileno(), deadline) else b""
+            timed_out = not code and deadline.passed
+        finally:
+            _kill(process)
+    return Ended(None if timed_out else int(code or -signal.SIGKILL), _text(out), _text(err))
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """End the whole group. Its leader has not been waited for yet, so its number cannot be another's by now."""
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+    except ProcessLookupError:
+        pass  # the group has ended by itself
+    finally:
+        process.wait()
+
+
+@contextmanager
+def _pipe() -> Iterator[tuple[BinaryIO, BinaryIO]]:
+    reader, writer = os.pipe()
+    with open(reader, "rb") as source, open(writer, "wb") as sink:
+        yield source, sink
+
+
+def _text(path: Path) -> str:
+    return path.read_bytes().decode("utf-8", "replace")
+
 
 _FIELDS = ("domain", "problem", "output", "timeout")
 _FOREVER = 10**6

@@ -1,30 +1,88 @@
-"""How early pairs of facts can hold together: a lower bound, by h² with durations, deadlines and running actions.
+"""Proofs that a problem has no plan, which are quick, and asked for before any planner is.
 
-The bound of a pair of facts is the least over all ways to make one of them true while the other one holds, or both at
-once; what a way needs are pairs again [Haslum & Geffner, Heuristic planning with time and resources, 2001, §3]. There
-actions need and keep everything all the time. Here they are those of PDDL 2.1, with starts and ends: that an action is
-running is a fact as well, made true by its start and false by its end. What holds when an action ends has held since
-its start, or has come to hold while it was running, and only in the first case the duration comes on top.
-
-Soundness. What happens at one moment of a valid plan is not mutex, and can be put in a row: ends, then timed literals
-and instantaneous actions, then starts. In this row, whenever two facts hold together, it is not before their bound:
-
-- What holds strictly during an action is not made false while it is running, but perhaps by something that ends at the
-  same moment. So no start and no instantaneous action makes it false while the action runs; ends may.
-- It holds right after the start, and not because of the start of another action, unless that can make it true.
-- That no other copy of an action runs when it ends is only used if no copy can start while it runs, by these bounds.
+A planner that looks for a plan where deadlines are out of reach uses up its time, and is none the wiser.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
 from itertools import repeat
 from math import inf
 from operator import lt
 
-from robust.execute.planners.relaxed import Change, RelaxedAction, RelaxedProblem, Time, earliest
+from robust.errors import RobustError
+from robust.execute.planners.interface import Planner, PlannerAnswer, PlannerStatus
+from robust.execute.planners.relaxed import (
+    Change,
+    RelaxedAction,
+    RelaxedProblem,
+    Time,
+    TooLargeError,
+    earliest,
+    relaxed_problem,
+)
+from robust.numbers import format_number
 from robust.plan.model import And, Condition, Holds, Or, Truth
-from robust.smt.limits import Deadline
+from robust.plan.pddl.syntax import Domain, Problem
+from robust.smt.limits import Deadline, OutOfTimeError
+
+NAME = "reachability"
+_SHARE = 0.25
+_LONGEST = 10.0
+"""Of the time for a plan, no more than this share, and no more than so many seconds."""
+
+
+def unreachable(domain: Domain, problem: Problem, deadline: Deadline) -> str | None:
+    """Why a problem has no plan, in one line; None if that is not found out, which says nothing.
+
+    The proof is that of :class:`robust.execute.planners.earliest.EarliestTimes`, as far as it gets by the deadline.
+    """
+    try:
+        relaxed = relaxed_problem(domain, problem, deadline)
+        times = EarliestTimes(relaxed, deadline)
+    except (TooLargeError, OutOfTimeError, RobustError):
+        return None  # it is for the planner to say what is wrong with the problem
+    return _reason(relaxed, times) if times.condition(relaxed.goal) == inf else None
+
+
+def _reason(problem: RelaxedProblem, times: EarliestTimes) -> str:
+    late = sorted(times.too_late.items(), key=lambda item: str(problem.facts[item[0]]))
+    if not late:
+        return "the goal is out of reach, whatever is done"
+    parts = [
+        f"{problem.facts[fact]} ends at {_number(problem.last[fact], problem)}, "
+        f"and what needs it would end at {_number(int(moment), problem)} or later"
+        for fact, moment in late
+    ]
+    return f"the goal is out of reach: {'; '.join(parts)}"
+
+
+def _number(ticks: int, problem: RelaxedProblem) -> str:
+    return format_number(Fraction(ticks, problem.ticks))
+
+
+@dataclass(frozen=True, slots=True)
+class ReachabilityFirst:
+    """A planner that is only asked if no proof is found that there is no plan."""
+
+    planner: Planner
+
+    @property
+    def name(self) -> str:
+        return self.planner.name
+
+    def solve(self, domain: Domain, problem: Problem, deadline: Deadline) -> PlannerAnswer:
+        """See :class:`robust.execute.planners.interface.Planner`; a proof answers in the name of `reachability`."""
+        start = time.monotonic()
+        remaining = deadline.remaining
+        share = _LONGEST if remaining is None else min(_LONGEST, remaining * _SHARE)
+        reason = unreachable(domain, problem, Deadline.after(share))
+        if reason is None:
+            return self.planner.solve(domain, problem, deadline)
+        return PlannerAnswer(NAME, PlannerStatus.NO_PLAN, None, time.monotonic() - start, reason)
 
 
 class EarliestTimes:
@@ -64,10 +122,10 @@ class EarliestTimes:
         """For facts that end for good: how early something could be done that needs them, and is too late."""
         found: dict[int, Time] = {}
         for step in self._steps:
-            for time in (step.late_start, step.late_end):
-                for fact in step.all_needs if time < inf else ():
-                    if time > self._last[fact]:
-                        found[fact] = min(time, found.get(fact, inf))
+            for late in (step.late_start, step.late_end):
+                for fact in step.all_needs if late < inf else ():
+                    if late > self._last[fact]:
+                        found[fact] = min(late, found.get(fact, inf))
         return found
 
     def together(self, facts: Iterable[int]) -> Time:
@@ -102,8 +160,8 @@ class EarliestTimes:
         self._changed = set(range(self._size))
         while self._changed:
             changed, self._changed = self._changed, set()
-            for time, fact in self._problem.arrivals:
-                self._arrive(time, fact)
+            for arrival, fact in self._problem.arrivals:
+                self._arrive(arrival, fact)
             for step in self._steps:
                 deadline.enforce()
                 if self._is_due(step, changed):

@@ -8,10 +8,9 @@ from fractions import Fraction
 
 from robust.encode.interface import EPSILON
 from robust.errors import UnsupportedError
-from robust.execute.planners.command import CommandPlanner, program
+from robust.execute.planners.command import CommandPlanner, Ended, program
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
-from robust.execute.planners.process import Ended
-from robust.plan.numerals import format_number
+from robust.numbers import format_number
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.smt.limits import Deadline
 

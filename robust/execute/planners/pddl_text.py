@@ -13,10 +13,10 @@ from fractions import Fraction
 from typing import assert_never
 
 from robust.errors import UnsupportedError
+from robust.numbers import format_number
 from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
-from robust.plan.numerals import format_number
-from robust.plan.pddl.check import type_text
-from robust.plan.pddl.effects import primitive
+from robust.plan.pddl.conditions import primitive
+from robust.plan.pddl.declarations import type_text
 from robust.plan.pddl.syntax import (
     OBJECT,
     ActionSchema,

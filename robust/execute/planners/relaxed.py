@@ -31,8 +31,8 @@ from robust.plan.model import (
     Truth,
     conjuncts,
 )
-from robust.plan.pddl.check import fits
-from robust.plan.pddl.effects import primitive
+from robust.plan.pddl.conditions import primitive
+from robust.plan.pddl.declarations import fits
 from robust.plan.pddl.grounding import ground_action, ground_goal
 from robust.plan.pddl.syntax import (
     ActionSchema,

@@ -1,43 +1,122 @@
-"""World files: which quantities nature draws, and from which distributions.
-
-A TOML file with one table for each rule; of several that fit, the first counts. Numbers are exact, and may be written
-as texts such as "1/3". Without a rule, nature does what the plan expects::
-
-    [[draw]]
-    duration = "prepare"          # an action, a ground action "(prepare first cap)", or an instance of the plan
-    distribution = "normal"       # or constant, uniform, half-normal
-    mean = 150                    # the planned value if left out
-    deviation = 70
-    minimum = 20                  # none if left out
-    below = "fold"                # what becomes of draws below the minimum; or "clip"
-
-    [[draw]]
-    consumption = "use"           # ground fluents that nothing changes, such as (use a b): anew for each instance
-    distribution = "uniform"
-    lower = 0.8
-    upper = "4/3"
-    relative = true               # numbers are multiples of the planned value
-
-    [[draw]]
-    parameter = "handling"        # a parameter of the plan: once for each run
-    distribution = "half-normal"
-    origin = 5                    # the planned value if left out
-    deviation = 1
-"""
+"""Distributions of what nature chooses. Draws are made exact: multiples of 1/1000, constants excepted."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from os import PathLike
-from typing import Final
+from random import Random
+from typing import Final, assert_never
 
 from robust.errors import InputError, Location, did_you_mean
-from robust.execute.worlds.distributions import Below, Constant, Distribution, HalfNormal, Normal, Uniform
+from robust.numbers import parse_number, shorten
 from robust.plan.model import ActionInstance, Fluent
-from robust.plan.numerals import parse_number, shorten
+
+GRID = 1000
+"""How many values there are from one integer to the next."""
+
+
+class Below(Enum):
+    """What becomes of draws below the minimum: folded up, to as far above it as they were below, or clipped to it."""
+
+    FOLD = "fold"
+    CLIP = "clip"
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    value: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Uniform:
+    """From `lower` to `upper`, which is not below it."""
+
+    lower: Fraction
+    upper: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """Normal with a minimum [IRR §5, "described by a normal distribution with a minimum value"]; None is none."""
+
+    mean: Fraction
+    deviation: Fraction
+    minimum: Fraction | None = None
+    below: Below = Below.FOLD
+
+
+@dataclass(frozen=True, slots=True)
+class HalfNormal:
+    """`origin` plus the absolute value of a normal variable with mean 0."""
+
+    origin: Fraction
+    deviation: Fraction
+
+
+Distribution = Constant | Uniform | Normal | HalfNormal
+
+
+def draw(distribution: Distribution, random: Random) -> Fraction:
+    """One value."""
+    match distribution:
+        case Constant(value):
+            return value
+        case Uniform(lower, upper):
+            drawn = on_grid(random.uniform(float(lower), float(upper)))
+            return min(max(drawn, lower), upper)
+        case Normal(mean, deviation, minimum, below):
+            drawn = on_grid(random.gauss(float(mean), float(deviation)))
+            if minimum is None or drawn >= minimum:
+                return drawn
+            return minimum if below is Below.CLIP else 2 * minimum - drawn
+        case HalfNormal(origin, deviation):
+            return origin + abs(on_grid(random.gauss(0.0, float(deviation))))
+    assert_never(distribution)
+
+
+def on_grid(value: float) -> Fraction:
+    """The nearest multiple of 1/1000."""
+    return Fraction(round(value * GRID), GRID)
+
+
+class Luck:
+    """The draws of one run; durations are never below 0."""
+
+    def __init__(self, rules: Rules, seed: int | str) -> None:
+        self.rules = rules
+        self._seed = seed
+        self._count: Counter[str] = Counter()
+        self._kept: dict[str, Fraction] = {}
+
+    def duration(self, instance: ActionInstance, planned: Fraction) -> Fraction | None:
+        """How long an instance takes this time; None without a rule."""
+        rule = self.rules.duration(instance)
+        return None if rule is None else max(self._draw(rule, f"duration {instance}", planned), Fraction(0))
+
+    def consumption(self, instance: ActionInstance, fluent: Fluent, planned: Fraction) -> Fraction | None:
+        """The value of a fluent for an instance; None without a rule."""
+        rule = self.rules.consumption(fluent)
+        return None if rule is None else self._draw(rule, f"{fluent} of {instance}", planned)
+
+    def parameter(self, name: str, planned: Fraction, *, once: bool) -> Fraction | None:
+        """The value of a parameter; None without a rule. With `once` it stays what it was when it was drawn first."""
+        rule = self.rules.parameter(name)
+        if rule is None:
+            return None
+        if not once:
+            return self._draw(rule, f"parameter {name}", planned)
+        if name not in self._kept:
+            self._kept[name] = self._draw(rule, f"parameter {name}", planned)
+        return self._kept[name]
+
+    def _draw(self, rule: Rule, what: str, planned: Fraction) -> Fraction:
+        number = self._count[what]
+        self._count[what] += 1
+        return draw(rule.of(planned), Random(f"{self._seed}/{what}/{number}"))  # noqa: S311 - no secrets here
 
 
 class Subject(Enum):
@@ -110,7 +189,7 @@ class Rules:
 
 def read_rules(path: str | PathLike[str]) -> Rules:
     """The rules in a world file; InputError if it cannot be read or is wrong."""
-    from robust.plan.pddl.files import read_text  # noqa: PLC0415 - keeps the grammar of PDDL out of this import
+    from robust.plan.pddl.forms import read_text  # noqa: PLC0415 - keeps the grammar of PDDL out of this import
 
     return parse_rules(read_text(path), str(path))
 

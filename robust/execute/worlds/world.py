@@ -1,20 +1,15 @@
-"""A simulated world: it carries out what a dispatcher decides, and tells it what comes of that.
-
-How long actions take, how much they consume and when things happen that nobody decides is drawn (:mod:`.luck`); all
-else is as the model says. An action whose condition does not hold fails: at its start, it does not happen at all;
-later, it ends there and then, without its effects at the end. Conditions over all are looked at when something happens,
-and once between any two such moments.
-"""
+"""Action instances with actual values in place of parameters and of fluents whose value varies."""
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
 from itertools import count
+from typing import assert_never
 
 from robust.execute.dispatch.messages import (
     Completed,
@@ -31,24 +26,192 @@ from robust.execute.dispatch.messages import (
     Unobserved,
 )
 from robust.execute.dispatch.network import NaturalLink
-from robust.execute.dispatch.observability import Means
-from robust.execute.dispatch.prepare import Dispatchable
-from robust.execute.worlds.actual import variables_of, variables_of_effects, with_values
-from robust.execute.worlds.luck import Luck
-from robust.execute.worlds.state import WorldState
+from robust.execute.dispatch.prepare import Dispatchable, Means
+from robust.execute.worlds.rules import Luck
 from robust.plan.model import (
     ZERO,
     ActionInstance,
+    And,
+    Assignment,
+    Atom,
+    Comparison,
+    Condition,
     Duration,
+    Expression,
     Fluent,
+    Holds,
     NumericVariable,
+    Or,
     Parameter,
     ParameterReference,
+    TimedCondition,
+    TimedLiteral,
     TimePoint,
     TimePointKind,
     Timing,
+    Truth,
 )
-from robust.plan.timeline import Reading, State
+from robust.plan.polynomial import Polynomial
+from robust.plan.timeline import Reading, State, leaves
+
+Values = Mapping[NumericVariable, Fraction]
+
+
+def variables_of(instance: ActionInstance) -> frozenset[NumericVariable]:
+    """The variables that an instance reads."""
+    return frozenset(variable for expression in _expressions(instance) for variable in expression.variables)
+
+
+def variables_of_effects(instance: ActionInstance) -> frozenset[NumericVariable]:
+    """The variables that decide how much an instance changes."""
+    expressions = [effect.expression for effect in instance.numeric_effects]
+    expressions += [effect.rate for effect in instance.continuous_effects]
+    return frozenset(variable for expression in expressions for variable in expression.variables)
+
+
+def _expressions(instance: ActionInstance) -> Iterator[Expression]:
+    conditions: list[Condition] = [one.condition for one in instance.durations]
+    conditions += [one.condition for one in instance.conditions]
+    conditions += [one.condition for one in instance.atom_effects]
+    conditions += [one.condition for one in instance.numeric_effects]
+    for condition in conditions:
+        yield from (leaf.expression for leaf in leaves(condition) if isinstance(leaf, Comparison))
+    yield from (effect.expression for effect in instance.numeric_effects)
+    yield from (effect.rate for effect in instance.continuous_effects)
+
+
+def with_values(instance: ActionInstance, values: Values) -> ActionInstance:
+    """The instance with these variables replaced by their values, in conditions and effects."""
+    if not values or variables_of(instance).isdisjoint(values):
+        return instance
+    return replace(
+        instance,
+        durations=tuple(replace(one, condition=_comparison(one.condition, values)) for one in instance.durations),
+        conditions=tuple(replace(one, condition=condition_with(one.condition, values)) for one in instance.conditions),
+        atom_effects=tuple(
+            replace(one, condition=condition_with(one.condition, values)) for one in instance.atom_effects
+        ),
+        numeric_effects=tuple(
+            replace(
+                one,
+                expression=expression_with(one.expression, values),
+                condition=condition_with(one.condition, values),
+            )
+            for one in instance.numeric_effects
+        ),
+        continuous_effects=tuple(
+            replace(one, rate=expression_with(one.rate, values)) for one in instance.continuous_effects
+        ),
+    )
+
+
+def expression_with(expression: Expression, values: Values) -> Expression:
+    """An expression with these variables replaced by their values."""
+
+    def value(variable: NumericVariable) -> Expression:
+        known = values.get(variable)
+        return Polynomial.variable(variable) if known is None else Polynomial.constant(known)
+
+    return expression.substitute(value)
+
+
+def _comparison(condition: Comparison, values: Values) -> Comparison:
+    return Comparison(expression_with(condition.expression, values), condition.relation)
+
+
+def condition_with(condition: Condition, values: Values) -> Condition:
+    """A condition with these variables replaced by their values."""
+    match condition:
+        case Truth() | Holds():
+            return condition
+        case Comparison():
+            return _comparison(condition, values)
+        case And(operands):
+            return And(tuple(condition_with(one, values) for one in operands))
+        case Or(operands):
+            return Or(tuple(condition_with(one, values) for one in operands))
+    assert_never(condition)
+
+
+class WorldState:
+    """Atoms, fluents and the moment; `flows` are the rates of running instances by their identifier."""
+
+    def __init__(self, atoms: Iterable[Atom], fluents: Mapping[Fluent, Fraction], time: Fraction = Fraction(0)) -> None:
+        self.atoms = set(atoms)
+        self.fluents = dict(fluents)
+        self.time = time
+        self.flows: dict[str, tuple[tuple[Fluent, Fraction], ...]] = {}
+
+    def snapshot(self) -> State:
+        """A copy that does not change any more."""
+        return State(frozenset(self.atoms), dict(self.fluents))
+
+    def advance(self, time: Fraction) -> None:
+        """Let time pass: fluents change continuously."""
+        if self.flows and time > self.time:
+            for flow in self.flows.values():
+                for fluent, rate in flow:
+                    self.fluents[fluent] += rate * (time - self.time)
+        self.time = max(self.time, time)
+
+    def unmet(
+        self, instance: ActionInstance, timing: Timing, duration: Fraction | None = None
+    ) -> TimedCondition | None:
+        """The first condition of an instance, of that timing, that does not hold now.
+
+        Conditions that read `?duration` hold until the duration is known.
+        """
+        parts = [one for one in instance.conditions if one.timing is timing]
+        if duration is None:
+            parts = [one for one in parts if not _reads_duration(one.condition)]
+        if not parts:
+            return None
+        reading = self._reading(duration)
+        return next((one for one in parts if not reading.holds(one.condition)), None)
+
+    def apply(self, instance: ActionInstance, timing: Timing, duration: Fraction | None = None) -> None:
+        """The effects of an instance at one of its time points; all of them read the state before any."""
+        reading = self._reading(duration)
+        adds = [one for one in instance.atom_effects if one.timing is timing and reading.holds(one.condition)]
+        changes = [
+            (one, reading.expression(one.expression))
+            for one in instance.numeric_effects
+            if one.timing is timing and reading.holds(one.condition)
+        ]
+        self.atoms.difference_update([one.atom for one in adds if not one.value])
+        self.atoms.update([one.atom for one in adds if one.value])
+        for effect, value in sorted(changes, key=lambda change: change[0].operator is Assignment.INCREASE):
+            if effect.operator is Assignment.ASSIGN:
+                self.fluents[effect.fluent] = value
+            else:
+                self.fluents[effect.fluent] = reading.variable(effect.fluent) + value
+
+    def begin_flows(self, instance: ActionInstance, duration: Fraction | None) -> None:
+        """Continuous effects set in; their rates stay as they are now."""
+        if instance.continuous_effects:
+            reading = self._reading(duration)
+            flow = tuple((one.fluent, reading.expression(one.rate)) for one in instance.continuous_effects)
+            self.flows[instance.identifier] = flow
+
+    def end_flows(self, instance: ActionInstance) -> None:
+        self.flows.pop(instance.identifier, None)
+
+    def pass_literal(self, literal: TimedLiteral) -> None:
+        """A timed initial literal takes effect."""
+        match literal.target:
+            case Fluent():
+                self.fluents[literal.target] = Fraction(literal.value)
+            case atom if literal.value:
+                self.atoms.add(atom)
+            case atom:
+                self.atoms.discard(atom)
+
+    def _reading(self, duration: Fraction | None) -> Reading:
+        return Reading(State(frozenset(self.atoms), self.fluents), {}, duration)
+
+
+def _reads_duration(condition: Condition) -> bool:
+    return any(isinstance(leaf, Comparison) and Duration() in leaf.expression.variables for leaf in leaves(condition))
 
 
 class Outcome(Enum):

@@ -9,9 +9,9 @@ from math import log, prod
 from random import Random
 
 from robust.errors import InputError
+from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.builder import Element, act, build, choose, sequence
-from robust.pike_bridge.generators.action_text import ActionText, domain_text, problem_text
-from robust.pike_bridge.instance import Instance
+from robust.pike_bridge.generators.stories import ActionText, domain_text, problem_text
 
 LARGEST = 10_000
 """Numbers of intents are drawn up to this; the paper's range is in a figure only."""

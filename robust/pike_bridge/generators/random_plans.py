@@ -19,6 +19,7 @@ from fractions import Fraction
 from random import Random
 from typing import assert_never
 
+from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.builder import (
     Act,
     Choose,
@@ -33,8 +34,7 @@ from robust.pike_bridge.builder import (
     sequence,
     within,
 )
-from robust.pike_bridge.generators.action_text import ActionText, domain_text, problem_text
-from robust.pike_bridge.instance import Instance
+from robust.pike_bridge.generators.stories import ActionText, domain_text, problem_text
 
 _BEGINNING = ""
 """Stands for the special activity of the initial state."""

@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from random import Random
 
 from robust.errors import InputError
+from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence
-from robust.pike_bridge.generators.action_text import ActionText, domain_text, problem_text
-from robust.pike_bridge.instance import Instance
+from robust.pike_bridge.generators.stories import ActionText, domain_text, problem_text
 
 Clause = Sequence[int]
 

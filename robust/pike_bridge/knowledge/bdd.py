@@ -1,4 +1,4 @@
-"""A binary decision diagram of all models, with the package `dd` (CUDD if its binding is there, else pure Python)."""
+"""A static order of variables in which those that occur together are close to each other."""
 
 from __future__ import annotations
 
@@ -6,18 +6,95 @@ import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import reduce
 from math import prod
-from typing import Any, TypeAlias, assert_never
+from typing import Any, Protocol, TypeAlias, assert_never
 
-from robust.pike_bridge.knowledge.commitments import is_consistent, narrowing
-from robust.pike_bridge.knowledge.families import Families, evaluate
-from robust.pike_bridge.knowledge.formulas import assignments_of, check_theory, fold
-from robust.pike_bridge.knowledge.implicit import primes
-from robust.pike_bridge.knowledge.interface import Commitment, KnowledgeBase, KnowledgeStatistics
-from robust.pike_bridge.knowledge.ordering import force_order
-from robust.pike_bridge.knowledge.space import OutOfSpaceError
+from robust.pike_bridge.knowledge.interface import (
+    Commitment,
+    KnowledgeBase,
+    KnowledgeStatistics,
+    OutOfSpaceError,
+    assignments_of,
+    check_theory,
+    fold,
+    is_consistent,
+    narrowing,
+)
+from robust.pike_bridge.knowledge.labels import NOTHING, UNIT, Families, evaluate
 from robust.pike_bridge.model import Assignment, Guard
 from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory
 from robust.smt.limits import Deadline
+
+ROUNDS = 40
+
+
+def force_order(variables: Sequence[str], groups: Sequence[Collection[str]]) -> list[str]:
+    """An order that keeps each group within a small span.
+
+    The FORCE heuristic (Aloul, Markov and Sakallah, 2003): move each variable to the mean of the centres of its groups,
+    sort, and repeat; the order with the least sum of spans is the result.
+    """
+    order = list(variables)
+    best, least = order, _spans(order, groups)
+    by_variable: dict[str, list[int]] = {variable: [] for variable in variables}
+    for index, group in enumerate(groups):
+        for variable in group:
+            by_variable[variable].append(index)
+    for _ in range(ROUNDS):
+        place = {variable: at for at, variable in enumerate(order)}
+        centres = [sum(place[variable] for variable in group) / len(group) if group else 0.0 for group in groups]
+        target = {
+            variable: sum(centres[index] for index in indices) / len(indices) if indices else float(place[variable])
+            for variable, indices in by_variable.items()
+        }
+        order = sorted(order, key=lambda variable: (target[variable], place[variable]))
+        total = _spans(order, groups)
+        if total >= least:
+            break
+        best, least = order, total
+    return best
+
+
+def _spans(order: Sequence[str], groups: Sequence[Collection[str]]) -> int:
+    place = {variable: at for at, variable in enumerate(order)}
+    return sum(max(map(place.__getitem__, group)) - min(map(place.__getitem__, group)) for group in groups if group)
+
+
+class Functions(Protocol):
+    """Functions over finite-domain variables, which can be compared, hashed, and conjoined by `&`."""
+
+    def top(self, function: Any) -> int | None:
+        """The first variable that a function depends on; None for constants."""
+
+    def cofactors(self, function: Any, variable: int) -> list[Any]:
+        """What is left of a function for each value of a variable."""
+
+    def is_false(self, function: Any) -> bool:
+        """Whether a function is the constant."""
+
+
+def primes(root: Any, functions: Functions, families: Families, deadline: Deadline) -> int:
+    """The prime implicants of a function, as one of the families.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    known: dict[Any, int] = {}
+
+    def step(function: Any) -> int | list[Any]:
+        variable = functions.top(function)
+        if variable is None:
+            return NOTHING if functions.is_false(function) else UNIT
+        parts = functions.cofactors(function, variable)
+        always = reduce(lambda first, second: first & second, parts)
+        missing = [each for each in (always, *parts) if each not in known]
+        if missing:
+            return missing
+        without = known[always]
+        assigned = tuple(families.difference(known[part], without, deadline) for part in parts)
+        return families.branch(variable, without, assigned)
+
+    return evaluate(root, known, step, deadline)
+
 
 NEVER = Deadline()
 LARGEST_DIAGRAM = 5_000_000

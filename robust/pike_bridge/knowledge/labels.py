@@ -8,13 +8,15 @@ look-up per scope, not per environment, and conjunctions are hash joins. Source:
 
 from __future__ import annotations
 
+import sys
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, NamedTuple, TypeAlias, TypeVar
 
-from robust.pike_bridge.environment import Environment, Vocabulary, bits
-from robust.pike_bridge.knowledge.space import Effort
+from robust.pike_bridge.knowledge.interface import Effort
+from robust.pike_bridge.model import Environment, Vocabulary, bits
+from robust.smt.limits import Deadline
 
 Scope: TypeAlias = int
 """The bits of all assignments to some variables."""
@@ -316,3 +318,208 @@ def consistent_with(label: Label, environment: Environment, scope: Scope) -> Ite
                 yield part, each
         else:
             yield from ((one, each) for one in members if one & shared == part)
+
+
+Key = TypeVar("Key", bound=Hashable)
+Value = TypeVar("Value")
+
+NOTHING: Final = 0
+"""The empty set."""
+UNIT: Final = 1
+"""The set of the empty environment."""
+
+
+class Branching(NamedTuple):
+    """Environments that do not assign a variable, and those that do, by value."""
+
+    variable: int
+    unassigned: int
+    assigned: tuple[int, ...]
+
+
+def evaluate(key: Key, known: dict[Key, Value], step: Callable[[Key], Value | list[Key]], deadline: Deadline) -> Value:
+    """The value of a key, by depth-first search without recursion.
+
+    Args:
+        known: values so far, to which all new ones are added.
+        step: the value of a key, or the keys whose values must be known first.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    stack = [key]
+    while stack:
+        deadline.enforce()
+        one = stack[-1]
+        if one in known:
+            stack.pop()
+            continue
+        result = step(one)
+        if isinstance(result, list):
+            stack += result
+        else:
+            known[one] = result
+            stack.pop()
+    return known[key]
+
+
+_CONSTANT: Final = Branching(sys.maxsize, NOTHING, ())
+"""In place of the constants, after all variables."""
+
+
+class Families:
+    """Sets of environments, each by a number; equal sets have equal numbers. Variables are numbered in their order."""
+
+    def __init__(self) -> None:
+        self._branchings: list[Branching] = [_CONSTANT, _CONSTANT]
+        self._numbers: dict[Branching, int] = {}
+        self._differences: dict[tuple[int, int], int] = {}
+        self._counts: dict[int, int] = {NOTHING: 0, UNIT: 1}
+
+    def __len__(self) -> int:
+        return len(self._branchings)
+
+    def branch(self, variable: int, unassigned: int, assigned: tuple[int, ...]) -> int:
+        """The set with these parts, which mention later variables only."""
+        if not any(assigned):
+            return unassigned
+        branching = Branching(variable, unassigned, assigned)
+        if branching not in self._numbers:
+            self._numbers[branching] = len(self._branchings)
+            self._branchings.append(branching)
+        return self._numbers[branching]
+
+    def difference(self, first: int, second: int, deadline: Deadline) -> int:
+        """The environments of the first set that are not in the second."""
+        return evaluate((first, second), self._differences, self._difference, deadline)
+
+    def count(self, family: int, deadline: Deadline) -> int:
+        """How many environments a set has."""
+
+        def step(one: int) -> int | list[int]:
+            branching = self._branchings[one]
+            parts = (branching.unassigned, *branching.assigned)
+            missing = [part for part in parts if part not in self._counts]
+            return missing or sum(map(self._counts.__getitem__, parts))
+
+        return evaluate(family, self._counts, step, deadline)
+
+    def environments(self, family: int) -> Iterator[tuple[tuple[int, int], ...]]:
+        """Each environment of a set, once, as variables with the numbers of their values."""
+        stack: list[tuple[int, tuple[tuple[int, int], ...]]] = [(family, ())]
+        while stack:
+            one, made = stack.pop()
+            if one in (NOTHING, UNIT):
+                if one == UNIT:
+                    yield made
+                continue
+            branching = self._branchings[one]
+            stack.append((branching.unassigned, made))
+            for number, part in enumerate(branching.assigned):
+                stack.append((part, (*made, (branching.variable, number))))
+
+    def _difference(self, pair: tuple[int, int]) -> int | list[tuple[int, int]]:
+        first, second = pair
+        if first in (NOTHING, second):
+            return NOTHING
+        if second == NOTHING:
+            return first
+        left, right = self._branchings[first], self._branchings[second]
+        if left.variable < right.variable:
+            pairs = [(left.unassigned, second)]
+        elif right.variable < left.variable:
+            pairs = [(first, right.unassigned)]
+        else:
+            pairs = [(left.unassigned, right.unassigned), *zip(left.assigned, right.assigned, strict=True)]
+        missing = [each for each in pairs if each not in self._differences]
+        if missing:
+            return missing
+        unassigned, *assigned = map(self._differences.__getitem__, pairs)
+        if right.variable < left.variable:
+            return unassigned
+        return self.branch(left.variable, unassigned, tuple(assigned) or left.assigned)
+
+
+def count_models(label: Label, scope: Scope, vocabulary: Vocabulary, deadline: Deadline) -> int:
+    """How many assignments to the variables of a scope entail some environment of a label about them.
+
+    One variable after the other is given each of its values; what is left to count is looked up if it was met before.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    fields = [vocabulary.field(variable) for variable in vocabulary.variables if vocabulary.field(variable) & scope]
+    fields.sort(key=lambda field: -sum(len(members) for each, members in label.items() if each & field))
+    combinations = [1]
+    for field in reversed(fields):
+        combinations.append(combinations[-1] * field.bit_count())
+    combinations.reverse()
+    known: dict[tuple[int, frozenset[Environment]], int] = {}
+    # Depth first; a label waits on the stack until those that it needs are counted.
+    stack = [(0, label)]
+    while stack:
+        deadline.enforce()
+        depth, current = stack[-1]
+        key = (depth, frozenset(environments(current)))
+        if key in known:
+            stack.pop()
+        elif not current or 0 in current:
+            known[key] = combinations[depth] if current else 0
+        else:
+            parts = [(depth + 1, restrict(current, fields[depth], 1 << at)) for at in bits(fields[depth])]
+            keys = [(deeper, frozenset(environments(part))) for deeper, part in parts]
+            missing = [part for part, each in zip(parts, keys, strict=True) if each not in known]
+            if missing:
+                stack.extend(missing)
+            else:
+                known[key] = sum(known[each] for each in keys)
+    return known[0, frozenset(environments(label))]
+
+
+def restrict(label: Label, field: Scope, assignment: Environment) -> Label:
+    """What is left of a label once a variable has the assigned value."""
+    result: Label = {}
+    for scope, members in label.items():
+        if scope & field:
+            members = {one ^ assignment for one in members if one & assignment}  # noqa: PLW2901 - the part that is left
+            scope ^= field  # noqa: PLW2901
+        if members:
+            result[scope] = result[scope] | members if scope in result else members
+    return true_label() if 0 in result else result
+
+
+def models(
+    parts: Sequence[tuple[Scope, Label]], vocabulary: Vocabulary, deadline: Deadline
+) -> Iterator[Mapping[str, str]]:
+    """Every assignment to all variables that entails an environment of each label, once.
+
+    Args:
+        parts: labels with the scopes that they are about, which share no variables.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    fields = {variable: vocabulary.field(variable) for variable in vocabulary.variables}
+    steps: list[tuple[Scope, Label | None]] = []
+    """For each variable its bits and, if it is the first of a part, the label of the part."""
+    covered = 0
+    for scope, label in parts:
+        if not label:
+            return
+        covered |= scope
+        own = [field for field in fields.values() if field & scope]
+        steps += [(field, None if at else label) for at, field in enumerate(own)]
+    steps += [(field, None if at else true_label()) for at, field in enumerate(fields.values()) if not field & covered]
+    stack: list[tuple[int, Environment, Label]] = [(0, 0, true_label())]
+    while stack:
+        deadline.enforce()
+        depth, made, label = stack.pop()
+        if depth == len(steps):
+            yield dict(vocabulary.decode(made))
+            continue
+        field, begins = steps[depth]
+        current = label if begins is None else begins
+        for at in bits(field):
+            rest = restrict(current, field, 1 << at)
+            if rest:
+                stack.append((depth + 1, made | 1 << at, rest))

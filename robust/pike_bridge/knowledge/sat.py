@@ -8,9 +8,16 @@ from itertools import combinations
 from typing import assert_never
 
 from robust.errors import InputError
-from robust.pike_bridge.knowledge.commitments import is_consistent, narrowing
-from robust.pike_bridge.knowledge.formulas import check_assignments, check_theory, fold
-from robust.pike_bridge.knowledge.interface import Commitment, KnowledgeBase, KnowledgeStatistics
+from robust.pike_bridge.knowledge.interface import (
+    Commitment,
+    KnowledgeBase,
+    KnowledgeStatistics,
+    check_assignments,
+    check_theory,
+    fold,
+    is_consistent,
+    narrowing,
+)
 from robust.pike_bridge.model import Assignment, Constraint, Guard, Tpnu
 from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory
 from robust.plan.polynomial import Polynomial

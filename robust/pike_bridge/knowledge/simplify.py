@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from robust.pike_bridge.knowledge.commitments import is_consistent
-from robust.pike_bridge.knowledge.formulas import FALSE, TRUE, normal_form
+from robust.pike_bridge.knowledge.interface import FALSE, TRUE, is_consistent, normal_form
 from robust.pike_bridge.model import Assignment, Guard
 from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory
 from robust.smt.limits import Deadline

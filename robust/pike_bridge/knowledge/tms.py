@@ -1,30 +1,380 @@
-"""Knowledge bases whose answers come from the label of a truth-maintenance system's goal node [PIKE §5.7]."""
+"""The goal node: the conjunction of all constraints and conflicts, kept as a product of independent factors.
+
+Constraints and conflicts that share no variables, not even through others, have prime implicants of their own, and
+those of all are the products of these. Within a factor, labels are joined two at a time, such that the estimated
+result is the smallest, and a conflict is resolved as soon as a label mentions all of its variables.
+"""
 
 from __future__ import annotations
 
 import time
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from itertools import product
-from math import prod
+from math import log2, prod
 
-from robust.pike_bridge.environment import Vocabulary
-from robust.pike_bridge.knowledge.commitments import Narrowing, narrowing
-from robust.pike_bridge.knowledge.counting import count_models, models
-from robust.pike_bridge.knowledge.formulas import FALSE, check_assignments, check_theory
-from robust.pike_bridge.knowledge.goal import FALSITY, Factor, Joining, factors
-from robust.pike_bridge.knowledge.interface import Commitment, KnowledgeBase, KnowledgeStatistics
-from robust.pike_bridge.knowledge.labels import Conflict, Label, Scope, conflict, environments, size, split
-from robust.pike_bridge.knowledge.nodes import Node, encode
-from robust.pike_bridge.knowledge.propagation import TruthMaintenance
-from robust.pike_bridge.knowledge.queries import Partial, allowing, could_hold, exclude, find_model, require
+from robust.pike_bridge.knowledge.interface import (
+    FALSE,
+    LARGEST_LABEL,
+    Commitment,
+    Effort,
+    KnowledgeBase,
+    KnowledgeStatistics,
+    Narrowing,
+    check_assignments,
+    check_theory,
+    narrowing,
+)
+from robust.pike_bridge.knowledge.labels import (
+    Conflict,
+    Label,
+    Scope,
+    conflict,
+    consistent_with,
+    count_models,
+    environments,
+    models,
+    scope_of,
+    size,
+    split,
+    true_label,
+    weave,
+    without_manifest,
+)
+from robust.pike_bridge.knowledge.network import Node, Resolve, TruthMaintenance, encode
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.knowledge.simplify import simplify
-from robust.pike_bridge.knowledge.space import LARGEST_LABEL, Effort
-from robust.pike_bridge.model import Assignment, Guard
+from robust.pike_bridge.model import Assignment, Environment, Guard, Vocabulary
 from robust.pike_bridge.theory import Theory
 from robust.smt.limits import Deadline
+
+
+@dataclass(frozen=True, slots=True)
+class Factor:
+    """The label of independent constraints and conflicts."""
+
+    scope: Scope
+    """All variables of the constraints and conflicts."""
+    label: Label
+    conflicts: tuple[Conflict, ...] = ()
+    """Those that an environment of the label may not have resolved."""
+
+
+FALSITY = Factor(0, {})
+
+
+def factors(labels: Sequence[Label], conflicts: Sequence[Conflict], joining: Joining, effort: Effort) -> list[Factor]:
+    """The goal's label, from those of all constraints, and all conflicts.
+
+    Raises:
+        OutOfTimeError: if the deadline passes; the statistics then say how large the labels were.
+    """
+    parts = [(scope_of(label), label) for label in labels if 0 not in label]
+    found: list[Factor] = []
+    scopes = [scope for scope, _ in parts] + [each.scope for each in conflicts]
+    for scope in components(scopes):
+        own = [each for each in conflicts if _touch(each.scope, scope)]
+        found.append(joining.factor([label for each, label in parts if _touch(each, scope)], own, scope, effort))
+    return found
+
+
+def _touch(first: Scope, second: Scope) -> bool:
+    """Whether scopes share variables; falsity, which has none, is apart from everything else."""
+    return bool(first & second) or first == second
+
+
+def components(scopes: Iterable[Scope]) -> list[Scope]:
+    """The unions of scopes that share variables, directly or through others; the empty scope is one of its own."""
+    found: list[Scope] = []
+    for scope in scopes:
+        apart = []
+        merged = scope
+        for each in found:
+            if _touch(each, scope):
+                merged |= each
+            else:
+                apart.append(each)
+        found = [*apart, merged]
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Joining:
+    """How the labels of one factor are joined."""
+
+    vocabulary: Vocabulary
+    resolve: Resolve
+    resolved: bool
+    """Whether what `resolve` returns resolves the conflict for good."""
+
+    def factor(self, labels: Sequence[Label], conflicts: Sequence[Conflict], scope: Scope, effort: Effort) -> Factor:
+        """The conjunction of all labels and conflicts, which are about the variables of a scope.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        label = _Join(self, effort, labels, list(conflicts)).run()
+        return Factor(scope, label, () if self.resolved else tuple(conflicts))
+
+    def weights(self) -> dict[Scope, float]:
+        """For each variable, the binary logarithm of the number of its values."""
+        return {self.vocabulary.field(name): log2(len(values)) for name, values in self.vocabulary.domains.items()}
+
+
+class _Join:
+    def __init__(self, joining: Joining, effort: Effort, labels: Sequence[Label], conflicts: list[Conflict]) -> None:
+        self._joining = joining
+        self._effort = effort
+        self._parts: dict[int, Label] = {}
+        self._scopes: dict[int, Scope] = {}
+        self._open = conflicts
+        self._weights = joining.weights()
+        self._pairs: list[tuple[float, int, int]] = []
+        self._next = 0
+        for label in labels:
+            self._put(label)
+
+    def run(self) -> Label:
+        while len(self._parts) > 1 and all(self._parts.values()):
+            first, second = self._best()
+            self._put(weave(self._take(first), self._take(second), self._effort))
+        if not all(self._parts.values()):
+            return {}
+        label = next(iter(self._parts.values()), true_label())
+        while self._open:
+            scope = scope_of(label)
+            conflict = min(self._open, key=lambda each: (each.scope & ~scope).bit_count())
+            self._open.remove(conflict)
+            label = self._resolved(label, conflict)
+        return label
+
+    def _put(self, label: Label) -> None:
+        """Add a part, with all conflicts resolved that it knows all variables of."""
+        scope = scope_of(label)
+        for known in [each for each in self._open if each.scope & scope == each.scope]:
+            self._open.remove(known)
+            label = self._resolved(label, known)
+        scope = scope_of(label)
+        index, self._next = self._next, self._next + 1
+        for other in self._parts:
+            heappush(self._pairs, (self._cost(label, scope, other), index, other))
+        self._parts[index] = label
+        self._scopes[index] = scope
+
+    def _resolved(self, label: Label, conflict: Conflict) -> Label:
+        result = self._joining.resolve(label, conflict, self._effort)
+        self._note(result)
+        return result
+
+    def _note(self, label: Label) -> None:
+        sizes = self._effort.statistics.sizes
+        sizes["largest label"] = max(sizes.get("largest label", 0), size(label))
+
+    def _cost(self, label: Label, scope: Scope, other: int) -> float:
+        """Estimated size of the join, as a logarithm."""
+        partner = self._parts[other]
+        if not label or not partner:
+            return 0.0
+        shared = scope & self._scopes[other]
+        agreement = sum(weight for field, weight in self._weights.items() if field & shared)
+        return log2(size(label)) + log2(size(partner)) - agreement
+
+    def _best(self) -> tuple[int, int]:
+        while True:
+            _, first, second = heappop(self._pairs)
+            if first in self._parts and second in self._parts:
+                return first, second
+
+    def _take(self, index: int) -> Label:
+        self._note(self._parts[index])
+        return self._parts.pop(index)
+
+
+@dataclass(frozen=True, slots=True)
+class Partial:
+    """A consistent environment, with the scope of the variables that it assigns."""
+
+    environment: Environment = 0
+    scope: Scope = 0
+
+    def with_assignment(self, assignment: Environment, field: Scope) -> Partial:
+        """The environment with one more variable assigned."""
+        return Partial(self.environment | assignment, self.scope | field)
+
+
+def could_hold(factors: Sequence[Factor], asked: Partial, conflicts: Sequence[Conflict], deadline: Deadline) -> bool:
+    """Whether a model extends an environment and resolves all conflicts.
+
+    Without conflicts, each factor's label must have an environment that is consistent with what is asked. With several
+    it is not enough that such an environment manifests none: they may be resolved by different values of one variable.
+    So each gets an assignment that resolves it, in turn.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    mentioned = asked.scope
+    for each in conflicts:
+        mentioned |= each.scope
+    if any(next(allowing(each, Partial(), deadline), None) is None for each in factors if not each.scope & mentioned):
+        return False
+    relevant = [each for each in factors if each.scope & mentioned]
+    return any(
+        all(next(allowing(each, resolved, deadline), None) is not None for each in relevant)
+        for resolved in resolutions(asked, conflicts, deadline, relevant)
+    )
+
+
+def resolutions(
+    asked: Partial, conflicts: Sequence[Conflict], deadline: Deadline, factors: Sequence[Factor] = ()
+) -> Iterator[Partial]:
+    """Environments that resolve all conflicts and entail the one asked; each model that does extends one of them.
+
+    What contradicts a factor is not pursued.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    stack = [(asked, 0)]
+    while stack:
+        deadline.enforce()
+        current, done = stack.pop()
+        while done < len(conflicts) and resolves(current, conflicts[done]):
+            done += 1
+        if done == len(conflicts):
+            yield current
+        elif all(next(allowing(each, current, deadline), None) is not None for each in factors):
+            for field, values in reversed(conflicts[done].resolutions):
+                if not field & current.scope:
+                    stack.extend((current.with_assignment(value, field), done + 1) for value in reversed(values))
+
+
+def resolves(partial: Partial, conflict: Conflict) -> bool:
+    """Whether some variable has another value than in the conflict."""
+    shared = partial.scope & conflict.scope
+    return partial.environment & shared != conflict.environment & shared
+
+
+def allowing(factor: Factor, asked: Partial, deadline: Deadline) -> Iterator[Environment]:
+    """Environments of a factor's label that are consistent with what is asked, and can then resolve its conflicts.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    for environment, scope in consistent_with(factor.label, asked.environment, asked.scope):
+        if factor.conflicts:
+            both = Partial(environment | asked.environment, scope | asked.scope)
+            if next(resolutions(both, factor.conflicts, deadline), None) is None:
+                continue
+        yield environment
+
+
+def find_model(
+    factors: Sequence[Factor], asked: Partial, conflicts: Sequence[Conflict], preferred: Environment, deadline: Deadline
+) -> Environment | None:
+    """Assignments that entail what is asked, resolve all conflicts and have only models as extensions; None if there
+    are none.
+
+    Args:
+        preferred: an assignment to every variable, of which each factor is given its part if that is allowed.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    for resolved in resolutions(asked, conflicts, deadline, factors):
+        whole = resolved.environment
+        for factor in factors:
+            rest = factor.scope & ~resolved.scope
+            kept = Partial(resolved.environment | preferred & rest, resolved.scope | rest)
+            if next(allowing(factor, kept, deadline), None) is not None:
+                whole |= kept.environment
+                continue
+            part = next(_extensions(factor, resolved, deadline), None)
+            if part is None:
+                break
+            whole |= part.environment
+        else:
+            return whole
+    return None
+
+
+def _extensions(factor: Factor, asked: Partial, deadline: Deadline) -> Iterator[Partial]:
+    """What entails an environment of a factor's label and what is asked, and resolves the factor's conflicts."""
+    for environment, scope in consistent_with(factor.label, asked.environment, asked.scope):
+        both = Partial(environment | asked.environment, scope | asked.scope)
+        yield from resolutions(both, factor.conflicts, deadline)
+
+
+def require(factors: Sequence[Factor], asked: Partial, joining: Joining, effort: Effort) -> list[Factor]:
+    """The factors with all assignments of an environment conjoined.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    narrowed = []
+    free = asked.scope
+    for factor in factors:
+        shared = factor.scope & asked.scope
+        free &= ~factor.scope
+        if not shared:
+            narrowed.append(factor)
+            continue
+        label = weave(factor.label, {shared: {asked.environment & shared}}, effort)
+        for each in factor.conflicts:
+            label = joining.resolve(label, each, effort)
+        narrowed.append(Factor(factor.scope, label, factor.conflicts))
+    if free:
+        narrowed.append(Factor(free, {free: {asked.environment & free}}))
+    return narrowed
+
+
+def exclude(factors: Sequence[Factor], conflict: Conflict, joining: Joining, effort: Effort) -> list[Factor]:
+    """The factors with one more conflict, on which labels are split [PIKE §5.6].
+
+    A conflict about several factors joins them, except where all of a factor's label agrees about it.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    apart, joined = [], []
+    scope = conflict.scope
+    for factor in factors:
+        if not factor.scope & scope:
+            apart.append(factor)
+        elif _all_resolve(factor.label, conflict):
+            return list(factors)
+        elif _all_manifest(factor.label, conflict, factor.scope):
+            apart.append(factor)
+            scope &= ~factor.scope
+        else:
+            joined.append(factor)
+    if not scope:
+        return [FALSITY]
+    left = conflict.within(scope)
+    whole = scope
+    for factor in joined:
+        whole |= factor.scope
+    conflicts = [each for factor in joined for each in factor.conflicts]
+    return [*apart, joining.factor([factor.label for factor in joined], [*conflicts, left], whole, effort)]
+
+
+def _all_resolve(label: Label, conflict: Conflict) -> bool:
+    """Whether some variable of every environment has another value than in the conflict."""
+    for scope, members in label.items():
+        shared = scope & conflict.scope
+        part = conflict.environment & shared
+        if not shared or any(one & shared == part for one in members):
+            return False
+    return True
+
+
+def _all_manifest(label: Label, conflict: Conflict, within: Scope) -> bool:
+    """Whether every environment has all assignments that the conflict makes to variables of a scope."""
+    scope = conflict.scope & within
+    part = conflict.environment & scope
+    return all(each & scope == scope for each in label) and all(one & scope == part for one in environments(label))
+
 
 NEVER = Deadline()
 
@@ -247,3 +597,45 @@ class LabelKnowledgeBase(KnowledgeBase):
 
     def _excluded_by(self, partial: Partial) -> tuple[tuple[Scope, tuple[int, ...]], ...]:
         return conflict(partial.environment, self._vocabulary).resolutions
+
+
+class Atms(LabelKnowledgeBase):
+    """No environment of a label manifests a known conflict, but extensions of it may.
+
+    So a query must look for an extension that resolves all conflicts, which the label alone does not tell.
+    """
+
+    name = "atms"
+    consensus = False
+
+    def _create_joining(self) -> Joining:
+        return Joining(self._vocabulary, without_manifest, resolved=False)
+
+
+class PiTms(LabelKnowledgeBase):
+    """The knowledge base of [PIKE §5]: the goal's label holds the prime implicants of the theory, and no others."""
+
+    name = "pitms"
+    consensus = True
+
+    def prime_implicants(self, deadline: Deadline = NEVER) -> Iterator[Guard]:
+        """Every prime implicant of what is left of the theory, once; there may be very many.
+
+        Raises:
+            OutOfTimeError: if the deadline passes before all are listed.
+        """
+        for implicant in self.goal():
+            deadline.enforce()
+            yield implicant
+
+    def implicant_count(self, deadline: Deadline = NEVER) -> int:
+        """How many prime implicants what is left of the theory has.
+
+        Raises:
+            OutOfTimeError: if the deadline has passed.
+        """
+        deadline.enforce()
+        return self.goal_size()
+
+    def _create_joining(self) -> Joining:
+        return Joining(self._vocabulary, split, resolved=True)

@@ -1,22 +1,187 @@
-"""An executive's questions put to a knowledge base, about time by labeled execution windows [PIKE, Algorithms 1 to 3].
-
-See :mod:`robust.pike_bridge.online.windows` for why the answers are exact.
-"""
+"""What executives with knowledge bases have in common: facts become assignments and conflicts [PIKE §3, §5.7]."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import operator
+from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
+from typing import NamedTuple
 
-from robust.pike_bridge.compilation import Compilation
-from robust.pike_bridge.environment import Environment
-from robust.pike_bridge.knowledge.interface import Commitment, Require
-from robust.pike_bridge.model import Assignment, Condition, Effect, Guard
-from robust.pike_bridge.online.compiled import Facts, external
+from robust.pike_bridge.compile import Compilation
+from robust.pike_bridge.knowledge.interface import Commitment, Exclude, Require
+from robust.pike_bridge.model import Assignment, Condition, Effect, Environment, Guard, Tpnu, Vocabulary, may_produce
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoner import Reasoner
-from robust.pike_bridge.online.windows import DistanceTable, Windows
+from robust.pike_bridge.temporal.distance_graph import LabeledValueSet
+from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
 from robust.smt.limits import Deadline
+
+
+class Facts:
+    """What a knowledge base is told of one execution.
+
+    Facts wait until something is asked, because only questions have deadlines.
+    """
+
+    def __init__(self, compilation: Compilation, progress: Progress) -> None:
+        self._progress = progress
+        self.knowledge = compilation.knowledge
+        self.vocabulary = Vocabulary(compilation.augmented.network.domains)
+        self.known: Environment = 0
+        """All assignments that hold by what has happened."""
+        self.consistent = True
+        """Whether these do not contradict each other."""
+        self._conflicts: list[Environment] = []
+        self._waiting: list[Commitment] = []
+        self._links: dict[tuple[str, Guard], list[tuple[Condition, Environment]]] = {}
+        for link in compilation.augmented.links:
+            # A condition without support variable has this support only, so that it cannot be met at all.
+            chosen = self.vocabulary.encode(link.selection | link.consumer.guard)
+            broken = self._links.setdefault((link.producer.event, link.producer.guard), [])
+            broken += ((condition, chosen) for condition in link.consumer.conditions)
+
+    def require(self, environment: Guard) -> None:
+        """All assignments of the environment hold."""
+        encoded = self.vocabulary.encode(environment)
+        if self.known & encoded != encoded:
+            self.known |= encoded
+            self.consistent = self.vocabulary.consistent(self.known)
+            self._waiting.append(Require(environment))
+
+    def exclude(self, labels: Iterable[Environment]) -> None:
+        """None of the environments holds."""
+        for label in labels:
+            if self.possible(label) and not any(label & each == each for each in self._conflicts):
+                self._conflicts = [each for each in self._conflicts if each & label != label]
+                self._conflicts.append(label)
+                self._waiting.append(Exclude(self.vocabulary.decode(label)))
+
+    def void(self, effect: Effect, condition: Condition) -> None:
+        """The effect does not support the condition; a link is broken once no effect at its event does."""
+        alike = [
+            each
+            for each in self._progress.plan.effects
+            if (each.event, each.guard) == (effect.event, effect.guard) and may_produce(each, condition)
+        ]
+        if all((each, condition) in self._progress.void for each in alike):
+            links = self._links.get((effect.event, effect.guard), ())
+            self.exclude(chosen for each, chosen in links if each == condition)
+
+    def possible(self, environment: Environment) -> bool:
+        """Whether the assignments that are known do not contradict the environment."""
+        return self.vocabulary.consistent(self.known | environment)
+
+    def settle(self, deadline: Deadline) -> None:
+        """Tell the knowledge base what waits.
+
+        Raises:
+            OutOfTimeError: if the deadline passes; then it goes on waiting.
+        """
+        if self._waiting:
+            self.knowledge.commit(self._waiting, deadline)
+            self._waiting = []
+
+    def excluding(self, labels: Iterable[Environment], given: Environment) -> list[Commitment] | None:
+        """As commitments that none of the labels holds, when `given` does; None if that cannot be."""
+        whole = self.known | given
+        open_labels: list[Environment] = []
+        for label in sorted(self._left(labels, whole), key=int.bit_count):
+            if not label:
+                return None
+            if not any(label & each == each for each in open_labels):
+                open_labels.append(label)
+        return [Exclude(self.vocabulary.decode(label)) for label in open_labels]
+
+    def _left(self, labels: Iterable[Environment], whole: Environment) -> Iterator[Environment]:
+        for label in labels:
+            if self.vocabulary.consistent(whole | label):
+                yield label & ~whole & self.vocabulary.made
+
+
+def external(progress: Progress, vocabulary: Vocabulary, event: str) -> list[Environment]:
+    """In which environments an event is not the executive's to execute."""
+    return [vocabulary.encode(label) for label in progress.external(event) if progress.compatible(label)]
+
+
+class Reach(NamedTuple):
+    """A labeled distance to or from an event; the label is without the guards of both ends."""
+
+    event: str
+    distance: Fraction
+    label: Environment
+
+
+class DistanceTable:
+    """All labeled distances of a network, so that none has to be found while it is executed.
+
+    Raises:
+        OutOfTimeError: if the deadline passes first.
+    """
+
+    def __init__(self, network: Tpnu, distances: LabeledDistances, deadline: Deadline) -> None:
+        self.vocabulary: Vocabulary = distances.vocabulary
+        self.guards: Mapping[str, Environment] = {
+            event.name: self.vocabulary.encode(event.guard) for event in network.events
+        }
+        self.after: dict[str, list[Reach]] = {event: [] for event in self.guards}
+        """D(event, other) for every other event."""
+        self.before: dict[str, list[Reach]] = {event: [] for event in self.guards}
+        """D(other, event) for every other event."""
+        for source in self.guards:
+            deadline.enforce()
+            for target in self.guards:
+                if source != target:
+                    for distance, label in distances.labeled(source, target):
+                        self.after[source].append(Reach(target, distance, label))
+                        self.before[target].append(Reach(source, distance, label))
+
+
+class Windows:
+    """Execution windows of pending events: labeled value sets that each execution tightens.
+
+    Bounds are absolute times; labels are without the guard of the event itself.
+    """
+
+    def __init__(self, table: DistanceTable) -> None:
+        self._table = table
+        self.lower: dict[str, LabeledValueSet[Fraction]] = {}
+        """(l, φ): in φ, the event is at l or later."""
+        self.upper: dict[str, LabeledValueSet[Fraction]] = {}
+        """(u, φ): in φ, the event is at u or earlier."""
+        for event in table.guards:
+            self.lower[event] = LabeledValueSet(table.vocabulary, operator.gt)
+            self.upper[event] = LabeledValueSet(table.vocabulary, operator.lt)
+
+    def executed(self, event: str, time: Fraction, known: Environment) -> None:
+        """Propagate a time to the windows of all other events [PIKE, Equation 1]; what is known not to be is left out.
+
+        `known` says which assignments hold for certain; labels are kept without them.
+        """
+        del self.lower[event], self.upper[event]
+        for windows, reaches, sign in ((self.upper, self._table.after, 1), (self.lower, self._table.before, -1)):
+            for other, distance, label in reaches[event]:
+                window = windows.get(other)
+                if window is not None and self._table.vocabulary.consistent(label | known):
+                    window.add(time + sign * distance, label & ~known)
+
+    def drop(self, event: str) -> None:
+        """The event is not activated."""
+        self.lower.pop(event, None)
+        self.upper.pop(event, None)
+
+    def missed(self, event: str, now: Fraction) -> Iterator[Environment]:
+        """Where the event would have had to be executed before now [PIKE, Algorithm 1, line 6]."""
+        guard = self._table.guards[event]
+        for bound, label in self.upper.get(event, ()):
+            if bound < now:
+                yield label | guard
+
+    def early(self, event: str, now: Fraction) -> Iterator[Environment]:
+        """Where the event must not be executed yet [PIKE §3, constraint 3]."""
+        guard = self._table.guards[event]
+        for bound, label in self.lower.get(event, ()):
+            if bound > now:
+                yield label | guard
 
 
 class WindowReasoner(Reasoner):

@@ -11,7 +11,7 @@ from fractions import Fraction
 from typing import assert_never
 
 from robust.pike_bridge.model import Activity, Assignment, TeamPlan
-from robust.pike_bridge.online.messages import (
+from robust.pike_bridge.online.progress import (
     Chosen,
     Completion,
     Decision,
@@ -20,12 +20,12 @@ from robust.pike_bridge.online.messages import (
     Executed,
     Failed,
     Message,
+    Monitor,
     Outcome,
+    Progress,
     Rejected,
     Succeeded,
 )
-from robust.pike_bridge.online.monitor import Monitor
-from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoner import Reasoner
 from robust.smt.limits import Deadline
 

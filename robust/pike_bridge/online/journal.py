@@ -20,12 +20,19 @@ from types import TracebackType
 from typing import Any
 
 from robust.errors import InputError, Location
+from robust.numbers import shorten
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.fields import Fields, in_line, parse_line
-from robust.pike_bridge.online.messages import Decision, Executed, Message
-from robust.pike_bridge.online.wire import decode_decision, decode_message, encode_decision, encode_message
-from robust.plan.numerals import shorten
+from robust.pike_bridge.online.progress import Decision, Executed, Message
+from robust.pike_bridge.online.wire import (
+    Fields,
+    decode_decision,
+    decode_message,
+    encode_decision,
+    encode_message,
+    in_line,
+    parse_line,
+)
 
 SCHEMA = "robust/pike-journal/1"
 _DIGITS = 16

@@ -1,16 +1,134 @@
-"""How far an execution has come: the partial execution of [PIKE, Definition 2.7], and whose turn it is."""
+"""What an executive is told, and what it announces: its streams [PIKE §2.2 and Algorithm 1]."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from math import gcd, lcm
+from typing import TypeAlias
 
 import networkx
 
-from robust.pike_bridge.model import Condition, Constraint, Effect, Guard, TeamPlan
+from robust.pike_bridge.model import Assignment, Condition, Constraint, Effect, Guard, Literal, TeamPlan, may_produce
+from robust.plan.model import Atom
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A human or nature has decided an uncontrollable choice: U(t)."""
+
+    choice: str
+    value: str
+
+    def __str__(self) -> str:
+        return f"{self.choice} = {self.value}"
+
+
+@dataclass(frozen=True, slots=True)
+class Completion:
+    """A dispatched activity has ended: A(t). `event`, its end, is needed only if several of the same action run."""
+
+    action: str
+    event: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.action} has ended{f' at {self.event}' if self.event else ''}"
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """What is seen of the state now: P(t). If `complete`, every atom that is not said to be true is false."""
+
+    true: frozenset[Atom] = frozenset()
+    false: frozenset[Atom] = frozenset()
+    complete: bool = False
+
+    def __str__(self) -> str:
+        literals = [*sorted(map(str, self.true)), *(f"(not {atom})" for atom in sorted(map(str, self.false)))]
+        return f"seen: {', '.join(literals) or 'nothing'}{', all else is false' if self.complete else ''}"
+
+
+Message: TypeAlias = Outcome | Completion | Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Executed:
+    """An event has its time; `reported` says that the world decided it, by ending an activity."""
+
+    event: str
+    time: Fraction
+    reported: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Dispatched:
+    """An activity begins now: its agent is to do it."""
+
+    action: str
+    agent: str | None
+    time: Fraction
+    end: str
+    """The event at which it ends."""
+    lower: Fraction
+    upper: Fraction | None
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """A choice has its value; `observed` says that it was not ours to make."""
+
+    choice: str
+    value: str
+    time: Fraction
+    observed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Violated:
+    """Something that later activities rely on is not so any more: causal links are broken.
+
+    It need not be the end: other support may be left.
+    """
+
+    atom: Atom
+    expected: bool
+    """What the atom was supposed to be."""
+    producer: str
+    """The event that had made it so."""
+    consumers: tuple[str, ...]
+    """Who relied on it, actions or `the goal`."""
+    time: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """A message that changes nothing, and why."""
+
+    message: str
+    reason: str
+    time: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """No correct execution is left: from now on nothing is dispatched."""
+
+    time: Fraction
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Succeeded:
+    """Every activated event has been executed, correctly."""
+
+    time: Fraction
+    scenario: tuple[Assignment, ...] = field(default=())
+    """What was chosen, by whomever."""
+
+
+Decision: TypeAlias = Executed | Dispatched | Chosen | Violated | Rejected | Failed | Succeeded
 
 
 @dataclass
@@ -199,3 +317,73 @@ def _reversed(constraint: Constraint) -> Constraint:
     lower = None if constraint.upper is None else -constraint.upper
     upper = None if constraint.lower is None else -constraint.lower
     return Constraint(constraint.target, constraint.source, lower, upper, constraint.guard)
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """What is announced, and the links that it breaks."""
+
+    decision: Violated
+    broken: tuple[tuple[Effect, Condition], ...]
+
+
+class Monitor:
+    """Knows the latest planned effect on each atom, and who relies on it."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._effects: dict[str, list[Effect]] = {}
+        for effect in progress.plan.effects:
+            self._effects.setdefault(effect.event, []).append(effect)
+        self._conditions: dict[Literal, list[Condition]] = {}
+        for condition in progress.plan.conditions:
+            self._conditions.setdefault(condition.literal, []).append(condition)
+        self._latest: dict[Atom, Effect] = {}
+        self._producers: dict[Literal, list[Effect]] = {}
+        self._broken: set[Effect] = set()
+
+    def executed(self, event: str) -> None:
+        """Its effects are what is expected of their atoms from now on."""
+        happening = [each for each in self._effects.get(event, ()) if self._progress.certain(each.guard)]
+        # Deletions first, as PDDL has it where one activity does both.
+        for effect in sorted(happening, key=lambda each: each.literal.positive):
+            self._latest[effect.literal.atom] = effect
+            self._producers.setdefault(effect.literal, []).append(effect)
+
+    def compare(self, estimate: Estimate) -> Iterator[Violation]:
+        """Each expectation that is contradicted and that a later condition may rely on."""
+        for atom, effect in list(self._latest.items()):
+            if effect not in self._broken and self._contradicts(estimate, atom, effect.literal.positive):
+                links = tuple(
+                    (producer, condition)
+                    for producer in self._producers[effect.literal]
+                    for condition in self._relying(producer)
+                )
+                if links:
+                    self._broken.add(effect)
+                    yield Violation(self._announcement(effect, [condition for _, condition in links]), links)
+
+    def _contradicts(self, estimate: Estimate, atom: Atom, expected: bool) -> bool:
+        if expected:
+            return atom in estimate.false or (estimate.complete and atom not in estimate.true)
+        return atom in estimate.true
+
+    def _relying(self, effect: Effect) -> Iterator[Condition]:
+        for condition in self._conditions.get(effect.literal, ()):
+            open_still = condition.last in self._progress.pending and self._progress.compatible(condition.guard)
+            if open_still and may_produce(effect, condition):
+                yield condition
+
+    def _announcement(self, effect: Effect, conditions: Iterable[Condition]) -> Violated:
+        activities = self._progress.plan.network.activities
+        consumers = (
+            "the goal" if condition.activity is None else activities[condition.activity].action
+            for condition in conditions
+        )
+        return Violated(
+            effect.literal.atom,
+            effect.literal.positive,
+            effect.event,
+            tuple(dict.fromkeys(consumers)),
+            self._progress.now,
+        )

@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from fractions import Fraction
 from math import ceil, floor
 
-from robust.pike_bridge.execution import Execution, holds
 from robust.pike_bridge.model import Assignment, Condition, Effect, Guard
 from robust.pike_bridge.online.progress import Progress
+from robust.pike_bridge.semantics import Execution, holds
 from robust.smt.limits import Deadline
 
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from robust.errors import InputError, did_you_mean
-from robust.pike_bridge.compilation import Compilation, Compiling, Temporal
+from robust.pike_bridge.compile import Compilation, Compiling, Temporal
 from robust.pike_bridge.knowledge import knowledge_bases
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoner import Reasoner
 from robust.smt.limits import Deadline
 
 if TYPE_CHECKING:
-    from robust.pike_bridge.online.windows import DistanceTable
+    from robust.pike_bridge.online.dispatching import DistanceTable
 
 SMT = "smt"
 """The reasoner that compiles nothing."""
@@ -47,7 +47,7 @@ class CompiledReasoners:
     deadline: Deadline = Deadline()  # noqa: RUF009 - immutable
     compilation: Compilation | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
-    """By stage: those of :class:`~robust.pike_bridge.compilation.Compiling`, and windows."""
+    """By stage: those of :class:`~robust.pike_bridge.compile.Compiling`, and windows."""
 
     def __call__(self, progress: Progress) -> Reasoner:
         compiling = Compiling(
@@ -71,7 +71,7 @@ class CompiledReasoners:
                 return WindowReasoner(progress, self.compilation, table)
 
     def _table(self, compilation: Compilation) -> DistanceTable:
-        from robust.pike_bridge.online.windows import DistanceTable  # noqa: PLC0415
+        from robust.pike_bridge.online.dispatching import DistanceTable  # noqa: PLC0415
         from robust.pike_bridge.temporal.labeled_apsp import labeled_distances  # noqa: PLC0415
 
         network = compilation.augmented.network

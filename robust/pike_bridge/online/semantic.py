@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 
-from robust.pike_bridge.execution import Execution, holds
 from robust.pike_bridge.model import Assignment, Condition, Effect, Guard
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoner import WitnessedReasoner
-from robust.pike_bridge.semantics import Semantics
+from robust.pike_bridge.semantics import Execution, Semantics, holds
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict

@@ -13,19 +13,21 @@ from fractions import Fraction
 from typing import TypeAlias, assert_never
 
 from robust.errors import InputError, Location
-from robust.pike_bridge.checking import checked_assumptions
+from robust.pike_bridge.compile import checked_assumptions
 from robust.pike_bridge.model import ALWAYS, Guard, TeamPlan
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import conflict
-from robust.pike_bridge.online.fields import Fields, in_line, parse_line
 from robust.pike_bridge.online.journal import Journal, JournalStep, resume
-from robust.pike_bridge.online.messages import Decision, Failed, Message, Succeeded
+from robust.pike_bridge.online.progress import Decision, Failed, Message, Succeeded
 from robust.pike_bridge.online.wire import (
     MESSAGE_KINDS,
     Encoded,
+    Fields,
     check_message,
     decode_message,
     encode_decision,
+    in_line,
+    parse_line,
 )
 from robust.smt.limits import Deadline
 

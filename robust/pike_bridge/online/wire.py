@@ -1,18 +1,18 @@
-"""What an executive is told and what it announces, as JSON objects and back; exact numbers are texts.
-
-One table of kinds for all that goes through pipes (`robust pike run --stdio`) or into journals.
-"""
+"""Lines of JSON as typed fields; what is wrong is one message: the line, what was found and what was expected."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any, TypeAlias, assert_never
 
 from robust.errors import InputError, Location, did_you_mean
+from robust.json_text import Array, Constant, Json, Numeral, Object, Text, describe, parse_json
+from robust.numbers import EXPECTED_NUMBER, parse_number, shorten
 from robust.pike_bridge.model import Assignment, TeamPlan
-from robust.pike_bridge.online.fields import Fields
-from robust.pike_bridge.online.messages import (
+from robust.pike_bridge.online.progress import (
     Chosen,
     Completion,
     Decision,
@@ -26,7 +26,180 @@ from robust.pike_bridge.online.messages import (
     Succeeded,
     Violated,
 )
-from robust.plan.numerals import shorten
+from robust.plan.model import Atom
+
+_ATOM = re.compile(r"\(\s*([^\s()]+(?:\s+[^\s()]+)*)\s*\)")
+
+
+@contextmanager
+def in_line(file: str, number: int) -> Iterator[None]:
+    """Errors about the text of one line say which line of the file it is; lines count from 1."""
+    try:
+        yield
+    except InputError as error:
+        column = error.location.column if error.location is not None else None
+        raise InputError(error.message, Location(file, number, column)) from None
+
+
+def parse_line(text: str, file: str) -> Object:
+    """The object that a line is; places in it are as if it were the first.
+
+    Raises:
+        InputError: if the line is no JSON object.
+    """
+    if not text.strip():
+        raise InputError("found an empty line, expected a JSON object", Location(file, 1))
+    value = parse_json(text, file)
+    if not isinstance(value, Object):
+        raise InputError(f"found {describe(value)}, expected a JSON object", value.location)
+    return value
+
+
+def parse_atom(text: str, location: Location | None = None) -> Atom:
+    """`(predicate argument ...)`; upper and lower case are the same.
+
+    Raises:
+        InputError: for any other text.
+    """
+    match = _ATOM.fullmatch(text.strip())
+    if match is None:
+        raise InputError(f"found {shorten(text)}, expected an atom such as '(at cup table)'", location)
+    predicate, *arguments = match.group(1).lower().split()
+    return Atom(predicate, tuple(arguments))
+
+
+class Fields:
+    """The members of an object, each read once; :meth:`end` complains about those that nobody has read.
+
+    Every method raises InputError, at the place of the value, if it is not what is expected.
+    """
+
+    def __init__(self, value: Object) -> None:
+        self._object = value
+        self._read: list[str] = []
+
+    @staticmethod
+    def of(value: Json) -> Fields:
+        """The fields of what must be an object."""
+        if not isinstance(value, Object):
+            raise _unexpected(value, "an object")
+        return Fields(value)
+
+    @property
+    def location(self) -> Location:
+        """Where the object begins."""
+        return self._object.location
+
+    def where(self, name: str) -> Location:
+        """Where a value is that is there."""
+        return self._object.members[name].location
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a value, and it is not null."""
+        self._read.append(name)
+        value = self._object.members.get(name)
+        return value is not None and not (isinstance(value, Constant) and value.value is None)
+
+    def text(self, name: str) -> str:
+        value = self._value(name, "a text")
+        if not isinstance(value, Text):
+            raise _unexpected(value, f"a text for {name!r}")
+        return value.value
+
+    def optional_text(self, name: str) -> str | None:
+        return self.text(name) if self.has(name) else None
+
+    def one_of(self, name: str, known: Sequence[str]) -> str:
+        """A text that is one of those known."""
+        found = self.text(name)
+        if found not in known:
+            raise InputError(
+                f"found {name} {shorten(found)}, expected one of {', '.join(known)}{_close(found, known)}",
+                self.where(name),
+            )
+        return found
+
+    def number(self, name: str) -> Fraction:
+        """Exactly, from a JSON number or from a text such as `"1/3"`."""
+        value = self._value(name, EXPECTED_NUMBER)
+        match value:
+            case Text(text) | Numeral(text):
+                return parse_number(text, value.location)
+            case _:
+                raise _unexpected(value, f"{EXPECTED_NUMBER} for {name!r}")
+
+    def optional_number(self, name: str) -> Fraction | None:
+        return self.number(name) if self.has(name) else None
+
+    def flag(self, name: str) -> bool:
+        """`true` or `false`; false if it is missing."""
+        if not self.has(name):
+            return False
+        value = self._object.members[name]
+        if not isinstance(value, Constant) or value.value is None:
+            raise _unexpected(value, f"true or false for {name!r}")
+        return value.value
+
+    def items(self, name: str) -> tuple[Json, ...]:
+        """A list; empty if it is missing."""
+        if not self.has(name):
+            return ()
+        value = self._object.members[name]
+        if not isinstance(value, Array):
+            raise _unexpected(value, f"a list for {name!r}")
+        return value.items
+
+    def texts(self, name: str) -> tuple[str, ...]:
+        """A list of texts; empty if it is missing."""
+        return tuple(_text(each) for each in self.items(name))
+
+    def atom(self, name: str) -> Atom:
+        return parse_atom(self.text(name), self.where(name))
+
+    def atoms(self, name: str) -> frozenset[Atom]:
+        """A list of atoms; empty if it is missing."""
+        return frozenset(parse_atom(_text(each), each.location) for each in self.items(name))
+
+    def assignments(self, name: str) -> dict[str, str]:
+        """An object whose values are texts; empty if it is missing."""
+        if not self.has(name):
+            return {}
+        value = self._object.members[name]
+        if not isinstance(value, Object):
+            raise _unexpected(value, f"an object for {name!r}")
+        return {key: _text(each) for key, each in value.members.items()}
+
+    def end(self) -> None:
+        """InputError if there is a field that was not asked for."""
+        for key in self._object.keys:
+            if key.value not in self._read:
+                known = list(dict.fromkeys(self._read))
+                expected = f"found unknown field {shorten(key.value)}, expected only {', '.join(known)}"
+                raise InputError(expected + _close(key.value, known), key.location)
+
+    def _value(self, name: str, expected: str) -> Json:
+        self._read.append(name)
+        value = self._object.members.get(name)
+        if value is None:
+            raise InputError(f"found no field {name!r}, expected {expected}", self.location)
+        return value
+
+
+def _text(value: Json) -> str:
+    if not isinstance(value, Text):
+        raise _unexpected(value, "a text")
+    return value.value
+
+
+def _unexpected(value: Json, expected: str) -> InputError:
+    return InputError(f"found {describe(value)}, expected {expected}", value.location)
+
+
+def _close(name: str, known: Sequence[str]) -> str:
+    """The suggestion alone: what is known has been said."""
+    suggestion = did_you_mean(name, known)
+    return suggestion if "did you mean" in suggestion else ""
+
 
 Encoded: TypeAlias = dict[str, Any]
 

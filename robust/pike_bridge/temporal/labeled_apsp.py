@@ -1,7 +1,7 @@
 """Labeled all-pairs shortest paths [PIKE §4.1, Algorithm 9]: distances between events as functions of choices.
 
 In each scenario that has a schedule the distances are those of Floyd and Warshall's algorithm. The pivots are ordered
-and the rows of the matrix computed when they are first asked for; see :mod:`robust.pike_bridge.temporal.elimination`.
+and the rows of the matrix computed when they are first asked for; see :mod:`robust.pike_bridge.temporal.structural`.
 """
 
 from __future__ import annotations
@@ -9,18 +9,16 @@ from __future__ import annotations
 from fractions import Fraction
 from heapq import heapify, heappop, heappush
 
-from robust.pike_bridge.environment import Environment
-from robust.pike_bridge.model import Tpnu
-from robust.pike_bridge.temporal.distance_graph import distance_graph
-from robust.pike_bridge.temporal.elimination import Elimination, Entry
-from robust.pike_bridge.temporal.labeled_values import LabeledNumbers, LabeledValue
+from robust.pike_bridge.model import Environment, Tpnu
+from robust.pike_bridge.temporal.distance_graph import LabeledNumbers, LabeledValue, distance_graph
+from robust.pike_bridge.temporal.structural import Elimination, Entry
 from robust.smt.limits import Deadline
 
 NO_LIMIT = Deadline()
 
 
 class LabeledDistances:
-    """D of [PIKE, Algorithm 9], a :class:`~robust.pike_bridge.temporal.interface.Precedence`.
+    """D of [PIKE, Algorithm 9], a :class:`~robust.pike_bridge.temporal.distance_graph.Precedence`.
 
     Rows are computed when they are first needed. So every method that takes events may raise OutOfTimeError, if the
     deadline has passed, and KeyError, if there is no such event.

@@ -1,19 +1,254 @@
-"""PDDL text to checked domains and problems."""
+"""Forms to actions."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from fractions import Fraction
+from typing import TypeVar
 
 from robust.errors import Location, did_you_mean
+from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
 from robust.plan.pddl import declarations
-from robust.plan.pddl.actions import action, written_functions
-from robust.plan.pddl.check import Scope, Vocabulary, unsupported
-from robust.plan.pddl.conditions import condition, expression
-from robust.plan.pddl.files import read_text
-from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, read_forms
-from robust.plan.pddl.initial import InitialState
-from robust.plan.pddl.syntax import ActionSchema, Domain, LiftedCondition, Problem, Signature
+from robust.plan.pddl.conditions import (
+    check_operands,
+    condition,
+    duration_bounds,
+    effects,
+    expression,
+    timed_conditions,
+)
+from robust.plan.pddl.declarations import Scope, Vocabulary, function, proposition, unsupported
+from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, number, read_forms, read_text
+from robust.plan.pddl.syntax import (
+    ActionSchema,
+    Domain,
+    ForallEffect,
+    FunctionTerm,
+    LiftedCondition,
+    LiftedEffect,
+    LiteralEffect,
+    Problem,
+    Proposition,
+    Signature,
+    TimedLiftedCondition,
+    WhenEffect,
+)
+
+T = TypeVar("T")
+
+_PARTS = {
+    False: (":parameters", ":synth-parameters", ":precondition", ":effect"),
+    True: (":parameters", ":synth-parameters", ":duration", ":condition", ":effect"),
+}
+
+
+def action(form: Form, vocabulary: Vocabulary, parameters: tuple[str, ...]) -> ActionSchema:
+    """An action; `parameters` are the synthesis parameters of the domain."""
+    durative = form.head == ":durative-action"
+    name = form.items[1] if len(form.items) > 1 else None
+    if not isinstance(name, Word) or name.kind is not Kind.NAME:
+        raise fault(name or form, f"the name of an action after '{form.head}'")
+    parts = _parts(form, durative)
+    variables = declarations.variables(_list(parts, ":parameters"), vocabulary.types)
+    for variable in variables:
+        if variable.name in parameters:
+            found = f"variable '?{variable.name}'"
+            raise fault(variable.location, "a name that is no synthesis parameter of the domain", found=found)
+    own = declarations.synth_parameters(
+        _list(parts, ":synth-parameters"), {*parameters, *(variable.name for variable in variables)}
+    )
+    scope = Scope(
+        vocabulary,
+        variables={variable.name: variable for variable in variables},
+        parameters={**dict.fromkeys(parameters, False), **dict.fromkeys(own, True)},
+        durative=durative,
+    )
+    if durative and ":duration" not in parts:
+        raise fault(form, "':duration' in a durative action, as in :duration (= ?duration 5)")
+    return ActionSchema(
+        name=name.text,
+        durative=durative,
+        parameters=variables,
+        synth_parameters=own,
+        durations=tuple(_read(parts, ":duration", lambda item: duration_bounds(item, scope))),
+        conditions=tuple(_conditions(parts, scope)),
+        effects=tuple(
+            _read(parts, ":effect", lambda item: effects(item, scope, None if durative else Timing.AT_START))
+        ),
+        location=form.location,
+    )
+
+
+def _parts(form: Form, durative: bool) -> dict[str, tuple[Item, ...]]:
+    """What follows each keyword: one item, but any number of parameters to synthesise."""
+    allowed = _PARTS[durative]
+    parts: dict[str, tuple[Item, ...]] = {}
+    keyword: Word | None = None
+    for item in form.items[2:]:
+        section = _synth_section(item)
+        if section is not None:
+            _check_keyword(section, allowed, parts)
+            parts[section.text] = item.rest if isinstance(item, Form) else ()
+            keyword = None
+        elif isinstance(item, Word) and item.kind is Kind.KEYWORD:
+            _check_complete(keyword, parts, item)
+            _check_keyword(item, allowed, parts)
+            keyword, parts[item.text] = item, ()
+        elif keyword is None or (parts[keyword.text] and keyword.text != ":synth-parameters"):
+            raise fault(item, f"a keyword ({', '.join(sorted(set(allowed) - set(parts)))}) or ')'")
+        else:
+            parts[keyword.text] = (*parts[keyword.text], item)
+    _check_complete(keyword, parts, form)
+    return parts
+
+
+def _synth_section(item: Item) -> Word | None:
+    """The keyword of `(:synth-parameters ?s ...)` written as a form of its own."""
+    if isinstance(item, Form) and item.head == ":synth-parameters" and isinstance(item.items[0], Word):
+        return item.items[0]
+    return None
+
+
+def _check_keyword(word: Word, allowed: tuple[str, ...], parts: Mapping[str, object]) -> None:
+    if word.text not in allowed:
+        twins = {":condition": ":precondition", ":precondition": ":condition"}
+        twin = twins.get(word.text, "")
+        hint = f"; did you mean '{twin}'?" if twin in allowed else did_you_mean(word.text, allowed)
+        raise fault(word, "a keyword of this kind of action", hint=hint)
+    if word.text in parts:
+        raise fault(word, "each keyword once", found=f"a second '{word.text}'")
+
+
+def _check_complete(keyword: Word | None, parts: Mapping[str, tuple[Item, ...]], following: Item) -> None:
+    if keyword is not None and not parts[keyword.text] and keyword.text != ":synth-parameters":
+        found = "the end of the action" if isinstance(following, Form) else f"'{following.text}'"
+        raise fault(keyword, f"a form in parentheses after '{keyword.text}'", found=found)
+
+
+def _list(parts: Mapping[str, tuple[Item, ...]], keyword: str) -> tuple[Item, ...]:
+    """The items of a list in parentheses; parameters to synthesise may stand without."""
+    found = parts.get(keyword, ())
+    if keyword == ":synth-parameters" or not found:
+        return found
+    if not isinstance(found[0], Form):
+        raise fault(found[0], f"a list in parentheses after '{keyword}'")
+    return found[0].items
+
+
+def _read(parts: Mapping[str, tuple[Item, ...]], keyword: str, read: Callable[[Item], list[T]]) -> list[T]:
+    found = parts.get(keyword)
+    return read(found[0]) if found else []
+
+
+def _conditions(parts: Mapping[str, tuple[Item, ...]], scope: Scope) -> list[TimedLiftedCondition]:
+    if scope.durative:
+        return _read(parts, ":condition", lambda item: timed_conditions(item, scope))
+    untimed = _read(parts, ":precondition", lambda item: [condition(item, scope)])
+    return [TimedLiftedCondition(Timing.AT_START, part) for part in untimed]
+
+
+def written_functions(actions: Mapping[str, ActionSchema]) -> Iterator[str]:
+    """The functions that some action changes."""
+    todo: list[LiftedEffect] = [effect for schema in actions.values() for effect in schema.effects]
+    while todo:
+        effect = todo.pop()
+        if isinstance(effect, (ForallEffect, WhenEffect)):
+            todo.extend(effect.effects)
+        elif not isinstance(effect, LiteralEffect):
+            yield effect.target.function
+
+
+class InitialState:
+    """Collects the elements of `:init` and refuses contradictions."""
+
+    def __init__(self, scope: Scope) -> None:
+        self._scope = scope
+        self._atoms: dict[Atom, bool] = {}
+        self.fluents: dict[Fluent, Fraction] = {}
+        self._timed: dict[tuple[Fraction, Atom | Fluent], bool | Fraction] = {}
+
+    def true_atoms(self) -> frozenset[Atom]:
+        return frozenset(atom for atom, value in self._atoms.items() if value)
+
+    def timed_literals(self) -> tuple[TimedLiteral, ...]:
+        """By time; at one time in the order of the file."""
+        literals = [TimedLiteral(time, target, value) for (time, target), value in self._timed.items()]
+        return tuple(sorted(literals, key=lambda literal: literal.time))
+
+    def add(self, item: Item) -> None:
+        """Add one element: `(p a)`, `(not (p a))`, `(= (f a) 3)` or `(at 5 element)`."""
+        if not isinstance(item, Form):
+            raise fault(item, "an initial fact in parentheses")
+        if item.head == "at" and len(item.items) > 1 and _is_number(item.items[1]):
+            self._add_timed(item)
+            return
+        target, value = self._fact(item)
+        if isinstance(target, Fluent) and not isinstance(value, bool):
+            before: bool | Fraction = self.fluents.setdefault(target, value)
+        elif isinstance(target, Atom) and isinstance(value, bool):
+            before = self._atoms.setdefault(target, value)
+        _check_same(item, target, value, before)
+
+    def _add_timed(self, form: Form) -> None:
+        moment, *inside = form.rest
+        time = _value(moment)
+        if time < 0:
+            raise fault(moment, "a time of at least zero")
+        if len(inside) != 1 or not isinstance(inside[0], Form):
+            raise fault(form, "one fact in parentheses after the time, as in (at 5 (open door))")
+        target, value = self._fact(inside[0])
+        _check_same(form, target, value, self._timed.setdefault((time, target), value))
+
+    def _fact(self, form: Form) -> tuple[Atom | Fluent, bool | Fraction]:
+        if form.head == "=":
+            return self._number(form)
+        if form.head != "not":
+            return _atom(proposition(form, self._scope)), True
+        check_operands(form, 1, "a proposition")
+        inner = form.items[1]
+        if not isinstance(inner, Form):
+            raise fault(inner, "a proposition in parentheses")
+        return _atom(proposition(inner, self._scope)), False
+
+    def _number(self, form: Form) -> tuple[Fluent, Fraction]:
+        if len(form.rest) != 2:
+            raise fault(form, "a numeric function and its value, as in (= (f) 3)")
+        left, right = form.rest
+        if isinstance(left, Word) and left.kind is Kind.NAME:
+            left = Form((left,), left.location)
+        if not isinstance(left, Form):
+            raise fault(left, "a numeric function, as in (= (f) 3)")
+        return _fluent(function(left, self._scope)), _value(right)
+
+
+def _is_number(item: Item) -> bool:
+    return isinstance(item, Word) and item.kind is Kind.NUMBER
+
+
+def _value(item: Item) -> Fraction:
+    """A number, possibly written `(- 3)`."""
+    if isinstance(item, Word) and item.kind is Kind.NUMBER:
+        return number(item)
+    if isinstance(item, Form) and item.head == "-" and len(item.rest) == 1:
+        return -_value(item.rest[0])
+    expected = "a finite number" if isinstance(item, Word) and item.text in ("nan", "inf", "-inf") else "a number"
+    raise fault(item, expected)
+
+
+def _check_same(form: Form, target: Atom | Fluent, value: bool | Fraction, before: bool | Fraction) -> None:
+    if value != before:
+        expected = f"the value given before, {str(before).lower()}"
+        raise fault(form, expected, found=f"{target} = {str(value).lower()}")
+
+
+def _atom(used: Proposition) -> Atom:
+    return Atom(used.predicate, tuple(term.name for term in used.arguments))
+
+
+def _fluent(used: FunctionTerm) -> Fluent:
+    return Fluent(used.function, tuple(term.name for term in used.arguments))
+
 
 _REPEATABLE = frozenset((":action", ":durative-action"))
 _DOMAIN_SECTIONS = frozenset(

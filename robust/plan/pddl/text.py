@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import assert_never
 
-from robust.plan.pddl.check import type_text
+from robust.plan.pddl.declarations import type_text
 from robust.plan.pddl.syntax import (
     OBJECT,
     Arithmetic,

@@ -18,10 +18,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from robust.qe.constraint import LinearConstraint, Sense
-from robust.qe.eliminate.conjunctions import Conjunction
-from robust.qe.eliminate.enumerate import Leaf, polyhedra_of, satisfiable
-from robust.qe.eliminate.interface import Eliminator, Query, without
-from robust.qe.eliminate.simplify import Task, perform, simplified
+from robust.qe.eliminate.enumerate import Leaf, Task, perform, polyhedra_of, satisfiable, simplified
+from robust.qe.eliminate.interface import Conjunction, Eliminator, Query, without
 from robust.qe.nnf import (
     FALSE,
     TRUE,
@@ -34,7 +32,7 @@ from robust.qe.nnf import (
     negation,
     rebuild,
 )
-from robust.qe.reduction import substitute_equality
+from robust.qe.polyhedron import substitute_equality
 from robust.smt.limits import Deadline
 
 LARGE = 30

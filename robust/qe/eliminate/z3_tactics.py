@@ -9,10 +9,9 @@ from typing import Any, assert_never
 
 from robust.errors import SolverError, UnsupportedError
 from robust.qe.constraint import LinearConstraint, Sense
-from robust.qe.eliminate.conjunctions import Conjunction
+from robust.qe.eliminate.cvc5_native import stream_from_copy
 from robust.qe.eliminate.enumerate import polyhedra_of
-from robust.qe.eliminate.forked import stream_from_copy
-from robust.qe.eliminate.interface import Eliminator, Query, without
+from robust.qe.eliminate.interface import Conjunction, Eliminator, Query, without
 from robust.qe.nnf import (
     FALSE,
     TRUE,

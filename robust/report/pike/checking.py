@@ -8,7 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robust.plan.numerals import format_number
+from robust.numbers import format_number
 from robust.report import options
 from robust.report.guard import Cause, Guard
 from robust.report.numbers import plural
@@ -21,9 +21,9 @@ from robust.smt.limits import Deadline
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robust.pike_bridge.checking import Checking, PikeCheck
-    from robust.pike_bridge.execution import Execution
+    from robust.pike_bridge.compile import Checking, PikeCheck
     from robust.pike_bridge.model import TeamPlan
+    from robust.pike_bridge.semantics import Execution
 
 SCHEMA = "robust/pike-check/1"
 _CODES = {"proved": 0, "refuted": 1, "unknown": 3}
@@ -56,9 +56,12 @@ class _Run:
     checking: Checking | None = None
 
     def check(self) -> PikeCheck:
-        from robust.pike_bridge.checking import Checking, checked_assumptions  # noqa: PLC0415 - imports solvers
-        from robust.pike_bridge.compilation import Temporal  # noqa: PLC0415
-        from robust.pike_bridge.load import load_team_plan  # noqa: PLC0415 - imports the grammar
+        from robust.pike_bridge.action_model import load_team_plan  # noqa: PLC0415 - imports the grammar
+        from robust.pike_bridge.compile import (  # noqa: PLC0415 - imports solvers
+            Checking,
+            Temporal,
+            checked_assumptions,
+        )
 
         request = self.request
         plan = load_team_plan(request.file, epsilon=self.epsilon)

@@ -21,7 +21,7 @@ from robust.smt.limits import Deadline, OutOfTimeError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robust.pike_bridge.compilation import Compiling
+    from robust.pike_bridge.compile import Compiling
     from robust.pike_bridge.knowledge.interface import HasImplicants, KnowledgeBase
 
 SCHEMA = "robust/pike-compile/1"
@@ -78,9 +78,9 @@ class _Run:
     compiling: Compiling | None = None
 
     def compile(self) -> Compiled:
-        from robust.pike_bridge.compilation import Compiling, Temporal  # noqa: PLC0415 - imports solvers
+        from robust.pike_bridge.action_model import load_team_plan  # noqa: PLC0415 - imports the grammar
+        from robust.pike_bridge.compile import Compiling, Temporal  # noqa: PLC0415 - imports solvers
         from robust.pike_bridge.knowledge import knowledge_bases  # noqa: PLC0415
-        from robust.pike_bridge.load import load_team_plan  # noqa: PLC0415 - imports the grammar
         from robust.pike_bridge.scenarios import candidate_subplans  # noqa: PLC0415
 
         request = self.request

@@ -66,8 +66,8 @@ class _Run:
     crossed: Crossed = field(default_factory=Crossed)
 
     def cross(self) -> Crossed:
+        from robust.pike_bridge.action_model import load_team_plan  # noqa: PLC0415 - imports the grammar
         from robust.pike_bridge.cross_check import cross_check, subjects  # noqa: PLC0415 - imports solvers
-        from robust.pike_bridge.load import load_team_plan  # noqa: PLC0415 - imports the grammar
 
         request = self.request
         plan = load_team_plan(request.file, epsilon=self.epsilon)
@@ -93,9 +93,12 @@ class _Run:
 
     def _shrunk(self, plan: TeamPlan, outcome: CrossCheck) -> Path:
         """The smallest plan found on which the first subject still differs from the oracle, as files."""
-        from robust.pike_bridge.cross_check import differing, subjects  # noqa: PLC0415
-        from robust.pike_bridge.propositional import propositional  # noqa: PLC0415
-        from robust.pike_bridge.shrink import shrink  # noqa: PLC0415
+        from robust.pike_bridge.cross_check import (  # noqa: PLC0415
+            differing,
+            shrink,
+            subjects,
+        )
+        from robust.pike_bridge.theory import propositional  # noqa: PLC0415
 
         request = self.request
         [subject] = [one for one in subjects(BACKENDS) if one.name == outcome.disagreements[0].backend]

@@ -83,15 +83,15 @@ def plot_answer(drawn: Drawn) -> dict[str, object]:
 
 
 def _draw(request: PikePlotRequest, output: Path, epsilon: Fraction, display: Display) -> Drawn:
-    from robust.pike_bridge.checking import checked_assumptions  # noqa: PLC0415 - imports solvers
-    from robust.pike_bridge.load import load_team_plan  # noqa: PLC0415 - imports the grammar
+    from robust.pike_bridge.action_model import load_team_plan  # noqa: PLC0415 - imports the grammar
+    from robust.pike_bridge.compile import checked_assumptions  # noqa: PLC0415 - imports solvers
     from robust.pike_bridge.scenarios import restrict  # noqa: PLC0415
 
     plan = load_team_plan(request.file, epsilon=epsilon)
     plan = restrict(plan, checked_assumptions(plan, assumptions(request.assume)))
     links = None
     if request.links:
-        from robust.pike_bridge.causal.augment import augment  # noqa: PLC0415
+        from robust.pike_bridge.causal import augment  # noqa: PLC0415
         from robust.pike_bridge.temporal.structural import structural_precedence  # noqa: PLC0415
 
         display.say("links")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from robust.pike_bridge.online.reasons import WhyChosen, WhyExecuted, WhyNot, continuation_answer
+from robust.pike_bridge.online.inquiry import WhyChosen, WhyExecuted, WhyNot, continuation_answer
 
 if TYPE_CHECKING:
-    from robust.pike_bridge.online.reasons import Reason
-    from robust.pike_bridge.online.rehearsal import Step
+    from robust.pike_bridge.online.inquiry import Reason
+    from robust.pike_bridge.online.world import Step
 
 
 def decision_reason(step: Step, at: int) -> dict[str, Any]:

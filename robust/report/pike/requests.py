@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from robust.errors import InputError, Location, did_you_mean
-from robust.plan.numerals import shorten
+from robust.numbers import shorten
 from robust.report.guard import GivenUpError, Guard
 from robust.report.progress import Display
 

@@ -23,7 +23,7 @@ from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
     from robust.pike_bridge.model import TeamPlan
-    from robust.pike_bridge.online.rehearsal import Record, Rehearsal, Step
+    from robust.pike_bridge.online.world import Record, Rehearsal, Step
     from robust.report.gantt import Chart
 
 SCHEMA = "robust/pike-run/1"
@@ -65,8 +65,8 @@ class _Run:
     rehearsal: Rehearsal | None = None
 
     def execute(self) -> Record:
-        from robust.pike_bridge.load import load_team_plan  # noqa: PLC0415 - imports the grammar
-        from robust.pike_bridge.online.rehearsal import Rehearsal  # noqa: PLC0415 - imports solvers
+        from robust.pike_bridge.action_model import load_team_plan  # noqa: PLC0415 - imports the grammar
+        from robust.pike_bridge.online.world import Rehearsal  # noqa: PLC0415 - imports solvers
         from robust.report.pike.stories import story  # noqa: PLC0415
 
         request = self.request
@@ -98,7 +98,7 @@ class _Run:
             raise GivenUpError from None
 
     def known(self) -> Record | None:
-        from robust.pike_bridge.online.rehearsal import Ending  # noqa: PLC0415 - imported by then, or nothing is known
+        from robust.pike_bridge.online.world import Ending  # noqa: PLC0415 - imported by then, or nothing is known
 
         if self.rehearsal is None or not self.rehearsal.started:
             return None
@@ -170,7 +170,7 @@ def _step_answer(step: Step) -> dict[str, Any]:
 
 def _lines(step: Step) -> Iterator[tuple[str, str]]:
     """What was decided or noticed, for people: a kind and a text."""
-    from robust.pike_bridge.online import messages as said  # noqa: PLC0415 - imported by then
+    from robust.pike_bridge.online import progress as said  # noqa: PLC0415
 
     for decision in step.decisions:
         match decision:
@@ -236,7 +236,7 @@ def _print_lines(out: Console, lines: Iterable[str]) -> None:
 
 def run_chart(plan: TeamPlan, record: Record) -> Chart:
     """Who did what when, with choices, inferences and violations."""
-    from robust.pike_bridge.online import messages as said  # noqa: PLC0415 - imported by then
+    from robust.pike_bridge.online import progress as said  # noqa: PLC0415
     from robust.report.gantt import Bar, Chart, Lane, Mark  # noqa: PLC0415 - only for pictures
 
     lanes: dict[str, Lane] = {}

@@ -93,7 +93,7 @@ class _Server:
     def prepare(self, epsilon: Fraction) -> None:
         """Read the plan and the journal, and make what decides."""
         check_backend(self.request.backend)
-        from robust.pike_bridge.load import load_team_plan  # noqa: PLC0415 - imports the grammar
+        from robust.pike_bridge.action_model import load_team_plan  # noqa: PLC0415 - imports the grammar
         from robust.pike_bridge.online.executive import PlanExecutive  # noqa: PLC0415 - imports graphs
         from robust.pike_bridge.online.journal import Journal  # noqa: PLC0415
         from robust.pike_bridge.online.reasoners import make_reasoner  # noqa: PLC0415
@@ -227,7 +227,7 @@ class _Server:
             self.writer.write_last(self.service.end(outcome))
 
     def _code(self) -> int:
-        from robust.pike_bridge.online.messages import Failed, Succeeded  # noqa: PLC0415 - imported by then
+        from robust.pike_bridge.online.progress import Failed, Succeeded  # noqa: PLC0415 - imported by then
 
         match self.service.executive.outcome:
             case Succeeded():

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from robust.errors import InputError, Location, did_you_mean
-from robust.pike_bridge.checking import checked_assumptions
+from robust.numbers import parse_number, shorten
+from robust.pike_bridge.compile import checked_assumptions
 from robust.pike_bridge.model import Literal, TeamPlan
 from robust.pike_bridge.online.world import Disturbance, Human, Pace, Story
 from robust.plan.model import Atom
-from robust.plan.numerals import parse_number, shorten
 
 _ATOM = re.compile(r"\(\s*([^\s()]+(?:\s+[^\s()]+)*)\s*\)")
 _NEGATION = re.compile(r"\(\s*not\s*(\(.*\))\s*\)", re.IGNORECASE)

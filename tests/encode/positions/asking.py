@@ -8,7 +8,8 @@ from typing import Any
 
 import z3
 
-from robust.encode.interface import Encoding, Obligation, create_encoding
+from robust.encode import create_encoding
+from robust.encode.interface import Encoding, Obligation
 from robust.encode.positions.encoding import PositionsEncoding
 from robust.plan.model import ParametrizedPlan, TimePoint
 from robust.smt.session import Session, Verdict

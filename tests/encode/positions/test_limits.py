@@ -14,8 +14,8 @@ import pytest
 
 from robust.api import METHODS, check, envelope
 from robust.encode.positions.encoding import PositionsEncoding
+from robust.irr.box import Status
 from robust.irr.check import Answer
-from robust.irr.result import Status
 from robust.plan.model import ZERO, Parameter, ParametrizedPlan, TemporalConstraint
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.plan.building import ALL, F, action, at_least, at_most, increase, instant, number, plan_of, value

@@ -7,9 +7,9 @@ from fractions import Fraction
 
 import z3
 
-from robust.pike_bridge.causal.augment import AugmentedPlan
-from robust.pike_bridge.execution import Execution
+from robust.pike_bridge.causal import AugmentedPlan
 from robust.pike_bridge.model import Guard
+from robust.pike_bridge.semantics import Execution
 from robust.pike_bridge.theory import All, Formula, Is, Not, Some
 from tests.pike_bridge.networks import holds, scenarios
 

@@ -8,11 +8,9 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from robust.pike_bridge.causal.augment import AugmentedPlan, Encoding, augment
-from robust.pike_bridge.causal.dominance import Dominance
-from robust.pike_bridge.execution import Execution, faults
+from robust.pike_bridge.causal import AugmentedPlan, Dominance, Encoding, augment
 from robust.pike_bridge.model import EPSILON, TeamPlan
-from robust.pike_bridge.oracle import Oracle
+from robust.pike_bridge.semantics import Execution, Oracle, faults
 from robust.pike_bridge.theory import is_model
 from tests.pike_bridge.brute_force import correct_orders, correct_scenarios
 from tests.pike_bridge.causal.models import AugmentedModels

@@ -7,9 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from robust.pike_bridge.causal.augment import AugmentedPlan, Encoding, Reason, augment
-from robust.pike_bridge.causal.dominance import Dominance
-from robust.pike_bridge.causal.links import Happening
+from robust.pike_bridge.causal import AugmentedPlan, Dominance, Encoding, Happening, Reason, augment
 from robust.pike_bridge.model import (
     EPSILON,
     INITIAL,

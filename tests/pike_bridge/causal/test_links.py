@@ -6,9 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from robust.pike_bridge.causal.augment import Encoding, Reason, augment
-from robust.pike_bridge.causal.dominance import Dominance
-from robust.pike_bridge.causal.links import Happening, OpenCondition, open_conditions
+from robust.pike_bridge.causal import Dominance, Encoding, Happening, OpenCondition, Reason, augment, open_conditions
 from robust.pike_bridge.model import (
     ALWAYS,
     Activity,

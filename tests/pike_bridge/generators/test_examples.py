@@ -12,13 +12,12 @@ import z3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust.pike_bridge.causal.augment import augment
-from robust.pike_bridge.generators.figures import figure_6a, figure_7a, figure_9, figure_13
-from robust.pike_bridge.generators.kitchen import kitchen
+from robust.pike_bridge.action_model import Instance
+from robust.pike_bridge.causal import augment
 from robust.pike_bridge.generators.sat_reduction import assignment, sat_plan, satisfies
-from robust.pike_bridge.instance import Instance
+from robust.pike_bridge.generators.stories import figure_6a, figure_7a, figure_9, figure_13, kitchen
 from robust.pike_bridge.model import EPSILON, GOAL, INITIAL
-from robust.pike_bridge.oracle import Existence, Oracle
+from robust.pike_bridge.semantics import Existence, Oracle
 from robust.pike_bridge.temporal.labeled_apsp import labeled_distances
 
 ENDS = {INITIAL, GOAL}

@@ -6,26 +6,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.pike_bridge.environment import Vocabulary
-from robust.pike_bridge.knowledge.counting import count_models, models
-from robust.pike_bridge.knowledge.families import NOTHING, UNIT, Families
-from robust.pike_bridge.knowledge.interface import KnowledgeStatistics
+from robust.pike_bridge.knowledge.bdd import force_order
+from robust.pike_bridge.knowledge.interface import Effort, KnowledgeStatistics
 from robust.pike_bridge.knowledge.labels import (
+    NOTHING,
+    UNIT,
+    Families,
     add_and_generate_prime_implicants,
     conflict,
     consensus,
+    count_models,
     environments,
     insert,
+    models,
     size,
     split,
     true_label,
     weave,
     without_manifest,
 )
-from robust.pike_bridge.knowledge.ordering import force_order
 from robust.pike_bridge.knowledge.simplify import simplify
-from robust.pike_bridge.knowledge.space import Effort
-from robust.pike_bridge.model import Assignment, guard
+from robust.pike_bridge.model import Assignment, Vocabulary, guard
 from robust.pike_bridge.theory import All, Is, Not, Some, Theory
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.knowledge.theories import listed, prime_implicants, scenarios, theories

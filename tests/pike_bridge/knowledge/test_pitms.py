@@ -6,12 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust.pike_bridge.knowledge.atms import Atms
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
-from robust.pike_bridge.knowledge.interface import Exclude, Require
-from robust.pike_bridge.knowledge.nodes import Kind
-from robust.pike_bridge.knowledge.pitms import PiTms
-from robust.pike_bridge.knowledge.space import OutOfSpaceError
+from robust.pike_bridge.knowledge.interface import Exclude, OutOfSpaceError, Require
+from robust.pike_bridge.knowledge.network import Kind
+from robust.pike_bridge.knowledge.tms import Atms, PiTms
 from robust.pike_bridge.model import Assignment, guard
 from robust.pike_bridge.theory import All, Is, Some, Theory, implies, satisfies
 from tests.pike_bridge.knowledge.theories import allowed, commitments, models, prime_implicants, theories

@@ -7,20 +7,19 @@ from itertools import product
 import pytest
 
 from robust.execute.drive import run_in_world
+from robust.pike_bridge.action_model import Instance, load_team_plan
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
-from robust.pike_bridge.generators.action_text import ActionText, domain_text, problem_text
 from robust.pike_bridge.generators.k_intents import k_intents
-from robust.pike_bridge.instance import Instance
-from robust.pike_bridge.load import load_team_plan
+from robust.pike_bridge.generators.stories import ActionText, domain_text, problem_text
 from robust.pike_bridge.model import EPSILON, guard
 from robust.pike_bridge.online.baselines.backtrack import kept_events
 from robust.pike_bridge.online.baselines.guess import Facts, Guesser
 from robust.pike_bridge.online.baselines.interface import Mode, execution_faults, make_executive
 from robust.pike_bridge.online.baselines.kirk import Kirk, Replanned
 from robust.pike_bridge.online.baselines.script import Script, ScriptedTeam, draw_script
-from robust.pike_bridge.online.messages import Completion, Dispatched, Estimate, Failed, Outcome, Rejected, Succeeded
+from robust.pike_bridge.online.progress import Completion, Dispatched, Estimate, Failed, Outcome, Rejected, Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner
-from robust.pike_bridge.oracle import Existence, Oracle
+from robust.pike_bridge.semantics import Existence, Oracle
 from robust.plan.model import Atom
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.online.examples import KITCHEN

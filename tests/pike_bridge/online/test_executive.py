@@ -7,14 +7,13 @@ import pytest
 
 from robust.errors import InputError
 from robust.execute.drive import run_in_world
-from robust.pike_bridge.execution import Execution, faults
+from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.generators.random_plans import random_plan
-from robust.pike_bridge.load import load_team_plan
 from robust.pike_bridge.model import Assignment, Literal, guard
 from robust.pike_bridge.online.companion import Compared
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import Kind, conflict
-from robust.pike_bridge.online.messages import (
+from robust.pike_bridge.online.progress import (
     Chosen,
     Completion,
     Dispatched,
@@ -26,10 +25,9 @@ from robust.pike_bridge.online.messages import (
     Succeeded,
     Violated,
 )
-from robust.pike_bridge.online.rehearsal import Ending, Rehearsal
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.world import Disturbance, Human, Pace, SimulatedTeam, Story
-from robust.pike_bridge.oracle import Existence, Oracle
+from robust.pike_bridge.online.world import Disturbance, Ending, Human, Pace, Rehearsal, SimulatedTeam, Story
+from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
 from robust.plan.model import Atom
 from robust.smt.limits import Deadline
 from tests.pike_bridge.online.examples import KITCHEN, SOLVABLE
@@ -384,9 +382,7 @@ def test_a_back_end_decides_and_the_team_has_a_judge_of_its_own(monkeypatch):
             asked.append(event)
             return super().executable(event, deadline)
 
-    monkeypatch.setattr(
-        "robust.pike_bridge.online.rehearsal.make_reasoner", lambda name, *, solver, deadline: Listening
-    )
+    monkeypatch.setattr("robust.pike_bridge.online.world.make_reasoner", lambda name, *, solver, deadline: Listening)
     story = Story(outcomes={"xA1": ("mug", None)})
     plain = Rehearsal(kitchen(), story).run()
     assert not asked

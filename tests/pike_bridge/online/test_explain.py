@@ -7,20 +7,26 @@ import pytest
 
 from robust.errors import InputError
 from robust.execute.drive import run_in_world
-from robust.pike_bridge.execution import faults
-from robust.pike_bridge.generators.figures import figure_6b, figure_7b
+from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.generators.random_plans import random_plan
-from robust.pike_bridge.load import load_team_plan
+from robust.pike_bridge.generators.stories import figure_6b, figure_7b
 from robust.pike_bridge.model import Assignment, Literal
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.inquiry import Inquiry, why, why_failed, why_not
-from robust.pike_bridge.online.messages import Completion, Outcome
-from robust.pike_bridge.online.reasons import Obstacle, WhyChosen, WhyExecuted, WhyNot
-from robust.pike_bridge.online.rehearsal import Ending, Rehearsal
+from robust.pike_bridge.online.explain import Kind, Situation
+from robust.pike_bridge.online.inquiry import (
+    Inquiry,
+    Obstacle,
+    WhyChosen,
+    WhyExecuted,
+    WhyNot,
+    why,
+    why_failed,
+    why_not,
+)
+from robust.pike_bridge.online.progress import Completion, Outcome
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.situation import Situation
-from robust.pike_bridge.online.statements import Kind
-from robust.pike_bridge.online.world import Disturbance, Human, SimulatedTeam, Story
+from robust.pike_bridge.online.world import Disturbance, Ending, Human, Rehearsal, SimulatedTeam, Story
+from robust.pike_bridge.semantics import faults
 from robust.plan.model import Atom
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict

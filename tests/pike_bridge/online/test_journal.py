@@ -8,15 +8,14 @@ from functools import cache
 import pytest
 
 from robust.errors import InputError
+from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.generators.random_plans import random_plan
-from robust.pike_bridge.load import load_team_plan
 from robust.pike_bridge.model import Literal
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.journal import Journal, JournalStep, plan_digest, read_journal, resume
-from robust.pike_bridge.online.messages import Chosen, Estimate, Executed, Outcome
-from robust.pike_bridge.online.rehearsal import Rehearsal
+from robust.pike_bridge.online.progress import Chosen, Estimate, Executed, Outcome
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.world import Disturbance, Human, Pace, Story
+from robust.pike_bridge.online.world import Disturbance, Human, Pace, Rehearsal, Story
 from robust.plan.model import Atom
 from tests.pike_bridge.online.examples import KITCHEN, SOLVABLE
 

@@ -8,14 +8,13 @@ from functools import cache
 import jsonschema
 import pytest
 
-from robust.pike_bridge.load import load_team_plan
+from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.journal import Journal, read_journal
-from robust.pike_bridge.online.rehearsal import Rehearsal
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.service import CLOSING, Service, read_request
 from robust.pike_bridge.online.wire import encode_decision, encode_message
-from robust.pike_bridge.online.world import Story
+from robust.pike_bridge.online.world import Rehearsal, Story
 from robust.report.schemas import schema
 from robust.smt.limits import OutOfTimeError
 from tests.pike_bridge.online.examples import KITCHEN

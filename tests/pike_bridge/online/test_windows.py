@@ -8,21 +8,20 @@ import pytest
 
 from robust.errors import InputError
 from robust.execute.drive import run_in_world
-from robust.pike_bridge.compilation import Temporal
-from robust.pike_bridge.generators import figures
+from robust.pike_bridge.action_model import load_team_plan
+from robust.pike_bridge.compile import Temporal
+from robust.pike_bridge.generators import stories as figures
 from robust.pike_bridge.generators.k_intents import k_intents
 from robust.pike_bridge.generators.random_plans import random_plan
-from robust.pike_bridge.generators.wing import wing
-from robust.pike_bridge.load import load_team_plan
+from robust.pike_bridge.generators.stories import wing
 from robust.pike_bridge.model import ALWAYS, Activity, Choice, Constraint, Event, TeamPlan, Tpnu, guard
 from robust.pike_bridge.online.companion import Accompanied, Compared
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.messages import Completion, Executed, Failed
-from robust.pike_bridge.online.progress import Progress
+from robust.pike_bridge.online.progress import Completion, Executed, Failed, Progress
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Disturbance, Human, Pace, SimulatedTeam, Story
-from robust.pike_bridge.oracle import Existence, Oracle
+from robust.pike_bridge.semantics import Existence, Oracle
 from robust.plan.model import Atom
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge import sweeps

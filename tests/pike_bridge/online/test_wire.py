@@ -8,16 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robust.errors import InputError
-from robust.pike_bridge.load import load_team_plan
+from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.model import Assignment
-from robust.pike_bridge.online import messages as said
-from robust.pike_bridge.online.fields import Fields, in_line, parse_line
+from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.wire import (
+    Fields,
     check_message,
     decode_decision,
     decode_message,
     encode_decision,
     encode_message,
+    in_line,
+    parse_line,
 )
 from robust.plan.model import Atom
 from tests.pike_bridge.online.examples import KITCHEN

@@ -9,10 +9,9 @@ from robust.pike_bridge.builder import act, build, parallel, sequence, within
 from robust.pike_bridge.generators.random_plans import random_plan
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.messages import Completion, Failed
-from robust.pike_bridge.online.rehearsal import Ending, Rehearsal
+from robust.pike_bridge.online.progress import Completion, Failed
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.world import SimulatedTeam, Story
+from robust.pike_bridge.online.world import Ending, Rehearsal, SimulatedTeam, Story
 from tests.pike_bridge.online.examples import SOLVABLE
 
 

@@ -7,7 +7,7 @@ from fractions import Fraction
 from itertools import product
 
 from robust.pike_bridge.model import Assignment, Constraint, Guard, Tpnu
-from robust.pike_bridge.temporal.interface import Precedence
+from robust.pike_bridge.temporal.distance_graph import Precedence
 
 Distances = dict[tuple[str, str], Fraction]
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.pike_bridge.model import Assignment, Choice, Constraint, Event, Tpnu, guard
-from robust.pike_bridge.temporal.circulation import most_general, temporal_conflicts
+from robust.pike_bridge.temporal.schedule import most_general, temporal_conflicts
 from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory, implies, is_model
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.strategies import networks, structured

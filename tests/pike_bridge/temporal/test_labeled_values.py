@@ -8,9 +8,8 @@ from operator import add
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.pike_bridge.environment import Environment, Vocabulary
-from robust.pike_bridge.model import guard
-from robust.pike_bridge.temporal.labeled_values import LabeledNumbers, LabeledValueSet
+from robust.pike_bridge.model import Environment, Vocabulary, guard
+from robust.pike_bridge.temporal.distance_graph import LabeledNumbers, LabeledValueSet
 
 TWO = Vocabulary({"x": ("1", "2"), "y": ("1", "2")})
 DRAWN = Vocabulary({"x": ("1", "2"), "y": ("1", "2", "3"), "z": ("1", "2")})

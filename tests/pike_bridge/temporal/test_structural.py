@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robust.pike_bridge.builder import act, build, choose, sequence
 from robust.pike_bridge.model import Choice, Constraint, Event, Tpnu, guard
-from robust.pike_bridge.temporal.interface import Precedence
+from robust.pike_bridge.temporal.distance_graph import Precedence
 from robust.pike_bridge.temporal.structural import structural_precedence
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.strategies import networks, structured

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from robust.errors import InputError
-from robust.plan.pddl.files import read_text
+from robust.plan.pddl.forms import read_text
 
 
 def test_text_is_normalised(tmp_path: Path) -> None:

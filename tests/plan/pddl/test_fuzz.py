@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robust.errors import RobustError
-from robust.plan.pddl.files import read_text
+from robust.plan.pddl.forms import read_text
 from robust.plan.pddl.grounding import ground_action, ground_goal
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from tests.plan.pddl.sources import DOMAIN, PROBLEM

@@ -9,8 +9,7 @@ import z3
 from hypothesis import strategies as st
 
 from robust.qe.constraint import LinearConstraint, Sense
-from robust.qe.eliminate.conjunctions import Conjunction
-from robust.qe.eliminate.interface import Context, Query
+from robust.qe.eliminate.interface import Conjunction, Context, Query
 from robust.qe.eliminate.z3_tactics import to_z3
 from robust.qe.nnf import Literal, Nnf, Reader, booleans_in, conjunction, disjunction
 from robust.smt.terms import Terms

@@ -14,7 +14,7 @@ from robust.errors import SolverError
 from robust.plan.load import load_plan
 from robust.plan.model import ParametrizedPlan
 from robust.qe.compute import RegionStatus, region
-from robust.qe.eliminate.forked import stream_from_copy
+from robust.qe.eliminate.cvc5_native import stream_from_copy
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline, OutOfTimeError
 

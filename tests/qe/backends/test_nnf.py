@@ -8,10 +8,9 @@ from hypothesis import strategies as st
 
 from robust.errors import UnsupportedError
 from robust.qe.constraint import LinearConstraint
-from robust.qe.eliminate.conjunctions import project, project_at, variables_of
+from robust.qe.eliminate.enumerate import simplified
+from robust.qe.eliminate.interface import project, project_at, variables_of
 from robust.qe.eliminate.loos_weispfenning import eliminate
-from robust.qe.eliminate.simplify import simplified
-from robust.qe.lp import feasible_point
 from robust.qe.nnf import (
     FALSE,
     TRUE,
@@ -25,6 +24,7 @@ from robust.qe.nnf import (
     names_in,
     negation,
 )
+from robust.qe.simplex import feasible_point
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms

@@ -7,14 +7,13 @@ from enum import Enum
 from fractions import Fraction
 from typing import Protocol, assert_never
 
-from robust.pike_bridge.execution import Execution, faults
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.baselines.drake import without_causes
 from robust.pike_bridge.online.baselines.kirk import FREE, Kirk, KirkDecision
 from robust.pike_bridge.online.executive import PlanExecutive, Ranking, as_written
-from robust.pike_bridge.online.messages import Failed, Message, Succeeded
-from robust.pike_bridge.online.progress import Progress
+from robust.pike_bridge.online.progress import Failed, Message, Progress, Succeeded
 from robust.pike_bridge.online.reasoner import Reasoner
+from robust.pike_bridge.semantics import Execution, faults
 from robust.smt.limits import Deadline
 
 

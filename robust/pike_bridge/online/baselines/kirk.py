@@ -26,7 +26,7 @@ from robust.pike_bridge.model import Activity, Assignment, Guard, TeamPlan, guar
 from robust.pike_bridge.online.baselines.backtrack import Recovery, candidate, kept_events, recoveries
 from robust.pike_bridge.online.baselines.guess import BrokenLinks, Facts, Guesser
 from robust.pike_bridge.online.executive import PlanExecutive, Ranking, as_written
-from robust.pike_bridge.online.messages import (
+from robust.pike_bridge.online.progress import (
     Chosen,
     Completion,
     Decision,
@@ -34,12 +34,12 @@ from robust.pike_bridge.online.messages import (
     Executed,
     Failed,
     Message,
+    Monitor,
     Outcome,
+    Progress,
     Rejected,
     Succeeded,
 )
-from robust.pike_bridge.online.monitor import Monitor
-from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoner import Reasoner
 from robust.pike_bridge.scenarios import contradicts
 from robust.smt.limits import Deadline

@@ -16,7 +16,7 @@ from random import Random
 from robust.pike_bridge.model import Assignment, TeamPlan
 from robust.pike_bridge.online.baselines.interface import TeamExecutive
 from robust.pike_bridge.online.baselines.kirk import KirkDecision, Replanned
-from robust.pike_bridge.online.messages import Completion, Dispatched, Message, Outcome
+from robust.pike_bridge.online.progress import Completion, Dispatched, Message, Outcome
 
 
 @dataclass(frozen=True, slots=True)

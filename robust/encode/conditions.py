@@ -1,0 +1,251 @@
+"""Over-all conditions: what must hold throughout the open interval between start and end of an instance.
+
+Between two happenings every fluent is linear in time, so a condition with at most one comparison of changing fluents
+needs a look at the breakpoints only: the happenings that touch what it mentions. Any other condition is examined at a
+free instant inside the interval, which the solver places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from robust.encode.mutex import fluents_in, names_in
+from robust.encode.network import Difference
+from robust.encode.state import Flow, Moment, Side, States, after, before
+from robust.encode.variables import Auxiliary, Linear, variable
+from robust.plan.model import (
+    ActionInstance,
+    And,
+    Atom,
+    Comparison,
+    Condition,
+    Duration,
+    Fluent,
+    Holds,
+    NumericVariable,
+    Or,
+    ParameterReference,
+    ParametrizedPlan,
+    Relation,
+    TimePoint,
+    Truth,
+)
+from robust.plan.polynomial import Polynomial
+from robust.smt.terms import Formula
+
+
+@dataclass(frozen=True, slots=True)
+class Breakpoint:
+    """A happening that can change the truth of a condition; `jumps` unless it only bends a continuous fluent."""
+
+    point: TimePoint
+    jumps: bool
+
+
+class OverAll:
+    """Violations of over-all conditions."""
+
+    def __init__(self, plan: ParametrizedPlan, states: States) -> None:
+        self._states = states
+        self._clock = states.clock
+        self._terms = states.terms
+        self._rank = {point: index for index, point in enumerate(plan.time_points)}
+        self._instants = 0
+
+    def violation(self, instance: ActionInstance, condition: Condition) -> Formula:
+        """Some instant strictly between start and end at which the condition is false."""
+        changing = [leaf for leaf in _comparisons(condition) if self._flows(leaf)]
+        if not changing:
+            cases = self._in_some_state(instance, condition)
+        elif len(changing) == 1 and changing[0].relation is not Relation.DIFFERENT:
+            cases = self._at_breakpoints(instance, condition, changing[0])
+        else:
+            cases = self._at_some_instant(instance, condition)
+        nonempty = self._clock.earlier(instance.start, instance.end)
+        return self._terms.conjunction((nonempty, self._terms.disjunction(cases)))
+
+    # -- the three ways ------------------------------------------------------------------------------------------
+
+    def _in_some_state(self, instance: ActionInstance, condition: Condition) -> Iterator[Formula]:
+        """Nothing in the condition changes between happenings: look at the state that each one leaves."""
+        yield self._false(condition, after(instance.start), instance)
+        for breakpoint_ in self._breakpoints(condition):
+            yield self._inside(instance, breakpoint_.point, lambda at: self._false(condition, after(at), instance))
+
+    def _at_breakpoints(self, instance: ActionInstance, condition: Condition, leaf: Comparison) -> Iterator[Formula]:
+        """One comparison bends: limits at both ends, values at the breakpoints inside.
+
+        At the open ends a strict inequality may reach its bound, unless it stays there throughout.
+        """
+        start, end = after(instance.start), before(instance.end)
+        weak = _weaken(condition, leaf)
+        yield self._false(weak, start, instance)
+        yield self._false(weak, end, instance)
+        breakpoints = list(self._breakpoints(condition))
+        for breakpoint_ in breakpoints:
+            if breakpoint_.jumps or condition is not leaf or self._may_be_least(breakpoint_.point, leaf):
+                yield self._inside(instance, breakpoint_.point, lambda at: self._false(condition, before(at), instance))
+            if breakpoint_.jumps:
+                yield self._inside(instance, breakpoint_.point, lambda at: self._false(condition, after(at), instance))
+        if weak != condition:
+            quiet = (self._terms.negation(self._is_inside(instance, b.point)) for b in breakpoints)
+            ends = (self._false(condition, start, instance), self._false(condition, end, instance))
+            yield self._terms.conjunction((*ends, *quiet))
+
+    def _at_some_instant(self, instance: ActionInstance, condition: Condition) -> Iterator[Formula]:
+        """The solver chooses the instant; what happenings inside leave behind is looked at as well."""
+        self._instants += 1
+        instant = Auxiliary(f"instant in {instance.identifier}", self._instants)
+        inside = self._terms.conjunction(
+            (
+                self._clock.passed(instance.start, Moment(Side.BEFORE, instant=instant)),
+                self._terms.negation(self._clock.passed(instance.end, Moment(Side.AFTER, instant=instant))),
+            )
+        )
+        false = self._false(condition, Moment(Side.BEFORE, instant=instant), instance)
+        yield self._terms.conjunction((inside, false))
+        for breakpoint_ in self._breakpoints(condition):
+            if breakpoint_.jumps:
+                yield self._inside(instance, breakpoint_.point, lambda at: self._false(condition, after(at), instance))
+
+    # -- parts ---------------------------------------------------------------------------------------------------
+
+    def _false(self, condition: Condition, moment: Moment, instance: ActionInstance) -> Formula:
+        return self._terms.negation(self._states.condition(condition, moment, instance))
+
+    def _is_inside(self, instance: ActionInstance, point: TimePoint) -> Formula:
+        clock = self._clock
+        return self._terms.conjunction((clock.earlier(instance.start, point), clock.earlier(point, instance.end)))
+
+    def _inside(self, instance: ActionInstance, point: TimePoint, false: Callable[[TimePoint], Formula]) -> Formula:
+        """`false(point)`, if the point lies strictly inside; not even built where the network excludes that."""
+        inside = self._is_inside(instance, point)
+        return inside if inside is self._terms.false else self._terms.conjunction((inside, false(point)))
+
+    def _breakpoints(self, condition: Condition) -> Iterator[Breakpoint]:
+        jumps: dict[TimePoint, bool] = {}
+        for name in names_in(condition):
+            match name:
+                case Atom():
+                    jumps.update((write.point, True) for write in self._states.atom_writes.get(name, ()))
+                case Fluent():
+                    jumps.update((write.point, True) for write in self._states.numeric_writes.get(name, ()))
+                    for flow in self._states.flows.get(name, ()):
+                        for point in flow.instance.time_points:
+                            jumps.setdefault(point, False)
+        for point in sorted(jumps, key=self._rank.__getitem__):
+            yield Breakpoint(point, jumps[point])
+
+    def _flows(self, leaf: Comparison) -> list[Flow]:
+        return [
+            flow for name in names_in(leaf) if isinstance(name, Fluent) for flow in self._states.flows.get(name, ())
+        ]
+
+    def _may_be_least(self, point: TimePoint, leaf: Comparison) -> bool:
+        """Whether the left side of `leaf` can have a local minimum where a flow starts or ends at `point`.
+
+        Where the slope only drops it cannot: an inequality that holds around the point then holds there too.
+        """
+        if leaf.relation is Relation.EQUAL or not leaf.expression.is_linear:
+            return True
+        factors = {name: factor for name, factor in leaf.expression.coefficients() if isinstance(name, Fluent)}
+        for flow in self._flows(leaf):
+            rate = flow.effect.rate
+            if point in flow.instance.time_points:
+                if not rate.is_constant:
+                    return True
+                bend = factors[flow.effect.fluent] * rate.constant_term
+                if (bend if point == flow.instance.start else -bend) > 0:
+                    return True
+        return False
+
+
+def _comparisons(condition: Condition) -> Iterator[Comparison]:
+    match condition:
+        case Comparison():
+            yield condition
+        case And(operands) | Or(operands):
+            for operand in operands:
+                yield from _comparisons(operand)
+        case Holds() | Truth():
+            pass
+
+
+def _weaken(condition: Condition, leaf: Comparison) -> Condition:
+    """The condition with a strict inequality of `leaf` made non-strict."""
+    if condition == leaf and leaf.relation is Relation.GREATER:
+        return Comparison(leaf.expression, Relation.AT_LEAST)
+    match condition:
+        case And(operands):
+            return And(tuple(_weaken(operand, leaf) for operand in operands))
+        case Or(operands):
+            return Or(tuple(_weaken(operand, leaf) for operand in operands))
+        case _:
+            return condition
+
+
+_LENGTH = Auxiliary("duration", 0)
+
+
+@dataclass(frozen=True, slots=True)
+class DurationRule:
+    """A duration constraint that does not depend on the state.
+
+    `bounds` are the lower bounds between start and end that follow from it; together they say all of it if `exact`.
+    """
+
+    name: str
+    instance: ActionInstance
+    condition: Comparison
+    bounds: tuple[Difference, ...]
+    exact: bool
+
+
+def duration_rules(plan: ParametrizedPlan) -> Iterator[DurationRule]:
+    """The rules of all durative instances: not negative, and what the domain says of `?duration`."""
+    written = written_fluents(plan)
+    positive = Comparison(Polynomial.variable(Duration()), Relation.AT_LEAST)
+    for instance in plan.instances:
+        if instance.durative:
+            yield _rule(plan, f"{instance.identifier} {instance.action}: non-negative duration", instance, positive)
+            for duration in instance.durations:
+                if written.isdisjoint(fluents_in(duration.condition.expression)):
+                    yield _rule(plan, instance.label(duration), instance, duration.condition)
+
+
+def written_fluents(plan: ParametrizedPlan) -> frozenset[Fluent]:
+    """Every fluent that an instance of the plan or a timed initial literal changes."""
+    return frozenset(
+        [effect.fluent for instance in plan.instances for effect in instance.numeric_effects]
+        + [effect.fluent for instance in plan.instances for effect in instance.continuous_effects]
+        + [literal.target for literal in plan.timed_literals if isinstance(literal.target, Fluent)]
+    )
+
+
+def _rule(plan: ParametrizedPlan, name: str, instance: ActionInstance, condition: Comparison) -> DurationRule:
+    def value(unknown: NumericVariable) -> Linear:
+        match unknown:
+            case Duration():
+                return variable(_LENGTH)
+            case ParameterReference():
+                return variable(unknown)
+            case Fluent():
+                initial = plan.initial_fluents[unknown]
+                return initial.substitute(value)
+
+    expression = condition.expression.substitute(value)
+    factor = expression.terms.get((_LENGTH,), Fraction(0))
+    if not factor or not expression.is_linear:
+        return DurationRule(name, instance, condition, (), False)
+    limit = (variable(_LENGTH).scaled(factor) - expression).scaled(1 / factor)
+    bounds = []
+    if condition.relation is Relation.EQUAL or (factor > 0 and condition.relation is not Relation.DIFFERENT):
+        bounds.append(Difference(instance.start, instance.end, limit, name))
+    if condition.relation is Relation.EQUAL or (factor < 0 and condition.relation is not Relation.DIFFERENT):
+        bounds.append(Difference(instance.end, instance.start, -limit, name))
+    return DurationRule(name, instance, condition, tuple(bounds), condition.relation in _WEAK)
+
+
+_WEAK = (Relation.AT_LEAST, Relation.EQUAL)

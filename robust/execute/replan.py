@@ -1,0 +1,505 @@
+"""What is known of a run afterwards. Times are from the beginning of the run, in the plan's unit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from fractions import Fraction
+from time import monotonic
+
+from robust.encode import create_encoding
+from robust.encode.interface import EPSILON
+from robust.errors import InputError, RefutedError, RobustError, SolverError
+from robust.execute.controllability.shrink import Dynamically, Strongly, shrink
+from robust.execute.controllability.strong import parametric_stnu
+from robust.execute.convert import convert
+from robust.execute.dispatch.dispatcher import Dispatcher
+from robust.execute.dispatch.messages import Ending, LeftBox, Observation, Rejected
+from robust.execute.dispatch.network import Dreex, Executor, Guarantee
+from robust.execute.dispatch.prepare import Dispatchable, make_dispatchable
+from robust.execute.drive import run_in_world
+from robust.execute.planners.interface import Planner
+from robust.execute.worlds.rules import Luck, Rules
+from robust.execute.worlds.world import Executed, Outcome, Setting, SimulatedWorld, condition_with
+from robust.irr.box import Box, EnvelopeResult, Status
+from robust.irr.containment import Containment
+from robust.irr.irr import IncrementalRobustification
+from robust.irr.methods import ExactSearch
+from robust.numbers import format_number
+from robust.plan.model import (
+    ActionInstance,
+    Fluent,
+    GoalCondition,
+    ParametrizedPlan,
+    TimedLiteral,
+    TimePoint,
+    TimePointKind,
+    Timing,
+)
+from robust.plan.model import Atom as _Atom
+from robust.plan.parameters import ParameterSpec, Target
+from robust.plan.pddl.syntax import Domain, Problem
+from robust.plan.polynomial import Polynomial
+from robust.plan.simulate import Simulation, simulate
+from robust.plan.timed import TimedPlan
+from robust.plan.timeline import Reading, State
+from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
+
+
+class RunStatus(Enum):
+    """How a run ended."""
+
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class Segment:
+    """The execution of one plan, from `start` to `end`.
+
+    `ending` is why it was given up at `given_up`; None if it was carried out. `executed` are its instances in the order
+    of their starts, with times from the beginning of the run.
+    """
+
+    plan: ParametrizedPlan
+    box: Box
+    guarantee: Guarantee
+    start: Fraction
+    end: Fraction
+    executed: tuple[Executed, ...]
+    observations: tuple[Observation, ...]
+    rejected: tuple[Rejected, ...]
+    ending: Ending | None
+    given_up: Fraction | None
+    planner_seconds: float = 0.0
+    preparation_seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run. `reason` says in one line why it failed.
+
+    `inside` says whether every observation was inside its box. `seconds` is wall time.
+    """
+
+    status: RunStatus
+    reason: str
+    segments: tuple[Segment, ...]
+    seconds: float
+    seed: int | str
+
+    @property
+    def replans(self) -> int:
+        """How often another plan was begun."""
+        return max(0, len(self.segments) - 1)
+
+    @property
+    def inside(self) -> bool:
+        return not any(isinstance(segment.ending, LeftBox) for segment in self.segments)
+
+    @property
+    def end(self) -> Fraction:
+        """When the run ended."""
+        return self.segments[-1].end if self.segments else Fraction(0)
+
+
+def origin_after(now: Fraction, literals: Iterable[TimedLiteral], epsilon: Fraction) -> Fraction:
+    """When the next plan may begin: ε after the last event, and after any timed literal that comes just before then.
+
+    What starts at time zero of the next plan may be mutex with what has just happened.
+    """
+    origin = now + epsilon
+    for literal in sorted(literals, key=lambda one: one.time):
+        if origin - epsilon < literal.time <= origin:
+            origin = literal.time + epsilon
+    return origin
+
+
+def remaining_problem(problem: Problem, state: State, origin: Fraction) -> Problem:
+    """The problem from `origin` on, in the time of `problem`, with the state that is reached there.
+
+    Timed literals that are still to come keep their moments; those that have passed are part of the state. Deadlines
+    that are timed literals move with them.
+    """
+    later = tuple(replace(one, time=one.time - origin) for one in problem.timed_literals if one.time > origin)
+    return replace(problem, atoms=frozenset(state.atoms), fluents=dict(state.fluents), timed_literals=later)
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How plans are made ready: which executor, which parameters, how the box is computed, and how long that may take.
+
+    `method` is `widen`, `irr` (with β = 1) or `optimal` (of the boxes that contain the nominal point).
+    `timeout` limits conversion and box, each, in seconds; out of time, a box is as large as it has become.
+    `controllability` is `dynamic` or `strong` if the box is to be shrunk to its part that is so; None leaves it.
+    """
+
+    executor: Executor = field(default_factory=Dreex)
+    specs: tuple[ParameterSpec, ...] = ()
+    method: str = "widen"
+    epsilon: Fraction = EPSILON
+    solver: str = "z3"
+    timeout: float | None = None
+    controllability: str | None = None
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A plan ready to be executed, in any number of simulated runs; `seconds` is what it took to get there."""
+
+    dispatchable: Dispatchable
+    setting: Setting
+    seconds: float
+
+
+def prepare_timed(domain: Domain, problem: Problem, timed: TimedPlan, options: Options) -> Prepared:
+    """A time-triggered plan, converted to the least constrained network, with its box.
+
+    Specifications of instances and actions that the plan does not have are passed over: another plan may have them.
+
+    Raises:
+        RobustError: if the plan is invalid, cannot be converted or has no box.
+    """
+    begun = monotonic()
+    conversion = convert(
+        domain,
+        problem,
+        timed,
+        specs=fitting(options.specs, timed),
+        epsilon=options.epsilon,
+        solver=options.solver,
+        timeout=options.timeout,
+    )
+    return prepare_plan(conversion.plan, options, begun=begun)
+
+
+def prepare_plan(
+    plan: ParametrizedPlan, options: Options, *, box: Box | None = None, begun: float | None = None
+) -> Prepared:
+    """A plan with its box, which is computed unless it is given.
+
+    Raises:
+        RefutedError: if the plan is not valid at its nominal point.
+        SolverError: if no box was proved in time.
+        InputError: if there is no schedule.
+        UnsupportedError: for an expression that is not linear.
+    """
+    begun = monotonic() if begun is None else begun
+    if box is None and isinstance(options.executor, Dreex):
+        box = computed_box(plan, options)
+    dispatchable = make_dispatchable(plan, box, options.executor, epsilon=options.epsilon)
+    return Prepared(dispatchable, Setting(dispatchable), monotonic() - begun)
+
+
+def computed_box(plan: ParametrizedPlan, options: Options) -> Box:
+    """The box of a plan; errors as for :func:`prepare_plan`."""
+    found = _search(plan, options)
+    if found.status is Status.INVALID:
+        raise RefutedError(f"invalid plan: {found.reason}")
+    if not found.verified:
+        raise SolverError("no box was proved in time; expected one, allow more time")
+    return found.box if options.controllability is None else _shrunk(plan, found.box, options)
+
+
+@noticing_interrupts()
+def _search(plan: ParametrizedPlan, options: Options) -> EnvelopeResult:
+    deadline = Deadline.after(options.timeout)
+    formulas = create_encoding("relational", plan, options.epsilon, deadline)
+    if options.method == "irr":
+        containment = Containment(formulas, solver=options.solver)
+        return IncrementalRobustification(containment, deadline=deadline).run()
+    search = ExactSearch(formulas, solver=options.solver, deadline=deadline)
+    return search.optimal(contain_nominal=True) if options.method == "optimal" else search.widen(())
+
+
+def _shrunk(plan: ParametrizedPlan, box: Box, options: Options) -> Box:
+    """The part of a box in which a strategy is certain to find the schedules that the box promises."""
+    network = parametric_stnu(plan, box)
+    deadline = Deadline.after(options.timeout)
+    wanted = Dynamically(network, deadline) if options.controllability == "dynamic" else Strongly(network, deadline)
+    try:
+        return shrink(plan.parameters, box, wanted).box
+    except OutOfTimeError:
+        raise SolverError("no controllable part of the box was found in time; expected one, allow more time") from None
+
+
+def fitting(specs: Iterable[ParameterSpec], timed: TimedPlan) -> tuple[ParameterSpec, ...]:
+    """The specifications that are about fluents, or about instances and actions that a plan has."""
+    known = {f"n{number}" for number in range(len(timed.steps))} | {step.action for step in timed.steps}
+    durations = {Target.DURATION, Target.START}
+    return tuple(spec for spec in specs if spec.target not in durations or spec.subject in known)
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """Where a run began, and what it was for."""
+
+    atoms: frozenset[_Atom]
+    fluents: Mapping[Fluent, Fraction]
+    literals: tuple[TimedLiteral, ...]
+    goal: tuple[GoalCondition, ...]
+
+
+def judged(beginning: Beginning, executed: Sequence[Executed], epsilon: Fraction) -> Simulation:
+    """The execution of everything that was executed, at the times at which it was.
+
+    Durations that were not the dispatcher's to choose are facts, and break no duration constraint. An instance that
+    failed or was stopped has its effects at the start, and continuous ones until it ended, and no conditions.
+    """
+    instances: list[ActionInstance] = []
+    schedule: dict[TimePoint, Fraction] = {}
+    for number, one in enumerate(executed):
+        instance = _as_it_was(one, f"{number}.{one.instance.identifier}")
+        instances.append(instance)
+        schedule[instance.start] = one.start
+        if instance.durative:
+            schedule[instance.end] = one.start if one.end is None else one.end
+    plan = ParametrizedPlan(
+        name="execution",
+        parameters=(),
+        instances=tuple(instances),
+        constraints=(),
+        initial_atoms=beginning.atoms,
+        initial_fluents={fluent: Polynomial.constant(value) for fluent, value in beginning.fluents.items()},
+        timed_literals=beginning.literals,
+        goal=beginning.goal,
+    )
+    return simulate(plan, {}, schedule, epsilon=epsilon)
+
+
+def _as_it_was(one: Executed, identifier: str) -> ActionInstance:
+    instance = replace(one.instance, identifier=identifier)
+    if one.natural:
+        instance = replace(instance, durations=())
+    if one.outcome is Outcome.DONE:
+        return instance
+    return replace(
+        instance,
+        durations=(),
+        conditions=(),
+        atom_effects=tuple(effect for effect in instance.atom_effects if effect.timing is Timing.AT_START),
+        numeric_effects=tuple(effect for effect in instance.numeric_effects if effect.timing is Timing.AT_START),
+    )
+
+
+REPLANS = 10
+PLANNER_SECONDS = 7.0
+"""What a run is allowed unless told otherwise, and its planner each time."""
+
+
+@dataclass(frozen=True)
+class Mission:
+    """What is to be executed, and how.
+
+    Args:
+        domain: the domain.
+        problem: the problem.
+        planner: who is asked for plans; None if there is nobody to ask, so that a plan that is given up is the end.
+        rules: what nature draws.
+        options: how plans are made ready.
+        replans: how often another plan may be begun.
+        planner_seconds: wall time that the planner has for each plan.
+        planning_time: how long planning takes in the world, in the plan's unit.
+        drain: whether running actions are waited for when a plan is given up; else they are stopped.
+    """
+
+    domain: Domain
+    problem: Problem
+    planner: Planner | None = None
+    rules: Rules = Rules()  # noqa: RUF009 - immutable
+    options: Options = Options()
+    replans: int = REPLANS
+    planner_seconds: float = PLANNER_SECONDS
+    planning_time: Fraction = Fraction(0)
+    drain: bool = True
+
+
+class _NoPlanError(Exception):
+    """There is no plan to go on with; the text says why."""
+
+
+def first_plan(mission: Mission) -> Prepared:
+    """The plan with which every run begins, asked of the planner; runs of one mission can share it.
+
+    Raises:
+        NoPlanError: a RobustError that says in one line why there is none.
+    """
+    try:
+        return _planned(mission, mission.problem)[0]
+    except _NoPlanError as error:
+        raise NoPlanError(str(error)) from None
+
+
+class NoPlanError(RobustError):
+    """The planner found no plan that can be executed."""
+
+    exit_code = 1
+
+
+def execute(
+    mission: Mission,
+    seed: int | str,
+    prepared: Prepared | None = None,
+    *,
+    on_segment: Callable[[Segment], None] | None = None,
+) -> Run:
+    """One simulated run.
+
+    Args:
+        mission: what is to be executed.
+        seed: of what nature draws: the same seed gives the same run.
+        prepared: the first plan, ready for dispatch; the planner is asked if None.
+        on_segment: called when a plan has been carried out or given up.
+
+    Returns:
+        What happened. The run has succeeded only if the simulator, told all that was executed and drawn, finds the
+        goal reached and nothing broken; also when a plan is given up at the end of all that it was for. That a planner
+        finds nothing, or that a plan cannot be made ready, ends the run
+        as failed.
+
+    Raises:
+        InputError: for a rule about a duration that the dispatcher chooses.
+    """
+    return _Running(mission, seed, on_segment or _silent).run(prepared)
+
+
+class _Running:
+    def __init__(self, mission: Mission, seed: int | str, on_segment: Callable[[Segment], None]) -> None:
+        self._mission = mission
+        self._seed = seed
+        self._luck = Luck(mission.rules, seed)
+        self._on_segment = on_segment
+        self._begun = monotonic()
+        self._segments: list[Segment] = []
+        self._beginning: Beginning | None = None
+
+    def run(self, prepared: Prepared | None) -> Run:
+        problem, origin = self._mission.problem, Fraction(0)
+        planner_seconds = 0.0
+        while True:
+            try:
+                if prepared is None:
+                    prepared, planner_seconds = _planned(self._mission, problem)
+            except _NoPlanError as error:
+                return self._result(RunStatus.FAILED, self._because(str(error)))
+            check_rules(prepared, self._mission.rules)
+            dispatcher = Dispatcher(prepared.dispatchable, drain=self._mission.drain)
+            world = SimulatedWorld(prepared.setting, self._luck, levels_known=bool(self._segments))
+            self._begin(prepared, world)
+            last = run_in_world(dispatcher, world)
+            if not self._mission.drain:
+                world.stop(last)
+            spent = (planner_seconds, prepared.seconds)
+            self._note(dispatcher, world, origin, last, spent)
+            if dispatcher.ending is None or not dispatcher.ended:
+                return self._finished(dispatcher)
+            if self._achieved(world):
+                return self._result(RunStatus.SUCCEEDED, "")
+            if len(self._segments) > self._mission.replans:
+                return self._result(RunStatus.FAILED, self._because(f"gave up after {self._mission.replans} re-plans"))
+            epsilon = self._mission.options.epsilon
+            begin = origin_after(last + self._mission.planning_time, problem.timed_literals, epsilon)
+            world.pass_until(begin)
+            problem = remaining_problem(problem, world.state.snapshot(), begin)
+            origin += begin
+            prepared = None
+
+    def _begin(self, prepared: Prepared, world: SimulatedWorld) -> None:
+        """Remember where the run began, for the judge."""
+        if self._beginning is None:
+            plan = prepared.dispatchable.plan
+            goal = tuple(GoalCondition(condition_with(one.condition, world.values), one.text) for one in plan.goal)
+            self._beginning = Beginning(plan.initial_atoms, world.initial, plan.timed_literals, goal)
+
+    def _note(
+        self,
+        dispatcher: Dispatcher,
+        world: SimulatedWorld,
+        origin: Fraction,
+        last: Fraction,
+        spent: tuple[float, float],
+    ) -> None:
+        """Keep what became of a plan; `spent` are seconds of the planner, and of making the plan ready."""
+        dispatchable = dispatcher.dispatchable
+        ending = dispatcher.ending
+        segment = Segment(
+            plan=dispatchable.plan,
+            box=dispatchable.box,
+            guarantee=dispatchable.guarantee,
+            start=origin,
+            end=origin + last,
+            executed=tuple(_moved(one, origin) for one in world.executed.values()),
+            observations=tuple(replace(one, time=one.time + origin) for one in dispatcher.observations),
+            rejected=tuple(replace(one, time=one.time + origin) for one in dispatcher.rejected),
+            ending=ending,
+            given_up=None if ending is None else origin + ending.time,
+            planner_seconds=spent[0],
+            preparation_seconds=spent[1],
+        )
+        self._segments.append(segment)
+        self._on_segment(segment)
+
+    def _finished(self, dispatcher: Dispatcher) -> Run:
+        if not dispatcher.ended:
+            waiting = ", ".join(dispatcher.running) or "an observation"
+            return self._result(RunStatus.FAILED, f"waits for ever for {waiting}")
+        fault = self._fault()
+        return self._result(RunStatus.SUCCEEDED if fault is None else RunStatus.FAILED, fault or "")
+
+    def _achieved(self, world: SimulatedWorld) -> bool:
+        """Whether a plan was given up when all had been done: the goal is reached [IRR, Alg. 2, line 16]."""
+        reading = Reading(world.state.snapshot(), {})
+        goal = self._beginning.goal if self._beginning is not None else ()
+        return all(reading.holds(one.condition) for one in goal) and self._fault() is None
+
+    def _fault(self) -> str | None:
+        """What the simulator, told all that was executed and drawn, finds broken."""
+        executed = [one for segment in self._segments for one in segment.executed]
+        if self._beginning is None or any(one.outcome is Outcome.RUNNING for one in executed):
+            return "an instance did not end"
+        violations = judged(self._beginning, executed, self._mission.options.epsilon).violations
+        if not violations:
+            return None
+        first = min(violations, key=lambda violation: violation.time)
+        return f"broke {first.obligation!r} at {format_number(first.time)}: {first.detail}"
+
+    def _because(self, text: str) -> str:
+        last = self._segments[-1].ending if self._segments else None
+        return text if last is None else f"{last}; {text}"
+
+    def _result(self, status: RunStatus, reason: str) -> Run:
+        return Run(status, reason, tuple(self._segments), monotonic() - self._begun, self._seed)
+
+
+def check_rules(prepared: Prepared, rules: Rules) -> None:
+    """InputError for a rule about a duration that the dispatcher chooses: nature has no say in it."""
+    dispatchable = prepared.dispatchable
+    for number in dispatchable.ours:
+        point = dispatchable.network.points[number]
+        instance = dispatchable.plan.instance[point.instance or ""]
+        if point.kind is TimePointKind.END and rules.duration(instance) is not None:
+            found = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
+            message = f"{found}; expected one that is fixed or a parameter: --parametrize duration:{instance.action}"
+            raise InputError(message)
+
+
+def _moved(one: Executed, origin: Fraction) -> Executed:
+    return replace(one, start=one.start + origin, end=None if one.end is None else one.end + origin)
+
+
+def _planned(mission: Mission, problem: Problem) -> tuple[Prepared, float]:
+    """A plan for a problem, ready for dispatch, and the planner's seconds."""
+    if mission.planner is None:
+        raise _NoPlanError("there is no planner to ask for another plan")
+    try:
+        answer = mission.planner.solve(mission.domain, problem, Deadline.after(mission.planner_seconds))
+        if answer.plan is None:
+            raise _NoPlanError(f"{answer.planner}: {answer.status.value}: {answer.message}".rstrip(": "))
+        return prepare_timed(mission.domain, problem, answer.plan, mission.options), answer.seconds
+    except RobustError as error:
+        raise _NoPlanError(str(error)) from None
+
+
+def _silent(_segment: Segment) -> None:
+    """Nobody watches."""

@@ -1,1 +1,0 @@
-"""Labeled causal links, and the augmented plan that makes them choices."""

@@ -1,0 +1,470 @@
+"""Parameters declared beside the plan: which quantity becomes a parameter, by option or TOML file.
+
+An option is `SPEC[,weight=W][,lb=L][,ub=U][,default=D]` with one of these SPECs:
+
+====================================  ================================================================================
+`[NAME=]duration:ID`                  the duration of instance ID; the parameter is called `dur_ID` unless named
+`[NAME=]duration:ACTION`              one such parameter for each instance of the action (a NAME only if there is one)
+`[NAME=]start:ID`                     the start time of instance ID, from zero (`start_ID`)
+`[NAME=]fluent:(charge auv)`          the initial value of a ground numeric fluent (`charge_auv`)
+`NAME`                                new weight, bounds or nominal value for an existing parameter
+====================================  ================================================================================
+
+Numbers are exact; `lb=-inf` and `ub=inf` remove a bound. An identifier of an instance goes before an action of the same
+name. A NAME that the plan declares and does not use yet is taken with its attributes; any other NAME must be new.
+
+The same as TOML, one table for each parameter (floats are read from their text, so they are exact too)::
+
+    [parameters.endurance]
+    fluent = "(charge auv)"      # or duration = "n3", or start = "n3", or none of them for an existing parameter
+    weight = 2
+    lower = "1/3"                # also: lb
+    upper = 1500.5               # also: ub
+    default = 1000
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from fractions import Fraction
+from os import PathLike
+from typing import assert_never
+
+from robust.errors import InputError, Location, did_you_mean
+from robust.numbers import shorten
+from robust.plan.model import ZERO, Expression, Fluent, ParameterReference, TimePoint
+from robust.plan.stn import (
+    InstanceDeclaration,
+    ParameterDeclaration,
+    STNBound,
+    STNConstraint,
+    STNPlan,
+    attribute_value,
+    bad_parameter_name,
+    check_range,
+    is_parameter_name,
+)
+
+_SPEC = re.compile(r"\s*(?:(?P<name>[^=:]*)=)?\s*(?P<target>[^=:()\s]*)\s*:(?P<subject>.*)", re.DOTALL)
+_FLUENT = re.compile(r"\(\s*[A-Za-z0-9_-]+(?:\s+[A-Za-z0-9_-]+)*\s*\)")
+_FIELDS = {
+    "weight": "weight",
+    "default": "default",
+    "lb": "lower",
+    "lower": "lower",
+    "ub": "upper",
+    "upper": "upper",
+}
+
+
+class Target(Enum):
+    """What a specification makes a parameter of."""
+
+    DURATION = "duration"
+    START = "start"
+    FLUENT = "fluent"
+    EXISTING = "existing parameter"
+
+
+_TARGETS: Mapping[str, Target] = {target.value: target for target in Target if target is not Target.EXISTING}
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterSpec:
+    """One specification, not yet looked up in a plan.
+
+    `subject` is an instance, an action, a ground fluent `(f a b)` in lower case, or an existing parameter. `attributes`
+    has the given ones of weight, default, lower and upper; a bound of None is the infinite one.
+    """
+
+    target: Target
+    subject: str
+    name: str | None = None
+    attributes: Mapping[str, Fraction | None] = field(default_factory=dict)
+    location: Location | None = field(default=None, compare=False)
+
+
+def parse_spec(text: str) -> ParameterSpec:
+    """The specification in an option's text; InputError says what is wrong in which option."""
+    location = Location(f"--parameter {shorten(text)}")
+    head, *settings = text.split(",")
+    attributes: dict[str, Fraction | None] = {}
+    for setting in settings:
+        word, equals, value = (part.strip() for part in setting.partition("="))
+        if word not in _FIELDS or not equals:
+            hint = did_you_mean(word, ("weight", "lb", "ub", "default"))
+            message = f"found {shorten(setting.strip())}, expected weight=W, lb=L, ub=U or default=D{hint}"
+            raise InputError(message, location)
+        _set_attribute(attributes, word, value, location)
+    match = _SPEC.fullmatch(head)
+    if match is None:
+        name = head.strip()
+        if "=" in name:
+            expected = "[NAME=]duration:ID, [NAME=]start:ID, [NAME=]fluent:(F ARG ...) or a parameter's name"
+            raise InputError(f"found {shorten(name)}, expected {expected}", location)
+        return ParameterSpec(Target.EXISTING, _checked_name(name, location), None, attributes, location)
+    target = _TARGETS.get(match["target"].lower())
+    if target is None:
+        hint = did_you_mean(match["target"], _TARGETS)
+        raise InputError(f"found {shorten(match['target'])}, expected 'duration', 'start' or 'fluent'{hint}", location)
+    given = match["name"]
+    parameter = None if given is None else _checked_name(given.strip(), location)
+    return ParameterSpec(target, _checked_subject(target, match["subject"], location), parameter, attributes, location)
+
+
+def parse_specs(texts: Sequence[str]) -> tuple[ParameterSpec, ...]:
+    """The specifications of several options."""
+    return tuple(parse_spec(text) for text in texts)
+
+
+def parse_parameter_file(text: str, file: str = "<parameters>") -> tuple[ParameterSpec, ...]:
+    """The specifications in a TOML text; InputError names the parameter and the key that is wrong."""
+    document = _toml(text, file)
+    for key in document:
+        if key != "parameters":
+            message = (
+                f"found key {shorten(key)}, expected only tables [parameters.NAME]{did_you_mean(key, ['parameters'])}"
+            )
+            raise InputError(message, Location(file))
+    tables = document.get("parameters", {})
+    if not isinstance(tables, dict):
+        raise InputError("found a value for 'parameters', expected tables [parameters.NAME]", Location(file))
+    return tuple(_spec_of_table(name, table, file) for name, table in tables.items())
+
+
+def read_parameter_file(path: str | PathLike[str]) -> tuple[ParameterSpec, ...]:
+    """The specifications in a TOML file; InputError if it cannot be read or is wrong."""
+    from robust.plan.pddl.forms import read_text  # noqa: PLC0415 - keeps the grammar of PDDL out of this import
+
+    return parse_parameter_file(read_text(path), str(path))
+
+
+@dataclass(frozen=True, slots=True)
+class _Decimal:
+    """The text of a TOML float."""
+
+    text: str
+
+
+def _toml(text: str, file: str) -> dict[str, object]:
+    as_text: Callable[[str], _Decimal] = _Decimal
+    try:
+        return tomllib.loads(text, parse_float=as_text)
+    except (ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        place = re.search(r" \(at line (\d+), column (\d+)\)$", reason)
+        location = Location(file, int(place[1]), int(place[2])) if place else Location(file)
+        reason = reason[: place.start()] if place else reason
+        raise InputError(
+            f"found text that is not TOML ({reason}), expected tables [parameters.NAME]", location
+        ) from None
+
+
+def _spec_of_table(name: str, table: object, file: str) -> ParameterSpec:
+    location = Location(f"{file}: [parameters.{name if name.isprintable() else repr(name)}]")
+    if not isinstance(table, dict):
+        raise InputError(f"found {_kind(table)}, expected a table with keys such as duration and weight", location)
+    _checked_name(name, location)
+    targets: list[tuple[Target, str]] = []
+    attributes: dict[str, Fraction | None] = {}
+    for key, value in table.items():
+        if key in _TARGETS:
+            if not isinstance(value, str):
+                raise InputError(f"found {_kind(value)} as {key!r}, expected a text in quotes", location)
+            targets.append((_TARGETS[key], value))
+        elif key in _FIELDS:
+            _set_attribute(attributes, key, _number_text(key, value, location), location)
+        elif isinstance(value, dict):
+            quoted = shorten(f"{name}.{key}")
+            message = f"found table {shorten(key)}, expected a key; a name with a dot is quoted: [parameters.{quoted}]"
+            raise InputError(message, location)
+        else:
+            known = (*_TARGETS, "weight", "lower", "upper", "default")
+            message = f"found key {shorten(key)}, expected one of {', '.join(known)}"
+            raise InputError(message + (did_you_mean(key, known) if len(known) > 8 else ""), location)
+    if len(targets) > 1:
+        keys = " and ".join(target.value for target, _ in targets)
+        raise InputError(f"found {keys}, expected one of them: a parameter stands for one quantity", location)
+    if not targets:
+        return ParameterSpec(Target.EXISTING, name, None, attributes, location)
+    target, subject = targets[0]
+    return ParameterSpec(target, _checked_subject(target, subject, location), name, attributes, location)
+
+
+def _number_text(key: str, value: object, location: Location) -> str:
+    match value:
+        case bool():
+            pass
+        case int():
+            return str(value)
+        case str():
+            return value
+        case _Decimal(text):
+            return text.replace("_", "")
+    raise InputError(f'found {_kind(value)} as {key!r}, expected a number, or one in quotes such as "1/3"', location)
+
+
+def _kind(value: object) -> str:
+    match value:
+        case bool():
+            return str(value).lower()
+        case _Decimal(text):
+            return text
+        case int() | str():
+            return shorten(str(value))
+        case dict():
+            return "a table"
+        case list():
+            return "a list"
+    return f"a {type(value).__name__}"
+
+
+def _set_attribute(attributes: dict[str, Fraction | None], word: str, text: str, location: Location) -> None:
+    if _FIELDS[word] in attributes:
+        raise InputError(f"found a second value for {word!r}, expected each attribute at most once", location)
+    attributes[_FIELDS[word]] = attribute_value(word, text, location)
+
+
+def _checked_name(name: str, location: Location) -> str:
+    if not is_parameter_name(name):
+        raise InputError(bad_parameter_name(name), location)
+    return name
+
+
+def _checked_subject(target: Target, text: str, location: Location) -> str:
+    subject = text.strip()
+    if target is not Target.FLUENT:
+        if not subject:
+            raise InputError(f"found nothing after '{target.value}', expected an instance identifier", location)
+        return subject
+    if _FLUENT.fullmatch(subject) is None:
+        raise InputError(f"found {shorten(subject)}, expected a ground fluent such as '(charge auv)'", location)
+    return f"({' '.join(subject[1:-1].lower().split())})"
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """What specifications make of a plan: declarations, constraints, and where else their parameters stand.
+
+    `durations` maps instances to the parameter that is their duration, `fluents` maps fluents to the parameter that is
+    their initial value.
+    """
+
+    parameters: tuple[ParameterDeclaration, ...]
+    constraints: tuple[STNConstraint, ...]
+    durations: Mapping[str, str]
+    fluents: Mapping[Fluent, str]
+
+
+def wire(
+    plan: STNPlan,
+    specs: Iterable[ParameterSpec],
+    initial_fluents: Mapping[Fluent, Expression],
+    domain_parameters: Collection[str] = (),
+) -> Wiring:
+    """Apply specifications to a plan; InputError for unknown names, doubles and missing or impossible nominal values.
+
+    - A duration or start time whose constraints fix it at d becomes `[γ, γ]` with nominal value d (unless a default is
+      given); one that is not fixed needs a default, and all its constraints are replaced by `[γ, γ]`.
+    - The initial value of a fluent becomes γ with that value as nominal one (unless a default is given).
+    - A duration that is `[γ, γ]` in the plan already may be named again as `γ=duration:ID`: the plan file says that the
+      distance is γ, and the specification that the model's duration is.
+    - Existing parameters, and those that other specifications introduce, get the attributes that are given.
+    """
+    work = _Work(plan, initial_fluents, domain_parameters)
+    ordered = sorted(specs, key=lambda spec: spec.target is Target.EXISTING)  # stable: overrides see what others create
+    for spec in ordered:
+        work.apply(spec)
+    return Wiring(tuple(work.parameters.values()), tuple(work.constraints), work.durations, work.fluents)
+
+
+def referenced_parameters(constraints: Iterable[STNConstraint], expressions: Iterable[Expression]) -> set[str]:
+    """The names of the parameters that constraints and expressions mention."""
+    bounds = (bound for constraint in constraints for bound in (constraint.lower, constraint.upper))
+    names = {bound.name for bound in bounds if isinstance(bound, ParameterReference)}
+    variables = (variable for expression in expressions for variable in expression.variables)
+    return names | {variable.name for variable in variables if isinstance(variable, ParameterReference)}
+
+
+class _Work:
+    """The plan while specifications are applied one by one."""
+
+    def __init__(
+        self,
+        plan: STNPlan,
+        initial_fluents: Mapping[Fluent, Expression],
+        domain_parameters: Collection[str],
+    ) -> None:
+        self.plan = plan
+        self.instances = {instance.identifier: instance for instance in plan.instances}
+        self.initial_fluents = initial_fluents
+        self.domain_parameters = domain_parameters
+        self.parameters = {parameter.name: parameter for parameter in plan.parameters}
+        self.constraints = list(plan.constraints)
+        self.durations: dict[str, str] = {}
+        self.fluents: dict[Fluent, str] = {}
+        self.overridden: set[str] = set()
+        used = referenced_parameters(plan.constraints, initial_fluents.values())
+        self.unused = set(self.parameters) - used - set(domain_parameters)
+
+    def apply(self, spec: ParameterSpec) -> None:
+        match spec.target:
+            case Target.DURATION:
+                for instance in self.timed_instances(spec):
+                    self.vary_duration(instance, spec)
+            case Target.START:
+                self.vary_start(self.instance(spec), spec)
+            case Target.FLUENT:
+                self.vary_fluent(spec)
+            case Target.EXISTING:
+                self.override(spec)
+            case _:
+                assert_never(spec.target)
+
+    def instance(self, spec: ParameterSpec) -> InstanceDeclaration:
+        if spec.subject not in self.instances:
+            hint = did_you_mean(spec.subject, self.instances)
+            raise InputError(f"found {spec.subject!r}, expected an instance of the plan{hint}", spec.location)
+        return self.instances[spec.subject]
+
+    def timed_instances(self, spec: ParameterSpec) -> list[InstanceDeclaration]:
+        """The instance of that identifier, else all instances of that action."""
+        if spec.subject in self.instances:
+            chosen = [self.instances[spec.subject]]
+        else:
+            chosen = [instance for instance in self.plan.instances if instance.action == spec.subject.lower()]
+        if not chosen:
+            hint = did_you_mean(spec.subject, [*self.instances, *(one.action for one in self.plan.instances)])
+            message = f"found {spec.subject!r}, expected an instance of the plan or an action that it uses{hint}"
+            raise InputError(message, spec.location)
+        if spec.name is not None and len(chosen) > 1:
+            several = ", ".join(instance.identifier for instance in chosen)
+            expected = "one instance for the name (without a name, each instance gets a parameter of its own)"
+            found = f"one name for {len(chosen)} instances of {spec.subject!r} ({several})"
+            raise InputError(f"found {found}, expected {expected}", spec.location)
+        return chosen
+
+    def vary_duration(self, instance: InstanceDeclaration, spec: ParameterSpec) -> None:
+        identifier = instance.identifier
+        if not instance.durative:
+            found = f"{identifier!r}, which is instantaneous"
+            raise InputError(f"found {found}, expected an instance of a durative action", spec.location)
+        name = self.vary_time(f"dur_{identifier}", f"the duration of {identifier}", instance.start, instance.end, spec)
+        self.durations[identifier] = name
+
+    def vary_start(self, instance: InstanceDeclaration, spec: ParameterSpec) -> None:
+        identifier = instance.identifier
+        self.vary_time(f"start_{identifier}", f"the start of {identifier}", ZERO, instance.start, spec)
+
+    def vary_time(self, generated: str, what: str, source: TimePoint, target: TimePoint, spec: ParameterSpec) -> str:
+        """Replace all constraints between two time points by [γ, γ]; the name of γ."""
+        between = [(i, _oriented(c, source)) for i, c in enumerate(self.constraints) if _joins(c, source, target)]
+        bounds = [bound for _, pair in between for bound in pair]
+        taken = next((bound.name for bound in bounds if isinstance(bound, ParameterReference)), None)
+        if taken is not None and taken == spec.name and set(bounds) == {ParameterReference(taken)}:
+            self.parameters[taken] = _merged(self.parameters[taken], spec)
+            return taken
+        if taken is not None:
+            remedy = f"give its attributes as {taken!r},weight=W,lb=L,ub=U,default=D"
+            raise InputError(f"found {what} with parameter {taken!r}, expected one without: {remedy}", spec.location)
+        fixed = _fixed([pair for _, pair in between])
+        name = self.introduce(generated, what, fixed, spec, f"c: {target} - {source} in [D, D] in the plan")
+        reference = ParameterReference(name)
+        constraint = STNConstraint(target, source, reference, reference, spec.location)
+        position = between[0][0] if between else len(self.constraints)
+        removed = {i for i, _ in between}
+        before = [c for i, c in enumerate(self.constraints[:position]) if i not in removed]
+        after = [c for i, c in enumerate(self.constraints) if i >= position and i not in removed]
+        self.constraints = [*before, constraint, *after]
+        return name
+
+    def vary_fluent(self, spec: ParameterSpec) -> None:
+        function, *arguments = spec.subject[1:-1].split()
+        fluent = Fluent(function, tuple(arguments))
+        value = self.initial_fluents.get(fluent)
+        if value is None:
+            hint = did_you_mean(str(fluent), map(str, self.initial_fluents))
+            message = f"found {fluent}, expected a ground fluent with an initial value in the problem{hint}"
+            raise InputError(message, spec.location)
+        taken = self.fluents.get(fluent) or next(iter(referenced_parameters((), [value])), None)
+        if taken is not None:
+            message = f"found {fluent} with parameter {taken!r}, expected a fluent whose initial value is a number"
+            raise InputError(message, spec.location)
+        what = f"the initial value of {fluent}"
+        name = "_".join((fluent.function, *fluent.arguments))
+        self.fluents[fluent] = self.introduce(name, what, value.constant_term, spec, "a number in the problem")
+
+    def introduce(self, generated: str, what: str, fixed: Fraction | None, spec: ParameterSpec, remedy: str) -> str:
+        """Declare the parameter that a specification stands for; its name."""
+        name = spec.name or generated
+        if not is_parameter_name(name):
+            raise InputError(bad_parameter_name(name), spec.location)
+        if (name in self.parameters and (spec.name is None or name not in self.unused)) or (
+            name in self.domain_parameters
+        ):
+            origin = "" if spec.name else "generated "
+            remedy = f"write NAME={spec.target.value}:{spec.subject} with another name"
+            raise InputError(f"found {origin}name {name!r} twice, expected a new one: {remedy}", spec.location)
+        self.unused.discard(name)
+        base = self.parameters.get(name, ParameterDeclaration(name, location=spec.location))
+        merged = _merged(replace(base, default=fixed if base.default is None else base.default), spec)
+        if merged.default is None:
+            message = f"found no fixed value for {what}, expected a nominal value: default=D, or {remedy}"
+            raise InputError(message, spec.location)
+        self.parameters[name] = merged
+        return name
+
+    def override(self, spec: ParameterSpec) -> None:
+        name = spec.subject
+        if name not in self.parameters and name not in self.domain_parameters:
+            hint = did_you_mean(name, [*self.parameters, *self.domain_parameters])
+            if name in self.instances:
+                hint = f"; to vary the duration of instance {name} write duration:{name}"
+            raise InputError(f"found {name!r}, expected a parameter of the plan or the domain{hint}", spec.location)
+        if name in self.overridden:
+            raise InputError(f"found parameter {name!r} twice, expected all its attributes in one place", spec.location)
+        self.overridden.add(name)
+        base = self.parameters.get(name, ParameterDeclaration(name, location=spec.location))
+        self.parameters[name] = _merged(base, spec)
+
+
+def _merged(base: ParameterDeclaration, spec: ParameterSpec) -> ParameterDeclaration:
+    given = spec.attributes
+    merged = replace(
+        base,
+        weight=given.get("weight") or base.weight,
+        default=given.get("default", base.default),
+        lower=given.get("lower", base.lower),
+        upper=given.get("upper", base.upper),
+    )
+    check_range(merged, spec.location)
+    return merged
+
+
+def _joins(constraint: STNConstraint, source: TimePoint, target: TimePoint) -> bool:
+    return (constraint.source, constraint.target) in ((source, target), (target, source))
+
+
+def _oriented(constraint: STNConstraint, source: TimePoint) -> tuple[STNBound, STNBound]:
+    """The bounds of the constraint as seen from `source`."""
+    if constraint.source == source:
+        return constraint.lower, constraint.upper
+    return _negated(constraint.upper), _negated(constraint.lower)
+
+
+def _negated(bound: STNBound) -> STNBound:
+    return -bound if isinstance(bound, Fraction) else bound
+
+
+def _fixed(intervals: Iterable[tuple[STNBound, STNBound]]) -> Fraction | None:
+    """The only value in the intersection of intervals, if there is exactly one."""
+    pairs = list(intervals)
+    lowers = [lower for lower, _ in pairs if isinstance(lower, Fraction)]
+    uppers = [upper for _, upper in pairs if isinstance(upper, Fraction)]
+    if lowers and uppers and max(lowers) == min(uppers):
+        return max(lowers)
+    return None

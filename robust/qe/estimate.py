@@ -1,0 +1,228 @@
+"""Certified bounds on volumes by subdividing a bounding box."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from heapq import heappop, heappush
+from math import factorial, floor, prod
+from random import Random
+
+from robust.qe.constraint import Coefficients, LinearConstraint, Sense
+from robust.qe.polyhedron import NormalForm, Polyhedron
+
+Cell = tuple[tuple[str, Fraction, Fraction], ...]
+"""A closed box: parameter, lower and upper end."""
+Part = tuple[Polyhedron, tuple[Polyhedron, ...]]
+"""A polyhedron and polyhedra to remove from it."""
+ZERO = Fraction(0)
+SPARSE = 10
+"""Most parameters of a constraint for which its share of a cell is computed; the time doubles with each."""
+
+
+@dataclass(frozen=True, slots=True)
+class VolumeBounds:
+    """The volume is at least `lower` and at most `upper`; `upper` is None if no bounding box is known."""
+
+    lower: Fraction
+    upper: Fraction | None
+
+
+def volume_bounds(parts: Sequence[Part], limit: int) -> VolumeBounds:
+    """Bounds on the volume of a union of parts from at most `limit` boxes, the least certain one split first.
+
+    Only the interior of a box matters, so strict sides count like others.
+    """
+    solid = [(base, removed) for base, removed in parts if base.is_full_dimensional]
+    if not solid:
+        return VolumeBounds(ZERO, ZERO)
+    if not solid[0][0].parameters:
+        held = any(all(piece.is_empty for piece in removed) for _, removed in solid)
+        return VolumeBounds(Fraction(held), Fraction(held))
+    cell = _bounding_cell([base for base, _ in solid])
+    if cell is None:
+        return VolumeBounds(ZERO, None)
+    lower, upper = cell_bounds(cell, solid)
+    total = [lower, upper]
+    heap = [(lower - upper, 0, lower, upper, cell, solid)]
+    made = 1
+    while made < limit and heap[0][0]:
+        _, _, lower, upper, cell, active = heappop(heap)
+        total = [total[0] - lower, total[1] - upper]
+        for half in _halves(cell):
+            made += 1
+            rest = _undecided(half, active)
+            lower, upper = cell_bounds(half, rest)
+            total = [total[0] + lower, total[1] + upper]
+            heappush(heap, (lower - upper, made, lower, upper, half, rest))
+    return VolumeBounds(*total)
+
+
+def cell_bounds(cell: Cell, parts: Sequence[Part]) -> tuple[Fraction, Fraction]:
+    """Bounds on the volume of a union of parts inside a cell, from the shares that single half-spaces cut off.
+
+    They are exact for a half-space, a slab, and a cell without either.
+    """
+    size = _volume(cell)
+    lower, upper = ZERO, ZERO
+    for base, removed in parts:
+        least, most = _polyhedron_bounds(cell, size, base)
+        lost = [_polyhedron_bounds(cell, size, piece) for piece in removed]
+        most = min([most, *(size - certain for certain, _ in lost)])
+        least = max(ZERO, least - sum((possible for _, possible in lost), ZERO))
+        lower, upper = max(lower, least), min(size, upper + most)
+    return lower, upper
+
+
+def _polyhedron_bounds(cell: Cell, size: Fraction, piece: Polyhedron) -> tuple[Fraction, Fraction]:
+    """The union of what the sides cut off is at most their sum, and at least any of them or any disjoint two."""
+    if any(constraint.is_false or constraint.is_equality for constraint in piece.constraints):
+        return ZERO, ZERO
+    cut: dict[Coefficients, Fraction] = {}
+    certain = possible = ZERO
+    for constraint in piece.constraints:
+        least, most = _cut_off(cell, size, constraint)
+        possible += most
+        # Both sides of a slab cut off parts that have nothing in common (or the slab is empty, and they all).
+        opposite = cut.get(constraint.opposite(Sense.AT_MOST).coefficients, ZERO)
+        certain = max(certain, min(size, least + opposite))
+        cut[constraint.coefficients] = least
+    return max(ZERO, size - possible), size - certain
+
+
+def _cut_off(cell: Cell, size: Fraction, constraint: LinearConstraint) -> tuple[Fraction, Fraction]:
+    """Bounds on the volume of the cell beyond a half-space, exact for up to `SPARSE` parameters.
+
+    With the coefficients made positive by reflection, `{x ∈ [0, w] : a·x ≤ b}` has the volume
+    `Σ_S (−1)^|S| max(0, b − Σ_{i∈S} a_i w_i)^n / (n! Π a_i)`, over the subsets S of the coordinates.
+    """
+    ends = {name: (lower, upper) for name, lower, upper in cell}
+    count = len(constraint.coefficients)
+    if count > SPARSE:
+        return ZERO, size
+    # Seen from the far corner, the part beyond `form ≤ constant` is where `Σ |c|·x ≤ most − constant`.
+    room = sum((c * ends[n][1 if c > 0 else 0] for n, c in constraint.coefficients), ZERO) - constraint.constant
+    reaches = [abs(c) * (ends[n][1] - ends[n][0]) for n, c in constraint.coefficients]
+    sums = [(room, 1)] if room > 0 else []
+    for reach in reaches:
+        sums += [(rest - reach, -sign) for rest, sign in sums if rest > reach]
+    share = sum((sign * rest**count for rest, sign in sums), ZERO) / (factorial(count) * prod(reaches))
+    return share * size, share * size
+
+
+def _bounding_cell(bases: Sequence[Polyhedron]) -> Cell | None:
+    cell = []
+    for name in bases[0].parameters:
+        extents = [extent for extent in (base.extent(name) for base in bases) if extent is not None]
+        lower = [extent.lower for extent in extents if extent.lower is not None]
+        upper = [extent.upper for extent in extents if extent.upper is not None]
+        if len(lower) < len(extents) or len(upper) < len(extents):
+            return None
+        cell.append((name, min(lower), max(upper)))
+    return tuple(cell)
+
+
+def _volume(cell: Cell) -> Fraction:
+    return prod((upper - lower for _, lower, upper in cell), start=Fraction(1))
+
+
+def _halves(cell: Cell) -> list[Cell]:
+    """The cell cut across its longest side: a fixed measure of length keeps cells from degenerating."""
+    index = max(range(len(cell)), key=lambda i: cell[i][2] - cell[i][1])
+    name, lower, upper = cell[index]
+    middle = (lower + upper) / 2
+    before, after = cell[:index], cell[index + 1 :]
+    return [(*before, (name, lower, middle), *after), (*before, (name, middle, upper), *after)]
+
+
+def _undecided(cell: Cell, parts: Sequence[Part]) -> list[Part]:
+    """The parts inside a cell. Constraints that hold throughout it are dropped: splits simplify them."""
+    ends = {name: (lower, upper) for name, lower, upper in cell}
+    result: list[Part] = []
+    for base, removed in parts:
+        here = _clipped(base, ends)
+        if here is not None:
+            cuts = (_clipped(piece, ends) for piece in removed)
+            result.append((here, tuple(cut for cut in cuts if cut is not None)))
+    return result
+
+
+def _clipped(piece: Polyhedron, ends: dict[str, tuple[Fraction, Fraction]]) -> Polyhedron | None:
+    """The piece with only those sides that cut the cell; None if the piece misses the cell's interior."""
+    kept: list[LinearConstraint] = []
+    for constraint in piece.constraints:
+        if constraint.is_false or constraint.is_equality:
+            return None
+        least = sum((c * ends[n][0 if c > 0 else 1] for n, c in constraint.coefficients), ZERO)
+        most = sum((c * ends[n][1 if c > 0 else 0] for n, c in constraint.coefficients), ZERO)
+        if least >= constraint.constant:
+            return None
+        if most > constraint.constant:
+            kept.append(constraint)
+    return piece if len(kept) == len(piece.constraints) else Polyhedron(piece.parameters, tuple(kept))
+
+
+STEPS = 12
+"""Steps of the walk between points that are returned."""
+CHANCES = 20
+"""Rejected points for each requested one before the region is split into a union."""
+FAR = Fraction(100)
+"""Where a walk stops in an unbounded direction, in its own steps."""
+
+
+def sample(
+    parts: Sequence[Part], pieces: Callable[[], Sequence[Polyhedron]], count: int, seed: int
+) -> list[dict[str, Fraction]]:
+    """`count` points of a union of parts, of which `pieces` is the (possibly costly) description as a union."""
+    random = Random(seed)  # noqa: S311 - reproducible samples, no secrets
+    if any(removed for _, removed in parts):
+        found = _walks([base for base, _ in parts], random)
+        chosen = []
+        for _, point in zip(range(count * CHANCES), found, strict=False):
+            if any(point in base and not any(point in piece for piece in removed) for base, removed in parts):
+                chosen.append(point)
+            if len(chosen) == count:
+                return chosen
+        return [point for _, point in zip(range(count), _walks(pieces(), random), strict=False)]
+    return [point for _, point in zip(range(count), _walks([base for base, _ in parts], random), strict=False)]
+
+
+def _walks(pieces: Iterable[Polyhedron], random: Random) -> Iterator[dict[str, Fraction]]:
+    """Points of the union of the pieces without end; none if it is empty."""
+    walks = [_walk(form, random) for form in (piece.normal_form for piece in pieces) if form is not None]
+    while walks:
+        yield next(random.choice(walks))
+
+
+def _walk(form: NormalForm, random: Random) -> Iterator[dict[str, Fraction]]:
+    """Points of the relative interior of a polyhedron: steps in random directions, to a random place of the chord."""
+    current = {name: form.interior[name] for name in form.free}
+    while True:
+        for _ in range(STEPS if form.free else 0):
+            current = _step(form, current, random)
+        yield form.complete(current)
+
+
+def _step(form: NormalForm, start: dict[str, Fraction], random: Random) -> dict[str, Fraction]:
+    along = set(random.sample(form.free, random.randint(1, len(form.free))))
+    direction = {name: Fraction(random.randint(-8, 8) if name in along else 0) for name in form.free}
+    least, most = -FAR, FAR
+    for constraint in form.inequalities:
+        speed = constraint.value(direction)
+        if speed:
+            reach = (constraint.constant - constraint.value(start)) / speed
+            least, most = (least, min(most, reach)) if speed > 0 else (max(least, reach), most)
+    length = least + (most - least) * Fraction(random.randint(1, 255), 256)
+    target = {name: value + length * direction[name] for name, value in start.items()}
+    return _rounded(form, target)
+
+
+def _rounded(form: NormalForm, point: dict[str, Fraction]) -> dict[str, Fraction]:
+    """A nearby point with small denominators, or the point itself; the walk would make them grow without end."""
+    for bits in (4, 10, 20, 40):
+        scale = 1 << bits
+        rounded = {name: Fraction(floor(value * scale), scale) for name, value in point.items()}
+        if all(constraint.value(rounded) < constraint.constant for constraint in form.inequalities):
+            return rounded
+    return point
