@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _HOME = {
     "load": ("assemble", "load_plan"),
     "model": ("Parameter", "ParametrizedPlan"),
-    "parametrize": ("ParameterSpec", "parse_spec", "parse_specs", "read_parameter_file"),
+    "parameters": ("ParameterSpec", "parse_spec", "parse_specs", "read_parameter_file"),
     "stn": ("STNPlan", "parse_stn", "read_stn", "write_stn"),
     "timed": ("TimedPlan", "TimedStep", "parse_timed_plan", "read_timed_plan", "write_timed_plan"),
 }

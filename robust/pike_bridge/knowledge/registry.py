@@ -32,14 +32,14 @@ class Registration:
 _HOME = "robust.pike_bridge.knowledge"
 _REGISTRY: dict[str, Registration] = {
     "pitms": Registration(
-        f"{_HOME}.pitms",
+        f"{_HOME}.tms",
         "PiTms",
         "labels of prime implicants",
         takes_solver=True,
         takes_shortcut=True,
         knows_implicants=True,
     ),
-    "atms": Registration(f"{_HOME}.atms", "Atms", "minimal labels", takes_solver=True, takes_shortcut=True),
+    "atms": Registration(f"{_HOME}.tms", "Atms", "minimal labels", takes_solver=True, takes_shortcut=True),
     "bdd": Registration(f"{_HOME}.bdd", "BddKnowledgeBase", "a binary decision diagram", knows_implicants=True),
     "sat": Registration(
         f"{_HOME}.sat",
