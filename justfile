@@ -33,6 +33,11 @@ test *arguments:
 test-all *arguments:
     {{python}} -m pytest -n auto -m 'slow or not slow' {{arguments}}
 
+# how many small changes to the code the quick tests notice (an hour)
+mutants *arguments:
+    {{python}} -m pip install -c constraints.txt -e '.[dev,mutants]'
+    {{python}} -m tests.mutants {{arguments}}
+
 # the scaling study
 bench:
     {{python}} -m robust bench scaling
