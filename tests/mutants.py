@@ -2,9 +2,9 @@
 
     python -m tests.mutants [--each N] [--seed S] [--only PATTERN]
 
-Draws N mutants of every part below that mutmut makes, runs for each the tests that call the changed function, and prints
-a table of how many were noticed (killed), with the name of every one that was not; `mutmut show NAME` prints its change.
-Exit code 1 if fewer than 90 % were. The working copy is `mutants/`, which mutmut keeps for the next run.
+Draws N mutants of every part below from those that mutmut makes, runs for each the tests that call what was changed,
+and prints a table of how many were noticed, with the name of every one that was not; `mutmut show NAME` prints its
+change. Exit code 1 if fewer than 90 % were. The working copy is `mutants/`, which mutmut keeps for the next run.
 """
 
 import argparse
