@@ -19,28 +19,28 @@ from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
-from textwrap import fill
 from typing import Any
 
-from benchmarks.parts import PARTS, table
 from robust.api import check, envelope
-from robust.bench.figure4_instances import recorded_instances
-from robust.bench.process import COMMAND
-from robust.bench.suite import read_suite
 from robust.certify.document import mismatch
 from robust.certify.produce import PlanCertificate, digests
 from robust.certify.verify import checker_path
 from robust.encode import create_encoding
 from robust.errors import RobustError
-from robust.irr.box import Box
 from robust.plan.load import load_plan
 from robust.plan.model import ParametrizedPlan
-from robust.smt.limits import Deadline
+from robust.qe.box import Box
+from robust.smt.limits import NEVER
+
+from .engine.measure import COMMAND, Files
+from .engine.show import markdown, page
+from .irr.figure4 import recorded_instances
+from .suite import read_suite
 
 KINDS = ("plan", "box", "maximal")
 PART = "6-certificates.md"
 SLOWEST, LARGEST = 3.0, 10_000_000
-Files = tuple[Path, Path, Path]
+PARTS = Path(__file__).with_name("parts")
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ def measure(name: str, files: Files, directory: Path, *, processes: bool = True)
             size=size,
             established=sum(line.startswith("established") for line in lines),
             folded=sum(json.loads(line)[0] == "folded" for line in _lines(path)[1:]),
-            rejected=rejected or mismatch(path, plan, Deadline()),
+            rejected=rejected or mismatch(path, plan, NEVER),
             solve_process=_process(_solving(kind, files)) if processes else None,
             check_process=_process([sys.executable, "-I", str(checker_path()), str(path)]) if processes else None,
         )
@@ -178,8 +178,8 @@ def part(found: Sequence[Measured], date: str) -> str:
         "one process that has started already, so that no start-up hides what they take; reading PDDL is left out. "
         "Every certificate is checked with its input files, and compared with what these become in the encoding."
     )
-    blocks = ["## Certificates", fill(intro, 120), *_summary(found)]
-    blocks.append(table(HEADINGS, (row(kind, [each for each in found if each.kind == kind]) for kind in KINDS)))
+    blocks = ["## Certificates", intro, *_summary(found)]
+    blocks.append(markdown(HEADINGS, (row(kind, [each for each in found if each.kind == kind]) for kind in KINDS)))
     blocks.append("Each plan: seconds of solving, producing and checking; checking / solving; kilobytes.")
     headings = ("plan", "parameters", *KINDS)
     rows = []
@@ -187,8 +187,8 @@ def part(found: Sequence[Measured], date: str) -> str:
         mine = {each.kind: each for each in found if each.instance == name}
         cells = [cell(mine[kind]) if kind in mine else "–" for kind in KINDS]
         rows.append((name, str(next(iter(mine.values())).parameters), *cells))
-    blocks.append(table(headings, rows))
-    return "\n\n".join(blocks)
+    blocks.append(markdown(headings, rows))
+    return page(*blocks)
 
 
 def _summary(found: Sequence[Measured]) -> Iterator[str]:
@@ -208,9 +208,9 @@ def _summary(found: Sequence[Measured]) -> Iterator[str]:
             " Whole processes, from start to end, `robust check` or `robust envelope` against the checker: "
             f"{max(whole):.2f} at most, {median(whole):.2f} median."
         )
-    yield fill(text, 120)
+    yield text
     for each in rejected:
-        yield fill(f"Not accepted: {each.instance}, {each.kind}: {each.rejected}", 120)
+        yield f"Not accepted: {each.instance}, {each.kind}: {each.rejected}"
 
 
 HEADINGS = ("kind", "certificates", "solve s", "produce s", "check s", "check / solve", "greatest", "MB", "largest MB")

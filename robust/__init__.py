@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     from robust.errors import InputError, RobustError, SolverError, UnsupportedError
     from robust.execute.convert import Conversion, Mode, convert
     from robust.execute.unified import from_unified_planning, to_unified_planning
-    from robust.irr.box import Box, EnvelopeResult, Interval, Status, Step
     from robust.irr.check import Answer, CheckResult, Counterexample
     from robust.irr.compare import Comparison
+    from robust.irr.search import EnvelopeResult, Status, Step
     from robust.plan.load import load_plan
     from robust.plan.model import ParametrizedPlan
+    from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult, RegionStatus
     from robust.qe.region import Region
 
@@ -29,14 +30,14 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Answer": "robust.irr.check",
-    "Box": "robust.irr.box",
+    "Box": "robust.qe.box",
     "CheckResult": "robust.irr.check",
     "Comparison": "robust.irr.compare",
     "Conversion": "robust.execute.convert",
     "Counterexample": "robust.irr.check",
-    "EnvelopeResult": "robust.irr.box",
+    "EnvelopeResult": "robust.irr.search",
     "InputError": "robust.errors",
-    "Interval": "robust.irr.box",
+    "Interval": "robust.qe.box",
     "Mode": "robust.execute.convert",
     "ParametrizedPlan": "robust.plan.model",
     "Region": "robust.qe.region",
@@ -44,8 +45,8 @@ _HOME = {
     "RegionStatus": "robust.qe.compute",
     "RobustError": "robust.errors",
     "SolverError": "robust.errors",
-    "Status": "robust.irr.box",
-    "Step": "robust.irr.box",
+    "Status": "robust.irr.search",
+    "Step": "robust.irr.search",
     "UnsupportedError": "robust.errors",
     "check": "robust.api",
     "compare": "robust.api",

@@ -1,53 +1,170 @@
-"""The verbs of the package as functions: check, envelope, region, compare."""
+"""The verbs of the package as functions: check, envelope, region, compare; and as searches that can be given up.
+
+Their keyword arguments are the fields of the classes in :mod:`robust.options`, from which commands are made as well.
+What is not asked for is not imported.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import inspect
+import textwrap
+import time
+from collections.abc import Callable
 from fractions import Fraction
-from pathlib import Path
+from functools import wraps
+from typing import TYPE_CHECKING, Concatenate, Generic, ParamSpec, Protocol, TypeVar, cast
 
-from robust.encode import create_encoding
-from robust.encode.interface import EPSILON
-from robust.errors import InputError, did_you_mean
-from robust.irr.box import Box, EnvelopeResult, Interval, Step
-from robust.irr.check import Checker, CheckResult
-from robust.irr.compare import Comparing, Comparison
-from robust.irr.containment import Containment
-from robust.irr.irr import IncrementalRobustification
-from robust.irr.methods import ExactSearch
-from robust.plan.model import ParametrizedPlan
-from robust.qe.compute import RegionResult
-from robust.qe.compute import region as _region
-from robust.qe.polyhedron import Polyhedron
-from robust.smt.export import Exporter
-from robust.smt.limits import Deadline, noticing_interrupts
+from robust.options import (
+    CheckOptions,
+    CompareOptions,
+    EnvelopeOptions,
+    Options,
+    RegionOptions,
+    settings,
+)
+from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
+
+if TYPE_CHECKING:
+    from robust.encode.interface import Encoding
+    from robust.irr.check import CheckResult
+    from robust.irr.compare import Comparison
+    from robust.irr.search import EnvelopeResult
+    from robust.plan.model import ParametrizedPlan
+    from robust.qe.compute import RegionResult
+    from robust.smt.export import Exporter
+
+Given = ParamSpec("Given")
+Taken = TypeVar("Taken", bound=Options)
+Result = TypeVar("Result")
+Found_co = TypeVar("Found_co", covariant=True)
 
 
-@noticing_interrupts()
-def check(
-    plan: ParametrizedPlan,
-    *,
-    at: Mapping[str, Fraction | Interval] | None = None,
-    every: bool = False,
-    epsilon: Fraction = EPSILON,
-    encoding: str = "relational",
-    solver: str = "z3",
-    timeout: float | None = None,
-    smt2: str | Path | None = None,
-    on_obligation: Callable[[int, int, str], None] | None = None,
-) -> CheckResult:
+class Answer(Protocol):
+    """What a search returns."""
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the search before it was done."""
+
+
+class Search(Protocol[Found_co]):
+    """A computation that knows at any moment what it has found."""
+
+    def run(self) -> Found_co:
+        """Everything; out of time or interrupted, what is known by then."""
+
+    def so_far(self, *, timed_out: bool) -> Found_co | None:
+        """What is known if the search is given up now, out of time or else interrupted; None: nothing."""
+
+
+def verb(
+    options: Callable[Given, Taken],
+) -> Callable[[Callable[[ParametrizedPlan, Taken], Result]], Callable[Concatenate[ParametrizedPlan, Given], Result]]:
+    """Make a function of a plan and options one of a plan and the fields of the options, as keyword arguments."""
+
+    def decorate(
+        function: Callable[[ParametrizedPlan, Taken], Result],
+    ) -> Callable[Concatenate[ParametrizedPlan, Given], Result]:
+        @wraps(function)
+        def called(plan: ParametrizedPlan, *args: Given.args, **given: Given.kwargs) -> Result:
+            chosen = options(*args, **given)
+            with noticing_interrupts():
+                return function(plan, chosen)
+
+        taken = cast("type[Options]", options)
+        plan, _ = inspect.signature(function).parameters.values()
+        types = {name: kind for base in reversed(taken.__mro__) for name, kind in inspect.get_annotations(base).items()}
+        given = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=types[name])
+            for name, one in sorted(taken.declarations.items(), key=lambda each: (not each[1].shown, each[1].rank))
+        ]
+        found = inspect.Signature([plan, *given], return_annotation=function.__annotations__["return"])
+        called.__signature__ = found  # type: ignore[attr-defined]
+        called.__doc__ = _with_arguments(inspect.getdoc(function) or "", taken)
+        return cast("Callable[Concatenate[ParametrizedPlan, Given], Result]", called)
+
+    return decorate
+
+
+def _with_arguments(text: str, options: type[Options]) -> str:
+    """A docstring with the help of each option as the description of an argument."""
+    shown = sorted(options.declarations.items(), key=lambda each: (not each[1].shown, each[1].rank))
+    helps = [f"{name}: {one.help}." for name, one in shown]
+    lines = ["plan: the plan, see :func:`robust.plan.load.load_plan`.", *helps]
+    wrapped = [textwrap.fill(line, 110, initial_indent="    ", subsequent_indent="        ") for line in lines]
+    summary, _, rest = text.partition("\n\n")
+    return "\n".join([summary, "", "Args:", *wrapped, "", rest])
+
+
+class _Encoded(Generic[Result]):
+    """A search for which the plan is encoded first; until then, `nothing` is what is known."""
+
+    def __init__(
+        self,
+        plan: ParametrizedPlan,
+        options: EnvelopeOptions | CheckOptions,
+        make: Callable[[Encoding, Deadline, Exporter | None], Search[Result]],
+        nothing: Callable[[bool, float], Result],
+    ) -> None:
+        self._plan = plan
+        self._options = options
+        self._make = make
+        self._nothing = nothing
+        self._search: Search[Result] | None = None
+        self._started = time.perf_counter()
+        self._deadline = Deadline.after(options.limit)
+
+    def run(self) -> Result:
+        from robust.encode import create_encoding
+        from robust.smt.export import Exporter
+
+        options = self._options
+        exporter = None if options.smt2 is None else Exporter(options.smt2)
+        try:
+            formulas = create_encoding(options.encoding, self._plan, options.separation, self._deadline)
+            self._search = self._make(formulas, self._deadline, exporter)
+        except (OutOfTimeError, KeyboardInterrupt) as error:
+            return self._nothing(isinstance(error, OutOfTimeError), time.perf_counter() - self._started)
+        return self._search.run()
+
+    def so_far(self, *, timed_out: bool) -> Result | None:
+        if self._search is None:
+            return self._nothing(timed_out, time.perf_counter() - self._started)
+        return self._search.so_far(timed_out=timed_out)
+
+
+# -- check -------------------------------------------------------------------------------------------------------------
+
+
+def searching_check(plan: ParametrizedPlan, options: CheckOptions) -> Search[CheckResult]:
+    """What :func:`check` runs."""
+    from robust.irr.check import Answer, Checker, CheckResult
+    from robust.qe.box import Box, Interval
+
+    box = Box.nominal(plan.parameters)
+    for name, value in settings(options.at, [parameter.name for parameter in plan.parameters]).items():
+        box = box.replace(name, value if isinstance(value, Interval) else Interval(value, value))
+
+    def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> Search[CheckResult]:
+        return Checker(
+            formulas,
+            box,
+            solver=options.solver,
+            every=options.every,
+            deadline=deadline,
+            exporter=exporter,
+            on_obligation=options.on_obligation,
+        )
+
+    def nothing(timed_out: bool, seconds: float) -> CheckResult:
+        return CheckResult(Answer.UNKNOWN, box, {}, {}, seconds, interrupted=not timed_out, timed_out=timed_out)
+
+    return _Encoded(plan, options, make, nothing)
+
+
+@verb(CheckOptions)
+def check(plan: ParametrizedPlan, options: CheckOptions) -> CheckResult:
     """Whether the plan is valid for every schedule that its network allows [docs/semantics.md].
-
-    Args:
-        plan: the plan, see :func:`robust.plan.load.load_plan`.
-        at: values, or intervals of values, for parameters; those left out are at their nominal value.
-        every: examine all obligations instead of stopping at the first that breaks.
-        epsilon: the separation of mutex time points, in the plan's unit of time.
-        encoding: `relational` or `positions`.
-        solver: `z3` or `cvc5`.
-        timeout: seconds after which what is undecided is UNKNOWN; None never.
-        smt2: a directory to write every query to.
-        on_obligation: called with the number of obligations examined, their total, and the name of the next.
 
     Returns:
         A verdict with a confirmed counterexample where it is REFUTED. Ctrl-C returns what is known by then.
@@ -56,60 +173,68 @@ def check(
         InputError: wrong options, or a network without any schedule.
         UnsupportedError: an expression that is not linear.
     """
-    box = Box.nominal(plan.parameters)
-    for name, value in (at or {}).items():
-        if name not in box.intervals:
-            raise InputError(f"unknown parameter {name!r}{did_you_mean(name, box.intervals)}")
-        box = box.replace(name, value if isinstance(value, Interval) else Interval(value, value))
-    exporter = Exporter(smt2) if smt2 is not None else None
-    deadline = Deadline.after(timeout)
-    return Checker(
-        create_encoding(encoding, plan, epsilon, deadline),
-        box,
-        solver=solver,
-        every=every,
-        deadline=deadline,
-        exporter=exporter,
-        on_obligation=on_obligation,
-    ).run()
+    return searching_check(plan, options).run()
 
 
-METHODS = ("widen", "irr", "optimal")
+# -- envelope ----------------------------------------------------------------------------------------------------------
 
 
-@noticing_interrupts()
-def envelope(
-    plan: ParametrizedPlan,
-    *,
-    method: str = "widen",
-    beta: Fraction | None = None,
-    doubling: bool = False,
-    order: Sequence[str] = (),
-    contain_nominal: bool = False,
-    epsilon: Fraction = EPSILON,
-    encoding: str = "relational",
-    solver: str = "z3",
-    timeout: float | None = None,
-    smt2: str | Path | None = None,
-    on_step: Callable[[Step], None] | None = None,
-) -> EnvelopeResult:
+def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Search[EnvelopeResult]:
+    """What :func:`envelope` runs."""
+    from robust.irr.search import EnvelopeResult, Status
+    from robust.qe.box import Box
+
+    order = tuple(options.order or ())
+    beta = options.precision
+
+    def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> Search[EnvelopeResult]:
+        if beta is not None:
+            from robust.irr.containment import Containment
+            from robust.irr.irr import IncrementalRobustification
+
+            return IncrementalRobustification(
+                Containment(formulas, solver=options.solver, exporter=exporter),
+                beta=beta,
+                doubling=options.doubling,
+                order=order,
+                deadline=deadline,
+                on_step=options.on_step,
+            )
+        from robust.irr.exact import ExactSearch
+
+        return ExactSearch(
+            formulas,
+            method=options.method,
+            order=order,
+            contain_nominal=options.contain_nominal,
+            solver=options.solver,
+            exporter=exporter,
+            deadline=deadline,
+            on_step=options.on_step,
+        )
+
+    def nothing(timed_out: bool, seconds: float) -> EnvelopeResult:
+        return EnvelopeResult(
+            status=Status.TIMEOUT if timed_out else Status.INTERRUPTED,
+            method=options.method,
+            encoding=options.encoding,
+            solver=options.solver,
+            beta=beta,
+            parameters=plan.parameters,
+            box=Box.nominal(plan.parameters),
+            checks=0,
+            unbounded_checks=0,
+            first_widening_seconds=None,
+            seconds=seconds,
+            verified=False,
+        )
+
+    return _Encoded(plan, options, make, nothing)
+
+
+@verb(EnvelopeOptions)
+def envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> EnvelopeResult:
     """A box of parameter values under which the plan stays valid [IRR, Definition 3].
-
-    Args:
-        plan: the plan, see :func:`robust.plan.load.load_plan`.
-        method: `widen` (exact: max–min fair, and no valid box contains it), `irr` ([IRR, Algorithm 1]: a search up to
-            `beta`) or `optimal` (exact: the greatest Σ weight · width of all boxes).
-        beta: for `irr`, the precision in the parameters' units: no face of a complete box can move outwards by it; 1 if
-            None.
-        doubling: for `irr`, the schedule of the recorded runs (faces up to 2β away).
-        order: for `irr`, the turn order of the parameters; for `widen`, parameter by parameter instead of fairly.
-        contain_nominal: for `optimal`, only boxes that contain the nominal point.
-        epsilon: the separation of mutex time points.
-        encoding: `relational` or `positions`.
-        solver: `z3` or `cvc5`.
-        timeout: seconds after which the best box so far is returned with status TIMEOUT; None never.
-        smt2: a directory to write every query to.
-        on_step: called after each step with the best box so far.
 
     Returns:
         The best box found, inside the envelope if `verified`. It is not if the nominal point itself is outside
@@ -119,55 +244,32 @@ def envelope(
         InputError: wrong options, or no schedule at the nominal point.
         UnsupportedError: an expression that is not linear.
     """
-    if method not in METHODS:
-        raise InputError(f"unknown method {method!r}{did_you_mean(method, METHODS)}")
-    if method != "irr" and (beta is not None or doubling):
-        raise InputError(f"found beta or doubling with method {method!r}; expected them with 'irr' only")
-    if (contain_nominal and method != "optimal") or (order and method == "optimal"):
-        option, owner = ("contain_nominal", "'optimal'") if contain_nominal else ("an order", "'widen' or 'irr'")
-        raise InputError(f"found {option} with method {method!r}; expected it with {owner} only")
-    deadline = Deadline.after(timeout)
-    exporter = Exporter(smt2) if smt2 is not None else None
-    formulas = create_encoding(encoding, plan, epsilon, deadline)
-    if method == "irr":
-        containment = Containment(formulas, solver=solver, exporter=exporter)
-        return IncrementalRobustification(
-            containment,
-            beta=Fraction(1) if beta is None else beta,
-            doubling=doubling,
-            order=order,
-            deadline=deadline,
-            on_step=on_step,
-        ).run()
-    search = ExactSearch(formulas, solver=solver, exporter=exporter, deadline=deadline, on_step=on_step)
-    return search.widen(order) if method == "widen" else search.optimal(contain_nominal=contain_nominal)
+    return searching_envelope(plan, options).run()
 
 
-@noticing_interrupts()
-def region(
-    plan: ParametrizedPlan,
-    *,
-    backend: str = "project",
-    splitting: str = "full",
-    learning: bool = True,
-    epsilon: Fraction = EPSILON,
-    encoding: str = "relational",
-    solver: str = "z3",
-    timeout: float | None = None,
-    on_piece: Callable[[Polyhedron], None] | None = None,
-) -> RegionResult:
+# -- region and compare ------------------------------------------------------------------------------------------------
+
+
+def searching_region(plan: ParametrizedPlan, options: RegionOptions) -> Search[RegionResult]:
+    """What :func:`region` runs."""
+    from robust.qe.compute import RegionSearch
+
+    return RegionSearch(
+        plan,
+        backend=options.backend,
+        splitting=options.splitting,
+        learning=options.learning,
+        epsilon=options.separation,
+        encoding=options.encoding,
+        solver=options.solver,
+        timeout=options.limit,
+        on_piece=options.on_piece,
+    )
+
+
+@verb(RegionOptions)
+def region(plan: ParametrizedPlan, options: RegionOptions) -> RegionResult:
     """All parameter values under which the plan is valid, exactly: its robustness envelope [IRR, Definition 2].
-
-    Args:
-        plan: the plan, see :func:`robust.plan.load.load_plan`.
-        backend: `project`, `fourier-motzkin`, `loos-weispfenning`, `z3` or `cvc5`.
-        splitting: `monolithic`, `partial` or `full`: one elimination problem, two, or one for each obligation.
-        learning: tell later problems what earlier ones have excluded.
-        epsilon: the separation of mutex time points.
-        encoding: `relational` or `positions`.
-        solver: `z3` or `cvc5`, for the queries of our own back ends.
-        timeout: seconds after which what has been found is returned with status TIMEOUT; None never.
-        on_piece: called with each polyhedron of bad parameter values when it is found.
 
     Returns:
         The envelope, or, out of time or after Ctrl-C, an outer bound of it.
@@ -177,45 +279,30 @@ def region(
         UnsupportedError: an expression that is not linear, or one that the back end cannot handle.
         SolverError: a solver is not installed.
     """
-    return _region(
+    return searching_region(plan, options).run()
+
+
+def searching_compare(plan: ParametrizedPlan, options: CompareOptions) -> Search[Comparison]:
+    """What :func:`compare` runs."""
+    from robust.irr.compare import Comparing
+
+    return Comparing(
         plan,
-        backend=backend,
-        splitting=splitting,
-        learning=learning,
-        epsilon=epsilon,
-        encoding=encoding,
-        solver=solver,
-        timeout=timeout,
-        on_piece=on_piece,
+        beta=Fraction(options.beta),
+        epsilon=options.separation,
+        encoding=options.encoding,
+        solver=options.solver,
+        timeout=options.limit,
+        on_stage=options.on_stage,
     )
 
 
-@noticing_interrupts()
-def compare(
-    plan: ParametrizedPlan,
-    *,
-    beta: Fraction = Fraction(1),
-    epsilon: Fraction = EPSILON,
-    encoding: str = "relational",
-    solver: str = "z3",
-    timeout: float | None = None,
-    on_stage: Callable[[str], None] | None = None,
-) -> Comparison:
+@verb(CompareOptions)
+def compare(plan: ParametrizedPlan, options: CompareOptions) -> Comparison:
     """The exact envelope beside the boxes of all methods: shares, face gaps with witnesses, times.
-
-    Args:
-        plan: the plan, see :func:`robust.plan.load.load_plan`.
-        beta: the precision of IRR.
-        epsilon: the separation of mutex time points.
-        encoding: `relational` or `positions`.
-        solver: `z3` or `cvc5`.
-        timeout: seconds for all stages, each an equal part of what is left when it begins; None never.
-        on_stage: called with the name of each stage.
 
     Raises:
         InputError: wrong options, or a network without any schedule.
         UnsupportedError: an expression that is not linear.
     """
-    return Comparing(
-        plan, beta=beta, epsilon=epsilon, encoding=encoding, solver=solver, timeout=timeout, on_stage=on_stage
-    ).run()
+    return searching_compare(plan, options).run()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +62,8 @@ class SolverError(RobustError):
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A suffix for an error message about an unknown name: the closest known names, or what is known at all."""
+    from difflib import get_close_matches  # noqa: PLC0415 - only for messages
+
     candidates = sorted(set(known))
     close = get_close_matches(name, candidates, n=2, cutoff=0.6)
     if close:

@@ -1,6 +1,7 @@
 """JSON text with the place of every value, so that messages about a document can point into it.
 
-Numbers stay text, to be read exactly; a key occurs once in an object; parsing does not recurse.
+Numbers stay text, to be read exactly; a key occurs once in an object; parsing does not recurse. What other programs
+send and people write becomes values of types by :class:`JsonTypes`, and these become JSON by it.
 """
 
 from __future__ import annotations
@@ -8,12 +9,15 @@ from __future__ import annotations
 import json
 import re
 from bisect import bisect_right
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import TypeAlias, assert_never
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from fractions import Fraction
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, ClassVar, TypeAlias, Union, assert_never, get_args, get_origin, get_type_hints
 
-from robust.errors import InputError, Location
-from robust.numbers import shorten
+from robust.errors import InputError, Location, did_you_mean
+from robust.numbers import EXPECTED_NUMBER, parse_number, shorten
 
 DEEPEST = 100
 """Values nested more deeply are refused: no document needs them."""
@@ -31,6 +35,8 @@ JsonPath: TypeAlias = tuple[Key, ...]
 
 @dataclass(frozen=True, slots=True)
 class Text:
+    """A string."""
+
     value: str
     location: Location = field(compare=False)
 
@@ -53,6 +59,8 @@ class Constant:
 
 @dataclass(frozen=True, slots=True)
 class Array:
+    """A list."""
+
     items: tuple[Json, ...]
     location: Location = field(compare=False)
 
@@ -76,6 +84,20 @@ def parse_json(text: str, file: str) -> Json:
         InputError: at the place where the text is no JSON, repeats a key, or is nested too deeply.
     """
     return _Parser(text, file).document()
+
+
+def parse_line(text: str, file: str) -> Object:
+    """The object that a line is; places in it are as if it were the first.
+
+    Raises:
+        InputError: if the line is no JSON object.
+    """
+    if not text.strip():
+        raise InputError("found an empty line, expected a JSON object", Location(file, 1))
+    value = parse_json(text, file)
+    if not isinstance(value, Object):
+        raise InputError(f"found {describe(value)}, expected a JSON object", value.location)
+    return value
 
 
 def describe(value: Json) -> str:
@@ -250,3 +272,200 @@ class _Parser:
     def _location(self) -> Location:
         line = bisect_right(self._lines, self._at)
         return Location(self._file, line, self._at - self._lines[line - 1] + 1)
+
+
+# -- values of types -------------------------------------------------------------------------------------------------
+
+
+class Tagged:
+    """A dataclass that is one of several: its `kind` in JSON is `KIND`, or else the name of the class in lower case."""
+
+    __slots__ = ()
+    KIND: ClassVar[str] = ""
+
+    @classmethod
+    def kind(cls) -> str:
+        """The first member of the object."""
+        return cls.KIND or cls.__name__.lower()
+
+
+def named(name: str) -> dict[str, str]:
+    """The metadata of a field that has another name in JSON."""
+    return {"json": name}
+
+
+class JsonTypes:
+    """Writes values of declared types as JSON, and reads them with the place of whatever is wrong.
+
+    A dataclass is an object with its fields, those of :class:`Tagged` classes with their kind; only fields with a
+    default, or that may be None, can be missing. Tuples and sets are lists, sets sorted; tuples of pairs with names and
+    mappings of texts are objects. Fractions are texts such as `"1/3"`, and read from JSON numbers as well, exactly.
+
+    Args:
+        texts: further types that are texts: how each is read, at its place. They are written by `str`.
+    """
+
+    def __init__(self, texts: Mapping[type, Callable[[str, Location], Any]]) -> None:
+        self._texts = texts
+
+    def write(self, kind: Any, value: Any) -> Any:
+        """A value of a type, as what `json.dumps` takes."""
+        if value is None or kind in {str, bool, int}:
+            return value
+        if kind is Fraction or kind in self._texts:
+            return str(value)
+        if members := _members(kind):
+            return self.write(type(value) if any(map(_is_record, members)) else members[0], value)
+        if _is_record(kind):
+            written = {name: self.write(hint, getattr(value, each.name)) for name, each, hint in _fields(kind)}
+            return {"kind": kind.kind(), **written} if issubclass(kind, Tagged) else written
+        if _is_object(kind):
+            return dict(value)
+        items = [self.write(get_args(kind)[0], each) for each in value]
+        return sorted(items) if get_origin(kind) is frozenset else items
+
+    def read(self, kind: Any, value: Json, *, beside: Sequence[str] = ()) -> Any:
+        """A value of a type; `beside`: members of the object that others read.
+
+        Raises:
+            InputError: at the place of whatever is not as expected, which says what was found.
+        """
+        return self._read(kind, value, "", beside)
+
+    def member(self, kind: Any, value: Object, name: str) -> Any:
+        """A member of an object; None where it is missing and may be.
+
+        Raises:
+            InputError: at the place of whatever is not as expected.
+        """
+        if _is_optional(kind) and not _is_given(value, name):
+            return None
+        if name not in value.members:
+            raise InputError(f"found no field {name!r}, expected {self._expected(kind)}", value.location)
+        return self._read(kind, value.members[name], name)
+
+    def schema(self, kind: Any, *, written: bool) -> dict[str, Any]:  # noqa: PLR0911 - shapes
+        """The JSON Schema of what is written of a type, or else of what is read."""
+        if members := _members(kind):
+            shapes = [self.schema(each, written=written) for each in members]
+            return {"anyOf": [*shapes, {"type": "null"}]} if _is_optional(kind) else {"oneOf": shapes}
+        if kind is Fraction and not written:
+            return {"anyOf": [{"type": "number"}, {"type": "string"}]}
+        if kind is Fraction:
+            return {"type": "string", "pattern": "^-?[0-9]+(/[0-9]+)?$"}
+        if _is_object(kind):
+            return {"type": "object", "additionalProperties": {"type": "string"}}
+        if get_origin(kind) in {tuple, frozenset}:
+            return {"type": "array", "items": self.schema(get_args(kind)[0], written=written)}
+        if not _is_record(kind) or kind in self._texts:
+            return {"type": {bool: "boolean", int: "integer"}.get(kind, "string")}
+        tag = {"kind": {"const": kind.kind()}} if issubclass(kind, Tagged) else {}
+        found = {name: self.schema(hint, written=written) for name, _, hint in _fields(kind)}
+        needed = [
+            name for name, each, hint in _fields(kind) if written or not (_has_default(each) or _is_optional(hint))
+        ]
+        shape = {"type": "object", "properties": tag | found, "required": [*tag, *needed]}
+        return shape | {"additionalProperties": False}
+
+    def _read(self, kind: Any, value: Json, name: str, beside: Sequence[str] = ()) -> Any:  # noqa: PLR0911 - shapes
+        """`name` is that of the member that the value is, for messages."""
+        if members := _members(kind):
+            tagged = {each.kind(): each for each in members if _is_record(each)}
+            kind = tagged[self._kind_of(value, tuple(tagged))] if tagged else members[0]
+        if _is_record(kind) and kind not in self._texts:
+            return self._record(kind, value, beside)
+        match value:
+            case Text(text) if kind is str:
+                return text
+            case Text(text) if kind in self._texts:
+                return self._texts[kind](text, value.location)
+            case Text(text) | Numeral(text) if kind is Fraction:
+                return parse_number(text, value.location)
+            case Constant(bool(constant)) if kind is bool:
+                return constant
+            case Array(items) if get_origin(kind) in {tuple, frozenset} and not _is_object(kind):
+                return get_origin(kind)(self._read(get_args(kind)[0], each, "") for each in items)
+            case Object(members=found) if _is_object(kind):
+                pairs = {key: self._read(str, each, "") for key, each in found.items()}
+                return pairs if get_origin(kind) is Mapping else tuple(map(get_args(kind)[0]._make, pairs.items()))
+        expected = f"{self._expected(kind)} for {name!r}" if name else self._expected(kind)
+        raise InputError(f"found {describe(value)}, expected {expected}", value.location)
+
+    def _kind_of(self, value: Json, known: Sequence[str]) -> str:
+        found: str = self.member(str, self._object(value), "kind")
+        if found not in known:
+            expected = f"found kind {shorten(found)}, expected one of {', '.join(known)}{_close(found, known)}"
+            raise InputError(expected, self._object(value).members["kind"].location)
+        return found
+
+    def _record(self, kind: Any, value: Json, beside: Sequence[str]) -> Any:
+        found = self._object(value)
+        known = ["kind"] if issubclass(kind, Tagged) else []
+        values = {}
+        for name, each, hint in _fields(kind):
+            known.append(name)
+            if _is_given(found, name) or not _has_default(each):
+                values[each.name] = self.member(hint, found, name)
+        known += beside
+        for key in found.keys:
+            if key.value not in known:
+                expected = f"found unknown field {shorten(key.value)}, expected only {', '.join(known)}"
+                raise InputError(expected + _close(key.value, known), key.location)
+        return kind(**values)
+
+    def _expected(self, kind: Any) -> str:
+        if kind in self._texts:
+            return "a text"
+        if _is_object(kind) or _is_record(kind):
+            return "an object"
+        if get_origin(kind) in {tuple, frozenset}:
+            return "a list"
+        return {Fraction: EXPECTED_NUMBER, bool: "true or false"}.get(kind, "a text")
+
+    def _object(self, value: Json) -> Object:
+        if not isinstance(value, Object):
+            raise InputError(f"found {describe(value)}, expected an object", value.location)
+        return value
+
+
+def _is_record(kind: Any) -> bool:
+    return is_dataclass(kind)
+
+
+@cache
+def _fields(kind: Any) -> tuple[tuple[str, Field[Any], Any], ...]:
+    """The fields of a dataclass with their names in JSON and their types."""
+    hints = get_type_hints(kind)
+    return tuple((each.metadata.get("json", each.name), each, hints[each.name]) for each in fields(kind))
+
+
+@cache
+def _members(kind: Any) -> tuple[Any, ...]:
+    """What a union is made of, but for None; nothing if it is no union."""
+    union = get_origin(kind) in {Union, UnionType}
+    return tuple(each for each in get_args(kind) if each is not NoneType) if union else ()
+
+
+@cache
+def _is_object(kind: Any) -> bool:
+    """Whether it is a mapping, or a tuple of pairs with names."""
+    return get_origin(kind) is Mapping or (get_origin(kind) is tuple and hasattr(get_args(kind)[0], "_make"))
+
+
+def _is_optional(kind: Any) -> bool:
+    return NoneType in get_args(kind)
+
+
+def _is_given(value: Object, name: str) -> bool:
+    found = value.members.get(name)
+    return found is not None and not (isinstance(found, Constant) and found.value is None)
+
+
+def _has_default(each: Field[Any]) -> bool:
+    return each.default is not MISSING or each.default_factory is not MISSING
+
+
+def _close(name: str, known: Sequence[str]) -> str:
+    """The suggestion alone: what is known has been said."""
+    suggestion = did_you_mean(name, known)
+    return suggestion if "did you mean" in suggestion else ""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import assert_never
 
+from robust.numbers import format_number
 from robust.plan.model import (
     ActionInstance,
     And,
@@ -35,6 +36,7 @@ from robust.plan.model import (
     Timing,
     Truth,
 )
+from robust.plan.pddl.write import action_text, conjunction_text, define, section
 from robust.plan.polynomial import Polynomial
 
 _REQUIREMENTS = (
@@ -59,12 +61,13 @@ def pddl_text(
     """Domain, problem and time-triggered plan of one schedule under `parameters`."""
     atoms = sorted({_symbol(atom) for atom in _atoms(plan)} | {_ALWAYS})
     fluents = sorted(_symbol(fluent) for fluent in plan.initial_fluents)
-    functions = f"(:functions {' '.join(fluents)})" if fluents else ""
-    actions = (_Writer(parameters, i, schedule[i.end] - schedule[i.start]).action() for i in plan.instances)
-    domain = "\n".join(
-        [f"(define (domain d) (:requirements {_REQUIREMENTS})", f"(:predicates {' '.join(atoms)})", functions, *actions]
-    )
-    return PddlText(domain + ")\n", _problem(plan, parameters), _plan(plan, schedule))
+    sections = [
+        section(":requirements", [_REQUIREMENTS]),
+        section(":predicates", atoms),
+        section(":functions", fluents),
+        *(_Writer(parameters, i, schedule[i.end] - schedule[i.start]).action() for i in plan.instances),
+    ]
+    return PddlText(define("domain", "d", sections), _problem(plan, parameters), _plan(plan, schedule))
 
 
 def _problem(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> str:
@@ -83,7 +86,7 @@ def _problem(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> str:
             fact = f"(not {fact})"
         facts.append(f"(at {number(literal.time)} {fact})")
     goals = [_ALWAYS, *(writer.condition(goal.condition) for goal in plan.goal)]
-    return f"(define (problem x) (:domain d)\n(:init {' '.join(facts)})\n(:goal (and {' '.join(goals)})))\n"
+    return define("problem", "x", ["(:domain d)", section(":init", facts), section(":goal", [conjunction_text(goals)])])
 
 
 def _plan(plan: ParametrizedPlan, schedule: Mapping[TimePoint, Fraction]) -> str:
@@ -115,15 +118,8 @@ def _atoms(plan: ParametrizedPlan) -> Iterable[Atom]:
 
 def number(value: Fraction) -> str:
     """A number in PDDL: a decimal where it is finite, a quotient otherwise (which a plan's times cannot be)."""
-    text, places, rest = f"{value.numerator // value.denominator}", "", value % 1
-    while rest and len(places) < 30:
-        rest *= 10
-        places, rest = places + str(int(rest)), rest % 1
-    if rest:
-        return f"(/ {value.numerator} {value.denominator})"
-    if value < 0 and places:
-        return f"-{number(-value)}"
-    return f"{text}.{places}" if places else text
+    text = format_number(value)
+    return f"(/ {text.replace('/', ' ')})" if "/" in text else text
 
 
 def _symbol(name: Atom | Fluent) -> str:
@@ -202,7 +198,7 @@ class _Writer:
             case Comparison(expression, relation):
                 return self._comparison(self.fixed(expression), relation)
             case And(operands):
-                return f"(and {' '.join(self.condition(operand) for operand in operands)})"
+                return conjunction_text(map(self.condition, operands))
             case Or(operands):
                 return f"(or {' '.join(self.condition(operand) for operand in operands)})" if operands else _NEVER
         assert_never(condition)
@@ -220,18 +216,12 @@ class _Writer:
         effects = [self._effect(effect) for effect in (*instance.atom_effects, *instance.numeric_effects)]
         if not instance.durative:
             conditions = [_ALWAYS, *(self.condition(part.condition) for part in instance.conditions)]
-            return (
-                f"(:action {instance.identifier} :parameters ()\n :precondition (and {' '.join(conditions)})\n"
-                f" :effect (and {' '.join(effects)}))"
-            )
-        conditions = [f"(at start {_ALWAYS})"]
-        conditions += [self.timed(part) for part in instance.conditions]
-        durations = ["(at start (>= ?duration 0))", *(self._duration(part) for part in instance.durations)]
+            return action_text(instance.identifier, conjunction_text(conditions), effects)
+        conditions = [f"(at start {_ALWAYS})", *map(self.timed, instance.conditions)]
+        durations = ["(at start (>= ?duration 0))", *map(self._duration, instance.durations)]
         effects += [f"(increase {_symbol(e.fluent)} (* #t {self.fixed(e.rate)}))" for e in instance.continuous_effects]
-        return (
-            f"(:durative-action {instance.identifier} :parameters ()\n :duration (and {' '.join(durations)})\n"
-            f" :condition (and {' '.join(conditions)})\n :effect (and {' '.join(effects)}))"
-        )
+        duration = conjunction_text(durations)
+        return action_text(instance.identifier, conjunction_text(conditions), effects, duration=duration)
 
     def _duration(self, part: DurationConstraint) -> str:
         """`?duration` on the left: the comparison divided by its coefficient."""
@@ -248,13 +238,10 @@ class _Writer:
             operator = "assign" if effect.operator is Assignment.ASSIGN else "increase"
             text = f"({operator} {_symbol(effect.fluent)} {self.expression(effect.expression)})"
         assert self.instance is not None
-        timed = self.instance.durative
-        when = f"({effect.timing.value} " if timed else ""
-        close = ")" if timed else ""
+        frame = f"({effect.timing.value} {{}})" if self.instance.durative else "{}"
         if effect.condition == Truth(True):
-            return f"{when}{text}{close}"
-        condition = self.condition(effect.condition)
-        return f"(when {when}{condition}{close} {when}{text}{close})"
+            return frame.format(text)
+        return f"(when {frame.format(self.condition(effect.condition))} {frame.format(text)})"
 
 
 def _nested(operator: str, operands: list[str]) -> str:

@@ -125,7 +125,7 @@ def test_contributing_and_justfile_have_the_same_commands():
 
 @pytest.mark.parametrize("name", re.findall(r"^\[parameters.*?(?=^```)", read("docs/formats.md"), re.M | re.S)[:1])
 def test_documented_parameter_file_is_read(name, tmp_path):
-    from robust.plan import load_plan  # noqa: PLC0415 - needed here only
+    from robust.plan.load import load_plan  # noqa: PLC0415 - needed here only
 
     path = tmp_path / "parameters.toml"
     path.write_text(name, encoding="utf-8")

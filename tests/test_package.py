@@ -16,7 +16,7 @@ import robust
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "robust"
-HEAVY = ("pysmt", "z3", "cvc5", "sympy", "lark", "matplotlib", "numpy", "joblib")
+HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "numpy", "joblib")
 
 
 def text(name: str) -> str:

@@ -15,6 +15,7 @@ from robust.certify.exactness import network_roles
 from robust.certify.ground import GroundPlan, Line, number, optional
 from robust.certify.refute import Clause, Derived, GateClause, Lemma, Refutation, RootClause
 from robust.encode import create_encoding
+from robust.files import atomic_write
 from robust.plan.model import ParametrizedPlan
 from robust.smt.limits import Deadline
 
@@ -115,7 +116,7 @@ class CertificateWriter:
         """Write the file, with a last line that says that nothing is missing; its size in bytes."""
         self.add(["end"])
         data = gzip.compress(("\n".join(self._lines) + "\n").encode(), mtime=0)
-        path.write_bytes(data)
+        atomic_write(path, data, None)
         return len(data)
 
 

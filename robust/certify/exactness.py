@@ -12,11 +12,12 @@ from robust.certify.ground import GroundPlan, Line, Step, cycle_sum, positive_cy
 from robust.encode.interface import Encoding, Obligation
 from robust.encode.variables import Auxiliary, Linear, Range, TimeVariable, constant, variable
 from robust.errors import UnsupportedError
-from robust.irr.box import Interval
 from robust.irr.containment import within
 from robust.plan.model import Relation
+from robust.qe.box import Interval
+from robust.qe.conjunctions import project
 from robust.qe.constraint import LinearConstraint, Sense
-from robust.qe.polyhedron import Polyhedron, eliminate
+from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import outside
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Value, Verdict
@@ -347,7 +348,8 @@ class Exactness:
             )
             for form, strict in required
         ]
-        polyhedron = Polyhedron(self._names, eliminate([*self._names, *hidden], constraints, hidden))
+        projected = project(constraints, hidden)
+        polyhedron = Polyhedron.nothing(self._names) if projected is None else Polyhedron(self._names, projected)
         chosen = {
             name: {"": Fraction(1)} if literal_is_true else {}
             for name, literal_is_true in (self._choice(literal) for literal in leaves if self._proposition(literal))

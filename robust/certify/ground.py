@@ -11,8 +11,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, TypeAlias, assert_never
 
-from robust.encode.network import over_parameters
-from robust.encode.variables import Linear, Range, TimeVariable, constant, least, variable
+from robust.encode.variables import Linear, Range, TimeVariable, constant, least, over_parameters, variable
 from robust.plan.model import (
     ZERO,
     ActionInstance,

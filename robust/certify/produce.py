@@ -35,11 +35,11 @@ from robust.certify.witness import Witnesses
 from robust.encode.interface import Encoding, Obligation, Stage
 from robust.encode.variables import Auxiliary, Linear, Range, TimeVariable, constant, least, variable
 from robust.errors import RefutedError, UnsupportedError
-from robust.irr.box import Box, Interval
 from robust.plan.model import ParameterReference
+from robust.qe.box import Box, Interval
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
 
@@ -61,7 +61,7 @@ def schedule_over(
     ranges: Mapping[str, Range],
     *,
     solver: str = "z3",
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    deadline: Deadline = NEVER,
 ) -> list[Linear]:
     """A time for each time point, over the parameters, such that the network is kept all over the box.
 
@@ -223,7 +223,7 @@ class PlanCertificate:
         inputs: Mapping[str, str],
         box: Box | None = None,
         solver: str = "z3",
-        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+        deadline: Deadline = NEVER,
         on_obligation: Progress | None = None,
     ) -> None:
         self._encoding = encoding

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,10 +13,11 @@ import cvc5
 
 from robust.encode.interface import Encoding
 from robust.errors import InputError, RefutedError, RobustError, SolverError
-from robust.irr.box import Box
 from robust.irr.containment import within
+from robust.processes import Processes
+from robust.qe.box import Box
 from robust.smt.export import smtlib
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 _PACKAGED = Path(__file__).resolve().with_name("checker.py")
 _CHECKOUT = Path(__file__).resolve().parents[2] / "proofs" / "checker" / "check.py"
@@ -58,7 +58,7 @@ def checker_path() -> Path:
 def verify(
     certificate: Path,
     files: Mapping[str, Path],
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    deadline: Deadline = NEVER,
 ) -> Verification:
     """Check a certificate, and that it is about the given files, by kind: `domain`, `problem`, `plan`, `network`.
 
@@ -68,13 +68,12 @@ def verify(
     """
     words = [sys.executable, "-I", str(checker_path()), str(certificate)]
     words += [word for name, path in files.items() for word in (f"--{name}", str(path))]
-    try:
-        done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=deadline.remaining)  # noqa: S603 - our own file
-    except subprocess.TimeoutExpired:
-        raise OutOfTimeError from None
-    if done.returncode not in (0, 1, 2) or done.stderr:
-        raise CheckerMissingError(f"the checker failed with exit code {done.returncode}; please report this as a bug")
-    return Verification(Outcome(done.returncode), tuple(done.stdout.splitlines()))
+    ended = Processes().run(words, deadline)
+    if ended.timed_out:
+        raise OutOfTimeError
+    if ended.exit_code not in (0, 1, 2) or ended.stderr:
+        raise CheckerMissingError(f"the checker failed with exit code {ended.exit_code}; please report this as a bug")
+    return Verification(Outcome(ended.exit_code), tuple(ended.stdout.splitlines()))
 
 
 _OPTIONS = {"produce-proofs": "true", "proof-format-mode": "alethe", "proof-granularity": "dsl-rewrite"}

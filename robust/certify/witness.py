@@ -15,11 +15,11 @@ from typing import Any
 from robust.certify.ground import GroundPlan, Line, Step, length_of, number, positive_cycle
 from robust.encode.interface import Encoding, Obligation
 from robust.errors import UnsupportedError
-from robust.irr.box import Box, Interval, Side
-from robust.irr.containment import DiscoveredBadSet, within
-from robust.irr.widen import constraints_of
+from robust.irr.containment import within
+from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import TimePoint
 from robust.plan.simulate import simulate
+from robust.qe.box import Box, Interval, Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import Reader, conjunction, implicant, names_in
 from robust.qe.polyhedron import Polyhedron
@@ -89,11 +89,10 @@ class Witnesses:
 
     def _face(self, index: int, side: Side) -> Line:
         name, interval = self._names[index], self._box[self._names[index]]
-        end = interval.lower if side is Side.LOWER else interval.upper
-        closed = interval.lower_closed if side is Side.LOWER else interval.upper_closed
+        end, closed = interval.end(side), interval.is_closed_at(side)
         if end is None:
             raise ValueError("an infinite face needs no witness")
-        reach = end + (Fraction(-1) if side is Side.LOWER else Fraction(1))
+        reach = end + side.sign
         while True:
             beyond = self._beyond(name, side, end, closed, reach)
             piece = self._bad.piece_in(beyond, self._deadline)
@@ -119,12 +118,11 @@ class Witnesses:
         self, constraints: list[LinearConstraint], names: list[str], beyond: Box, name: str, side: Side
     ) -> Approach | None:
         """The point of a polyhedron beyond the face that is nearest to it, and one inside."""
-        everything = [*constraints, *constraints_of(beyond)]
+        everything = [*constraints, *beyond.constraints()]
         inside = feasible_point(names, everything)
         if inside is None:
             return None
-        outward = Fraction(1 if side is Side.LOWER else -1)
-        best = maximize(names, everything, {name: outward})
+        best = maximize(names, everything, {name: Fraction(-side.sign)})
         if best is None or best.value is None:
             return None
         return Approach(inside, inside) if best.point[name] == inside[name] else Approach(best.point, inside)

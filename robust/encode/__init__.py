@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from robust.encode.interface import ENCODINGS, EPSILON, Encoding
+from robust.backends import ENCODINGS
+from robust.encode.interface import EPSILON, Encoding
 from robust.errors import InputError, did_you_mean
 from robust.plan.model import ParametrizedPlan
-from robust.smt.limits import Deadline
+from robust.smt.limits import NEVER, Deadline
 
 
 def create_encoding(
     name: str,
     plan: ParametrizedPlan,
     epsilon: Fraction = EPSILON,
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    deadline: Deadline = NEVER,
 ) -> Encoding:
     """The encoding of that name.
 
@@ -28,12 +29,13 @@ def create_encoding(
         InputError: if there is no such encoding.
         UnsupportedError: if an expression is not linear after folding constants.
     """
-    from robust.encode.encoding import RelationalEncoding  # noqa: PLC0415 - only the one that is used
-    from robust.encode.positions.encoding import PositionsEncoding  # noqa: PLC0415 - only the one that is used
-
     match name:
         case "relational":
+            from robust.encode.encoding import RelationalEncoding  # noqa: PLC0415 - only the one that is used
+
             return RelationalEncoding(plan, epsilon)
         case "positions":
+            from robust.encode.positions.encoding import PositionsEncoding  # noqa: PLC0415 - likewise
+
             return PositionsEncoding(plan, epsilon, deadline=deadline)
     raise InputError(f"unknown encoding {name!r}{did_you_mean(name, ENCODINGS)}")

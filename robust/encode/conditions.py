@@ -1,8 +1,9 @@
-"""Over-all conditions: what must hold throughout the open interval between start and end of an instance.
+"""Conditions that the relational encoding treats on its own: over all of an action, and durations that read no state.
 
-Between two happenings every fluent is linear in time, so a condition with at most one comparison of changing fluents
-needs a look at the breakpoints only: the happenings that touch what it mentions. Any other condition is examined at a
-free instant inside the interval, which the solver places.
+An over-all condition must hold throughout the open interval between start and end of an instance. Between two
+happenings every fluent is linear in time, so a condition with at most one comparison of changing fluents needs a look
+at the breakpoints only: the happenings that touch what it mentions. Any other condition is examined at a free instant
+inside the interval, which the solver places.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.encode.mutex import fluents_in, names_in
+from robust.encode.mutex import names_in
 from robust.encode.network import Difference
 from robust.encode.state import Flow, Moment, Side, States, after, before
 from robust.encode.variables import Auxiliary, Linear, variable
@@ -23,14 +24,14 @@ from robust.plan.model import (
     Condition,
     Duration,
     Fluent,
-    Holds,
     NumericVariable,
     Or,
     ParameterReference,
     ParametrizedPlan,
     Relation,
     TimePoint,
-    Truth,
+    comparisons,
+    fluents_in,
 )
 from robust.plan.polynomial import Polynomial
 from robust.smt.terms import Formula
@@ -56,7 +57,7 @@ class OverAll:
 
     def violation(self, instance: ActionInstance, condition: Condition) -> Formula:
         """Some instant strictly between start and end at which the condition is false."""
-        changing = [leaf for leaf in _comparisons(condition) if self._flows(leaf)]
+        changing = [leaf for leaf in comparisons(condition) if self._flows(leaf)]
         if not changing:
             cases = self._in_some_state(instance, condition)
         elif len(changing) == 1 and changing[0].relation is not Relation.DIFFERENT:
@@ -160,17 +161,6 @@ class OverAll:
                 if (bend if point == flow.instance.start else -bend) > 0:
                     return True
         return False
-
-
-def _comparisons(condition: Condition) -> Iterator[Comparison]:
-    match condition:
-        case Comparison():
-            yield condition
-        case And(operands) | Or(operands):
-            for operand in operands:
-                yield from _comparisons(operand)
-        case Holds() | Truth():
-            pass
 
 
 def _weaken(condition: Condition, leaf: Comparison) -> Condition:

@@ -6,23 +6,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from fractions import Fraction
 from functools import cache
 
 from robust.encode.conditions import OverAll, duration_rules
-from robust.encode.interface import EPSILON, Obligation, Stage
+from robust.encode.interface import EPSILON, Encoding, Obligation, Stage
 from robust.encode.mutex import MutexPair, mutex_pairs
 from robust.encode.network import Difference, Orders, Slices, TemporalNetwork, common_scale
 from robust.encode.state import FINALLY, Clock, States, before
 from robust.encode.validity import Validity
-from robust.encode.variables import Linear, TimeVariable, constant
+from robust.encode.variables import Linear, constant
 from robust.errors import UnsupportedError
-from robust.plan.model import ZERO, ActionInstance, ParameterReference, ParametrizedPlan, TimePoint, Timing
+from robust.plan.model import ZERO, ActionInstance, ParametrizedPlan, TimePoint, Timing
 from robust.smt.terms import Formula, Terms
 
 
-class RelationalEncoding:
+class RelationalEncoding(Encoding):
     """enc_tn, enc_eff and enc_proofs of a plan without positions.
 
     Args:
@@ -40,6 +40,7 @@ class RelationalEncoding:
         self.epsilon = epsilon
         self.terms = Terms()
         self.network = TemporalNetwork(plan)
+        self.places = self.network.positions
         self._rules = tuple(duration_rules(plan))
         self.validity = Validity(self.network, self._rules, self.terms)
         self._mutex = mutex_pairs(plan)
@@ -76,24 +77,6 @@ class RelationalEncoding:
     def network_formulas(self) -> list[Formula]:
         """enc_tn over parameters and free time points."""
         return [self.terms.at_least(inequality.expression) for inequality in self.network.inequalities]
-
-    def parameters_in(self, formulas: Iterable[Formula]) -> frozenset[str]:
-        """Names of the parameters that occur in formulas."""
-        names = {symbol.symbol_name() for formula in formulas for symbol in self.terms.variables(formula)}
-        return frozenset(parameter.name for parameter in self.plan.parameters if parameter.name in names)
-
-    def unknowns(self) -> list[Formula]:
-        """The symbols of the parameters and of the free time points."""
-        used = (unknown for place in self.network.positions.values() for unknown in place.variables)
-        times = dict.fromkeys(unknown for unknown in used if isinstance(unknown, TimeVariable))
-        return [self.terms.real(unknown) for unknown in (*map(ParameterReference, self.plan.nominal), *times)]
-
-    def schedule(self, values: Mapping[str, Fraction]) -> dict[TimePoint, Fraction]:
-        """The time of every time point, from values of :meth:`unknowns` by symbol name."""
-        return {
-            point: place.evaluate({unknown: values[str(unknown)] for unknown in place.variables})
-            for point, place in self.network.positions.items()
-        }
 
     # -- obligations, stage by stage -----------------------------------------------------------------------------
 

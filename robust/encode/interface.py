@@ -6,20 +6,20 @@ Two encodings implement it: `relational` and `positions` [docs/semantics.md]. Th
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
-from typing import Protocol
+from typing import ClassVar, Protocol
 
-from robust.encode.variables import Linear, Range, least
-from robust.plan.model import ParametrizedPlan, TimePoint
+from robust.encode.variables import Linear, Range, TimeVariable, least
+from robust.plan.model import ParameterReference, ParametrizedPlan, TimePoint
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
 
 EPSILON = Fraction(1, 1000)
-ENCODINGS = ("relational", "positions")
 
 
 class Stage(Enum):
@@ -69,47 +69,49 @@ class Existence(Protocol):
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
 
 
-class Encoding(Protocol):
+class Encoding(ABC):
     """enc_tn, enc_eff and enc_proofs of one plan, in formulas over `terms`.
 
-    Parameters are the symbols of their references; formulas of one encoding belong to its own `terms`. Encodings may
-    build formulas only when a query needs them: those raise OutOfTimeError then if the encoding's deadline passes.
+    `obligations` are ordered by stage; `places` is every time point's time over the unknowns. Parameters are the
+    symbols of their references; formulas of one encoding belong to its own `terms`. Encodings may build formulas only
+    when a query needs them: those raise OutOfTimeError then if the encoding's deadline passes.
     """
 
-    @property
-    def name(self) -> str:
-        """Which of `ENCODINGS` it is."""
+    name: ClassVar[str]
+    """Which of `robust.backends.ENCODINGS` it is."""
+    plan: ParametrizedPlan
+    epsilon: Fraction
+    terms: Terms
+    validity: Existence
+    obligations: tuple[Obligation, ...]
+    places: Mapping[TimePoint, Linear]
 
-    @property
-    def plan(self) -> ParametrizedPlan: ...
-
-    @property
-    def epsilon(self) -> Fraction: ...
-
-    @property
-    def terms(self) -> Terms: ...
-
-    @property
-    def validity(self) -> Existence: ...
-
-    @property
-    def obligations(self) -> tuple[Obligation, ...]:
-        """Every obligation, stage by stage."""
-
+    @abstractmethod
     def query(self, obligation: Obligation) -> list[Formula]:
         """Satisfiable, for parameter values within enc_valid, if some schedule breaks the obligation."""
 
+    @abstractmethod
     def full_query(self, obligation: Obligation) -> list[Formula]:
         """As :meth:`query` over the whole network: a model gives a time to every time point."""
 
+    @abstractmethod
     def network_formulas(self) -> list[Formula]:
-        """enc_tn."""
+        """enc_tn over parameters and free time points."""
 
     def parameters_in(self, formulas: Iterable[Formula]) -> frozenset[str]:
         """Names of the parameters that occur in formulas."""
+        symbols = {symbol for formula in formulas for symbol in self.terms.variables(formula)}
+        return frozenset(name for name in self.plan.nominal if self.terms.real(ParameterReference(name)) in symbols)
 
     def unknowns(self) -> list[Formula]:
-        """The symbols whose values determine parameters and schedule."""
+        """The symbols whose values determine parameters and schedule: of the parameters and the free time points."""
+        used = (unknown for place in self.places.values() for unknown in place.variables)
+        times = dict.fromkeys(unknown for unknown in used if isinstance(unknown, TimeVariable))
+        return [self.terms.real(unknown) for unknown in (*map(ParameterReference, self.plan.nominal), *times)]
 
     def schedule(self, values: Mapping[str, Fraction]) -> dict[TimePoint, Fraction]:
         """The time of every time point, from values of :meth:`unknowns` by symbol name."""
+        return {
+            point: place.evaluate({unknown: values[str(unknown)] for unknown in place.variables})
+            for point, place in self.places.items()
+        }

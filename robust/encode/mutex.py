@@ -9,20 +9,18 @@ from itertools import product
 
 from robust.plan.model import (
     ActionInstance,
-    And,
     Assignment,
     Atom,
     Comparison,
     Condition,
-    Expression,
     Fluent,
     Holds,
-    Or,
     ParametrizedPlan,
     TimePoint,
     TimePointKind,
     Timing,
-    Truth,
+    fluents_in,
+    leaves,
 )
 
 
@@ -129,19 +127,9 @@ def _writes(instance: ActionInstance, accesses: _Accesses) -> None:
 
 def names_in(condition: Condition) -> Iterator[Atom | Fluent]:
     """Atoms and fluents that a condition mentions."""
-    stack: list[Condition] = [condition]
-    while stack:
-        match stack.pop():
+    for leaf in leaves(condition):
+        match leaf:
             case Holds(atom):
                 yield atom
             case Comparison(expression):
                 yield from fluents_in(expression)
-            case And(operands) | Or(operands):
-                stack.extend(operands)
-            case Truth():
-                pass
-
-
-def fluents_in(expression: Expression) -> Iterator[Fluent]:
-    """Fluents that an expression mentions."""
-    return (variable for variable in expression.variables if isinstance(variable, Fluent))

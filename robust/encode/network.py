@@ -1,4 +1,4 @@
-"""enc_tn: the temporal network of a parametrized STN plan [IRR §2, Definition 2].
+"""enc_tn: the temporal network of a parametrized STN plan, and what is known of the order of its time points [IRR §2].
 
 Equalities of the network are solved instead of asserted: each time point is a linear expression over the parameters
 and the few time points that nothing ties down. In plans whose schedule is fixed up to the parameters no time variable
@@ -13,15 +13,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.encode.variables import Linear, Range, TimeVariable, constant, least, variable
+from robust.encode.variables import Linear, Range, TimeVariable, constant, least, over_parameters, variable
 from robust.plan.model import (
     ZERO,
-    Bound,
-    Duration,
-    Fluent,
     ParameterReference,
     ParametrizedPlan,
-    TemporalConstraint,
     TimePoint,
     TimePointKind,
 )
@@ -103,17 +99,6 @@ class TemporalNetwork:
                 yield Inequality(-value + parameter.upper, f"parameter {parameter.name} ub {parameter.upper}")
 
 
-def over_parameters(bound: Bound) -> Linear:
-    """A bound of the network as an expression over the encodings' unknowns."""
-    return bound.substitute(_parameter)
-
-
-def _parameter(name: Fluent | ParameterReference | Duration) -> Linear:
-    if not isinstance(name, ParameterReference):
-        raise TypeError(f"a temporal constraint can only mention parameters, not {name}")
-    return variable(name)
-
-
 def _differences(plan: ParametrizedPlan) -> Iterator[Difference]:
     for point in plan.time_points[1:]:
         yield Difference(ZERO, point, constant(0), f"{point} ≥ 0", is_default=True)
@@ -122,19 +107,11 @@ def _differences(plan: ParametrizedPlan) -> Iterator[Difference]:
             yield Difference(ZERO, point, time, f"timed initial literal {point}")
             yield Difference(point, ZERO, -time, f"timed initial literal {point}")
     for item in plan.constraints:
-        origin = describe(item)
+        origin = str(item)
         if item.lower is not None:
             yield Difference(item.source, item.target, over_parameters(item.lower), origin)
         if item.upper is not None:
             yield Difference(item.target, item.source, -over_parameters(item.upper), origin)
-
-
-def describe(item: TemporalConstraint) -> str:
-    """The constraint as the plan file writes it, with its line."""
-    lower = "-inf" if item.lower is None else str(item.lower)
-    upper = "inf" if item.upper is None else str(item.upper)
-    line = f" (line {item.location.line})" if item.location and item.location.line else ""
-    return f"c: {item.target} - {item.source} in [{lower}, {upper}]{line}"
 
 
 def _solve_equalities(plan: ParametrizedPlan) -> tuple[dict[TimePoint, Linear], list[Inequality]]:
@@ -171,7 +148,7 @@ def _equalities(plan: ParametrizedPlan) -> Iterator[tuple[TimePoint, TimePoint, 
             yield ZERO, point, constant(point.time or Fraction(0)), f"timed initial literal {point}"
     for item in plan.constraints:
         if item.lower is not None and item.lower == item.upper:
-            yield item.source, item.target, over_parameters(item.lower), describe(item)
+            yield item.source, item.target, over_parameters(item.lower), str(item)
 
 
 # Only ever compared and added: Python compares integers with infinities exactly.

@@ -1,7 +1,7 @@
-"""Moments of a plan, and which happenings have passed by then.
+"""The state of the relational encoding: truth of conditions and values of fluents at any moment of a plan.
 
 An order atom `t_a < t_b` that the network decides for all parameter values is a constant here; the others become linear
-atoms. All knowledge about the order of time points in the relational encoding comes through this module.
+atoms. All knowledge about the order of time points in the relational encoding comes through :class:`Clock`.
 """
 
 from __future__ import annotations

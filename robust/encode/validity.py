@@ -1,4 +1,7 @@
-"""Cycles of a parametric network of lower bounds: every cycle must sum to at most zero if a schedule is to exist."""
+"""enc_valid of the relational encoding: for which parameter values some schedule exists.
+
+The network is a graph of lower bounds, and every cycle must sum to at most zero if a schedule is to exist.
+"""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.plan.model import ParameterReference, TimePoint
+from robust.plan.model import Expression, NumericVariable, ParameterReference, TimePoint
 from robust.plan.polynomial import Polynomial
 
 
@@ -45,6 +45,17 @@ def constant(value: Fraction | int) -> Linear:
 
 def variable(unknown: Unknown) -> Linear:
     return Polynomial.variable(unknown)
+
+
+def over_parameters(expression: Expression) -> Linear:
+    """A bound of the network, or an initial value, as an expression over the encodings' unknowns."""
+    return expression.substitute(_parameter)
+
+
+def _parameter(name: NumericVariable) -> Linear:
+    if not isinstance(name, ParameterReference):
+        raise TypeError(f"an initial value or a bound of the network can only mention parameters, not {name}")
+    return variable(name)
 
 
 def parameters_in(expression: Linear) -> frozenset[str]:

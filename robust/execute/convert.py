@@ -1,8 +1,10 @@
-"""Conversion to the least constrained network: only what keeps every condition true, in the order of the plan.
+"""Conversion of time-triggered plans to parametrized STN plans [IRR §3, Figure 1].
+
+First the causal network: only what keeps every condition true, in the order of the plan.
 
 Three kinds of edges, and nothing else:
 
-- durations (:mod:`robust.execute.parametrization`);
+- durations (bounds of :mod:`robust.execute.parametrization`);
 - mutex pairs, separated by ε in the order of the plan. No-moving-targets makes every writer of an atom mutex with
   every reader and every contrary writer of it, and the same for fluents. So these edges alone settle which value each
   condition at a start or an end, each conditional effect and the goal reads, unless it depends on durations or
@@ -15,12 +17,22 @@ Timed literals have fixed times: their orders become bounds from zero.
 
 Which achiever? If nothing had made the atom false by then, the initial state: that costs no edge. Otherwise any
 achiever since the last contrary writer will do, and each keeps the same threats out, so every choice costs one edge.
-One that comes before the start anyway costs none; else the most recent is taken, as the Esterel transformer does:
-where the transformer's network is valid, this one then allows all of its schedules.
+One that comes before the start anyway costs none; else the most recent is taken, as the Esterel transformer does: where
+the transformer's network is valid, this one then allows all of its schedules.
 
-What depends on numbers that vary with the schedule, and over-all conditions that different literals keep true in
-turn, is left to :mod:`robust.execute.convert`; so is finding the edges of over-all conditions that are true without
-them, because their literals are true by turns whatever the order is.
+What depends on numbers that vary with the schedule, and over-all conditions that different literals keep true in turn,
+is left to :class:`Tightener`; so is finding the edges of over-all conditions that are true without them,
+because their literals are true by turns whatever the order is.
+
+Then, while some allowed schedule breaks an obligation, bounds are added, guided by counterexamples. Such a schedule is
+compared with the original one: of the time points that the obligation depends on, in the order of the plan, some follow
+each other sooner or later than in the plan. Bounds at the plan's own distances rule that out. The original schedule
+keeps all bounds; an obligation whose time points all have the distances of the plan cannot break; and there are two
+bounds for each distance: so this ends with a valid network.
+
+Bounds at the plan's own distances say too much. So bounds without which the network is still valid are dropped again,
+one by one, and the others are loosened together: each bound becomes a parameter, and exact widening
+(:mod:`robust.irr.widen`) finds how far all of them can go before anything breaks.
 """
 
 from __future__ import annotations
@@ -35,20 +47,8 @@ from itertools import pairwise
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.errors import Location, SolverError
-from robust.execute.distances import (
-    Edge,
-    Original,
-    Paths,
-    Write,
-    constraints_of,
-    declarations,
-    earliest,
-    edge,
-    irredundant,
-    is_implied,
-    schedule_of,
-    validated,
-)
+from robust.execute import distances
+from robust.execute.distances import edge
 from robust.execute.esterel import esterel_edges
 from robust.execute.parametrization import (
     Parametrization,
@@ -58,32 +58,18 @@ from robust.execute.parametrization import (
     parametrization,
     settled_durations,
 )
-from robust.irr.box import Box, Interval, Status
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample
-from robust.irr.methods import ExactSearch
+from robust.irr.exact import ExactSearch
+from robust.irr.search import Status
+from robust.plan import model
 from robust.plan.load import assemble
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    And,
-    Comparison,
-    Condition,
-    Holds,
-    Or,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    TemporalConstraint,
-    TimePoint,
-    Timing,
-    Truth,
-)
 from robust.plan.parameters import ParameterSpec
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
+from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, noticing_interrupts
 
 
@@ -96,14 +82,14 @@ class CausalNetwork:
     are these and the separations of mutex pairs.
     """
 
-    points: tuple[TimePoint, ...]
-    certain: tuple[Edge, ...]
-    durations: tuple[Edge, ...]
-    edges: tuple[Edge, ...]
-    links: frozenset[Edge]
+    points: tuple[model.TimePoint, ...]
+    certain: tuple[distances.Edge, ...]
+    durations: tuple[distances.Edge, ...]
+    edges: tuple[distances.Edge, ...]
+    links: frozenset[distances.Edge]
 
 
-def causal_network(original: Original, pinned: Collection[str] = ()) -> CausalNetwork:
+def causal_network(original: distances.Original, pinned: Collection[str] = ()) -> CausalNetwork:
     """The network that keeps conditions over atoms true; instances in `pinned` keep the durations of the plan.
 
     It need not keep conditions over numbers: see :func:`robust.execute.convert.tighten`.
@@ -111,56 +97,68 @@ def causal_network(original: Original, pinned: Collection[str] = ()) -> CausalNe
     durative = [instance for instance in original.plan.instances if instance.durative]
     points = tuple(point for point in original.plan.time_points if point.time is None)
     certain = (
-        *(Edge(ZERO, point, Fraction(0)) for point in points if point != ZERO),
+        *(distances.Edge(model.ZERO, point, Fraction(0)) for point in points if point != model.ZERO),
         *(certain_duration(original, instance) for instance in durative),
     )
     durations = tuple(bound for instance in durative for bound in duration_edges(original, instance, pinned))
     settled = settled_durations(original, pinned)
     orders = [edge(a, b, original.epsilon) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
-    paths = Paths(points, (*certain, *orders))
+    paths = distances.Paths(points, (*certain, *orders))
     links = [link for instance in durative for link in _over_all_edges(original, instance, paths)]
     known = tuple(bound for bound in durations if bound.source.instance in settled)
     edges = tuple(dict.fromkeys((*orders, *links)))
     return CausalNetwork(points, (*certain, *known), durations, edges, frozenset(links) - frozenset(orders))
 
 
-def _over_all_edges(original: Original, instance: ActionInstance, paths: Paths) -> Iterator[Edge]:
+def _over_all_edges(
+    original: distances.Original, instance: model.ActionInstance, paths: distances.Paths
+) -> Iterator[distances.Edge]:
     for part in instance.conditions:
-        if part.timing is Timing.OVER_ALL:
+        if part.timing is model.Timing.OVER_ALL:
             cost = partial(_cost, original, instance, paths)
             for literal in _kept(original, instance, part.condition, cost) or ():
                 yield from _protection(original, instance, literal, paths)
 
 
-def _cost(original: Original, instance: ActionInstance, paths: Paths, literals: tuple[Holds, ...]) -> int:
+def _cost(
+    original: distances.Original,
+    instance: model.ActionInstance,
+    paths: distances.Paths,
+    literals: tuple[model.Holds, ...],
+) -> int:
     """How many edges it takes to protect literals."""
     return sum(len(list(_protection(original, instance, literal, paths))) for literal in literals)
 
 
 def _kept(
-    original: Original, instance: ActionInstance, condition: Condition, cost: Callable[[tuple[Holds, ...]], int]
-) -> tuple[Holds, ...] | None:
+    original: distances.Original,
+    instance: model.ActionInstance,
+    condition: model.Condition,
+    cost: Callable[[tuple[model.Holds, ...]], int],
+) -> tuple[model.Holds, ...] | None:
     """Literals that hold from start to end and make the condition true, of least cost; None if no literals do.
 
     Conjuncts that no literals keep true are passed over. Comparisons are taken for true where all of the condition
     needs them, for false where there is an alternative.
     """
     match condition:
-        case Truth(value):
+        case model.Truth(value):
             return () if value else None
-        case Comparison():
+        case model.Comparison():
             return ()
-        case Holds():
+        case model.Holds():
             return (condition,) if _holds_throughout(original, instance, condition) else None
-        case And(operands):
+        case model.And(operands):
             parts = [_kept(original, instance, operand, cost) for operand in operands]
             return tuple(literal for part in parts if part is not None for literal in part)
-        case Or(operands):
-            alternatives = [_kept(original, instance, one, cost) for one in operands if not isinstance(one, Comparison)]
+        case model.Or(operands):
+            alternatives = [
+                _kept(original, instance, one, cost) for one in operands if not isinstance(one, model.Comparison)
+            ]
             return min((one for one in alternatives if one), key=cost, default=None)
 
 
-def _holds_throughout(original: Original, instance: ActionInstance, literal: Holds) -> bool:
+def _holds_throughout(original: distances.Original, instance: model.ActionInstance, literal: model.Holds) -> bool:
     """Whether the literal holds from right after the start up to the end."""
     start, end = original.times[instance.start], original.times[instance.end]
     return all(
@@ -170,7 +168,9 @@ def _holds_throughout(original: Original, instance: ActionInstance, literal: Hol
     )
 
 
-def _protection(original: Original, instance: ActionInstance, literal: Holds, paths: Paths) -> Iterator[Edge]:
+def _protection(
+    original: distances.Original, instance: model.ActionInstance, literal: model.Holds, paths: distances.Paths
+) -> Iterator[distances.Edge]:
     """Achiever before start, contrary writers not before the end unless they are before the achiever."""
     start, end = original.times[instance.start], original.times[instance.end]
     writes = original.writes(literal.atom)
@@ -186,14 +186,16 @@ def _protection(original: Original, instance: ActionInstance, literal: Holds, pa
             yield edge(instance.end, one.point, Fraction(0))
 
 
-def _after_achiever(start: TimePoint, achievers: Sequence[Write], paths: Paths) -> Iterator[Edge]:
+def _after_achiever(
+    start: model.TimePoint, achievers: Sequence[distances.Write], paths: distances.Paths
+) -> Iterator[distances.Edge]:
     """The edge from one of the achievers, by time, to the start; none if one of them is not after it anyway."""
     links = [edge(one.point, start, Fraction(0)) for one in achievers]
     if links and not any(_is_implied(link, paths) for link in links):
         yield links[-1]
 
 
-def _is_implied(link: Edge, paths: Paths) -> bool:
+def _is_implied(link: distances.Edge, paths: distances.Paths) -> bool:
     known = paths.implied(link.source, link.target)
     return known is not None and known >= link.weight
 
@@ -206,7 +208,7 @@ class Tightening:
     without it.
     """
 
-    edge: Edge
+    edge: distances.Edge
     own: Fraction
     obligation: str
 
@@ -222,12 +224,12 @@ class Tightener:
         say: called with what is being done.
     """
 
-    original: Original
+    original: distances.Original
     solver: str
     deadline: Deadline
     say: Callable[[str], None]
 
-    def tighten(self, edges: Sequence[Edge]) -> tuple[Tightening, ...]:
+    def tighten(self, edges: Sequence[distances.Edge]) -> tuple[Tightening, ...]:
         """Bounds that make a network valid which the original schedule satisfies; empty if it is valid.
 
         Raises:
@@ -244,8 +246,8 @@ class Tightener:
         return tuple(less._loosened(edges, found))
 
     def without_removable(
-        self, fixed: Sequence[Edge], edges: Sequence[Edge], candidates: Collection[Edge]
-    ) -> list[Edge]:
+        self, fixed: Sequence[distances.Edge], edges: Sequence[distances.Edge], candidates: Collection[distances.Edge]
+    ) -> list[distances.Edge]:
         """The edges without those candidates, latest first, that the proof does not need; all if time is short.
 
         Together with the `fixed` edges they are valid.
@@ -257,20 +259,20 @@ class Tightener:
                 self.say("dropping edges")
                 rest = [other for other in kept if other != one]
                 every = (*fixed, *rest)
-                if is_implied(one, every) or less._is_needless(one, every):
+                if distances.is_implied(one, every) or less._is_needless(one, every):
                     kept = rest
         return kept
 
-    def _is_needless(self, one: Edge, others: Sequence[Edge]) -> bool:
+    def _is_needless(self, one: distances.Edge, others: Sequence[distances.Edge]) -> bool:
         return not self._breaks_without(one, others) and self.check(others).answer is Answer.PROVED
 
-    def _breaks_without(self, one: Edge, others: Sequence[Edge]) -> bool:
+    def _breaks_without(self, one: distances.Edge, others: Sequence[distances.Edge]) -> bool:
         """Whether one of two schedules that break this edge only breaks an obligation: mostly, and without a solver."""
         plan, epsilon = self.original.plan, self.original.epsilon
         literals = {point: point.time for point in plan.time_points if point.time is not None}
         points = [point for point in plan.time_points if point.time is None]
         for slack in (epsilon, Fraction(1)):
-            times = earliest(points, (*others, Edge(one.target, one.source, slack - one.weight)))
+            times = distances.earliest(points, (*others, distances.Edge(one.target, one.source, slack - one.weight)))
             if times is not None and simulate(plan, plan.nominal, {**literals, **times}, epsilon=epsilon).violations:
                 return True
         return False
@@ -280,14 +282,14 @@ class Tightener:
         remaining = self.deadline.remaining
         return self.deadline if remaining is None else Deadline.after(remaining / 2)
 
-    def check(self, edges: Iterable[Edge]) -> CheckResult:
+    def check(self, edges: Iterable[distances.Edge]) -> CheckResult:
         """Whether the plan is valid for every schedule that satisfies the edges."""
         return check_plan(self._plan(edges), self.original.epsilon, self.solver, self.deadline)
 
     # -- what counterexamples ask for --------------------------------------------------------------------------------
 
-    def _forced(self, edges: Sequence[Edge]) -> list[Tightening]:
-        found: dict[Edge, Tightening] = {}
+    def _forced(self, edges: Sequence[distances.Edge]) -> list[Tightening]:
+        found: dict[distances.Edge, Tightening] = {}
         while True:
             self.say(f"proving the network with {len(found)} bounds on distances")
             result = self.check((*edges, *found))
@@ -324,7 +326,7 @@ class Tightener:
 
     # -- less of it --------------------------------------------------------------------------------------------------
 
-    def _without_needless(self, edges: Sequence[Edge], found: list[Tightening]) -> list[Tightening]:
+    def _without_needless(self, edges: Sequence[distances.Edge], found: list[Tightening]) -> list[Tightening]:
         """The bounds without those, latest first, that the proof does not need."""
         kept = list(found)
         for one in reversed(found):
@@ -333,7 +335,7 @@ class Tightener:
                 kept = rest
         return kept
 
-    def _loosened(self, edges: Sequence[Edge], found: Sequence[Tightening]) -> Iterable[Tightening]:
+    def _loosened(self, edges: Sequence[distances.Edge], found: Sequence[Tightening]) -> Iterable[Tightening]:
         """The bounds at the ends of the widest box of bounds; those without end are dropped."""
         box = self._widened(edges, found)
         for name, one in zip(_names(found), found, strict=True):
@@ -341,31 +343,31 @@ class Tightener:
             if weight is not None:
                 yield replace(one, edge=replace(one.edge, weight=weight))
 
-    def _widened(self, edges: Sequence[Edge], found: Sequence[Tightening]) -> Box:
+    def _widened(self, edges: Sequence[distances.Edge], found: Sequence[Tightening]) -> Box:
         """How far all bounds can be lowered at once; as they are, where widening cannot tell in time."""
-        names = _names(found)
+        named = dict(zip(_names(found), (one.edge for one in found), strict=True))
         plan = self._plan(edges)
         fixed = [replace(one, lower=one.nominal, upper=one.nominal) for one in plan.parameters]
-        free = [Parameter(name, one.edge.weight, upper=one.edge.weight) for name, one in zip(names, found, strict=True)]
+        free = [model.Parameter(name, one.weight, upper=one.weight) for name, one in named.items()]
         bounds = [
-            TemporalConstraint(one.edge.source, one.edge.target, Polynomial.variable(ParameterReference(name)), None)
-            for name, one in zip(names, found, strict=True)
+            model.TemporalConstraint(one.source, one.target, Polynomial.variable(model.ParameterReference(name)), None)
+            for name, one in named.items()
         ]
         widened = replace(plan, parameters=(*fixed, *free), constraints=(*plan.constraints, *bounds))
         encoding = create_encoding("relational", widened, self.original.epsilon, self.deadline)
-        result = ExactSearch(encoding, solver=self.solver, deadline=self.deadline).widen()
+        result = ExactSearch(encoding, solver=self.solver, deadline=self.deadline).run()
         if result.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         return result.box if result.verified else Box.nominal(widened.parameters)
 
-    def _plan(self, edges: Iterable[Edge]) -> ParametrizedPlan:
+    def _plan(self, edges: Iterable[distances.Edge]) -> model.ParametrizedPlan:
         constraints = tuple(
-            TemporalConstraint(one.source, one.target, Polynomial.constant(one.weight), None) for one in edges
+            model.TemporalConstraint(one.source, one.target, Polynomial.constant(one.weight), None) for one in edges
         )
         return replace(self.original.plan, constraints=constraints)
 
 
-def check_plan(plan: ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> CheckResult:
+def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> CheckResult:
     """Whether the plan is valid at the nominal parameter values.
 
     Raises:
@@ -416,9 +418,9 @@ class Conversion:
 
     mode: Mode
     stn: STNPlan
-    plan: ParametrizedPlan
+    plan: model.ParametrizedPlan
     beside: tuple[ParameterSpec, ...]
-    schedule: Mapping[TimePoint, Fraction]
+    schedule: Mapping[model.TimePoint, Fraction]
     check: CheckResult
     tightened: tuple[Tightening, ...] = ()
     redundant: int = 0
@@ -461,13 +463,13 @@ def convert(
         SolverError: in mode CAUSAL, if validity is not decided, or not in time.
         KeyboardInterrupt: if interrupted.
     """
-    say = on_progress or _silent
+    say = on_progress or (lambda _: None)
     say("executing the plan")
-    instances = declarations(timed, domain, epsilon)
-    times = schedule_of(timed, instances)
+    instances = distances.declarations(timed, domain, epsilon)
+    times = distances.schedule_of(timed, instances)
     chosen = parametrization(domain, problem, STNPlan((), instances, (), timed.file), times, specs)
     bare = assemble(domain, problem, chosen.bare, chosen.fluents)
-    original = validated(bare, times, epsilon, timed.file)
+    original = distances.validated(bare, times, epsilon, timed.file)
     deadline = Deadline.after(timeout)
     if mode is Mode.ESTEREL:
         network = _Network(esterel_edges(original))
@@ -485,52 +487,56 @@ def convert(
 
 @dataclass(frozen=True, slots=True)
 class _Network:
-    edges: tuple[Edge, ...]
+    edges: tuple[distances.Edge, ...]
     tightened: tuple[Tightening, ...] = ()
     redundant: int = 0
 
 
-def _causal(original: Original, chosen: Parametrization, tightener: Tightener) -> _Network:
+def _causal(original: distances.Original, chosen: Parametrization, tightener: Tightener) -> _Network:
     """The least constrained network: causal edges, then bounds, without what the others imply for all parameters.
 
     What the proof does not need goes as well, unless there are parameters: other values of them might need it.
     """
     causal = causal_network(original, chosen.pinned_durations)
     fixed = (*causal.durations, *chosen.pinned_starts(original.times))
-    needed = irredundant(causal.points, causal.certain, causal.edges)
+    needed = distances.irredundant(causal.points, causal.certain, causal.edges)
     tightened = tightener.tighten((*fixed, *needed))
     bounds = [one.edge for one in tightened]
     every = list(dict.fromkeys((*causal.edges, *bounds)))
     kept = every
     if not (chosen.parameters or chosen.beside):
         kept = tightener.without_removable(fixed, every, {*causal.links, *bounds})
-    edges = irredundant(causal.points, causal.certain, kept)
+    edges = distances.irredundant(causal.points, causal.certain, kept)
     if not (chosen.parameters or chosen.beside):
         fixed = _without_implied_ranges(fixed, edges)
     redundant = len(every) - len(edges)
     return _Network((*fixed, *edges), tuple(one for one in tightened if one.edge in edges), redundant)
 
 
-def _without_implied_ranges(durations: tuple[Edge, ...], edges: Sequence[Edge]) -> tuple[Edge, ...]:
+def _without_implied_ranges(
+    durations: tuple[distances.Edge, ...], edges: Sequence[distances.Edge]
+) -> tuple[distances.Edge, ...]:
     """The bounds of durations without those of ranges that all the others imply; a fixed duration keeps both."""
     kept = list(durations)
     for one in durations:
         others = [other for other in kept if other != one]
-        if Edge(one.target, one.source, -one.weight) not in kept and is_implied(one, (*others, *edges)):
+        if distances.Edge(one.target, one.source, -one.weight) not in kept and distances.is_implied(
+            one, (*others, *edges)
+        ):
             kept = others
     return tuple(kept)
 
 
-def _written(original: Original, chosen: Parametrization, network: _Network) -> STNPlan:
+def _written(original: distances.Original, chosen: Parametrization, network: _Network) -> STNPlan:
     """The plan with the network, durations first; where a parameter is a distance, nothing else is said about it."""
-    points = sorted(original.plan.time_points, key=lambda point: (point != ZERO, original.times[point]))
-    plain = constraints_of(network.edges, {point: i for i, point in enumerate(points)})
+    points = sorted(original.plan.time_points, key=lambda point: (point != model.ZERO, original.times[point]))
+    plain = distances.constraints_of(network.edges, {point: i for i, point in enumerate(points)})
     every = [*(one for one in plain if not chosen.says_all_about(one)), *chosen.constraints]
     constraints = tuple(sorted(every, key=lambda one: one.source.instance != one.target.instance))
     return replace(chosen.bare, parameters=chosen.parameters, constraints=constraints)
 
 
-def _assert_allowed(plan: ParametrizedPlan, original: Original, timed: TimedPlan) -> None:
+def _assert_allowed(plan: model.ParametrizedPlan, original: distances.Original, timed: TimedPlan) -> None:
     """That the schedule of the time-triggered plan is one of the network's, and breaks nothing."""
     simulation = simulate(plan, plan.nominal, original.times, epsilon=original.epsilon)
     if not simulation.valid:
@@ -546,7 +552,3 @@ def _not_proved(result: CheckResult) -> SolverError:
     broken = next(iter(result.counterexamples), None)
     what = f"{broken!r} broken" if broken else "obligations undecided"
     return SolverError(f"found {what} in the converted plan, expected a proof; allow more time or another solver")
-
-
-def _silent(_what: str) -> None:
-    """Nobody watches."""

@@ -1,7 +1,8 @@
-"""Lower bounds between time points, their longest paths, and which of them the others imply: exact, in integers.
+"""The schedule that a conversion starts from [IRR §3], and bounds between its time points, exact and in integers.
 
-`t_b − t_a ≤ u` is the lower bound −u from b to a, so one kind of edge is enough. Timed literals have fixed times and no
-name in plan files: their edges become edges of zero.
+Edges are lower bounds; what counts is their longest paths, and which of them the others imply. `t_b − t_a ≤ u` is the
+lower bound −u from b to a, so one kind of edge is enough. Timed literals have fixed times and no name in plan files:
+their edges become edges of zero.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from functools import cached_property
 from math import lcm
 
 from robust.errors import InputError, Location, RefutedError
+from robust.execute.controllability.dynamic import shortest_paths
 from robust.numbers import format_number
 from robust.plan.model import ZERO, ActionInstance, Atom, ParametrizedPlan, TimePoint
 from robust.plan.pddl.syntax import Domain
@@ -41,12 +43,8 @@ class Edge:
 
 def edge(source: TimePoint, target: TimePoint, weight: Fraction) -> Edge:
     """The edge; the time of a timed literal at one of its ends goes into the weight."""
-    begin, finish = source.time, target.time
-    return Edge(
-        source if begin is None else ZERO,
-        target if finish is None else ZERO,
-        weight + (begin or 0) - (finish or 0),
-    )
+    first, second = (point if point.time is None else ZERO for point in (source, target))
+    return Edge(first, second, weight + (source.time or 0) - (target.time or 0))
 
 
 def constraints_of(edges: Iterable[Edge], position: Mapping[TimePoint, int]) -> tuple[STNConstraint, ...]:
@@ -79,26 +77,13 @@ class Paths:
         edges = tuple(edges)
         self._index = {point: i for i, point in enumerate(points)}
         self._scale = lcm(*(one.weight.denominator for one in edges))
-        size = len(points)
-        self._longest: list[list[int | None]] = [[0 if a == b else None for b in range(size)] for a in range(size)]
-        for one in edges:
-            row, column = self._longest[self._index[one.source]], self._index[one.target]
-            known, weight = row[column], int(one.weight * self._scale)
-            row[column] = weight if known is None else max(known, weight)
-        for middle, after in enumerate(self._longest):
-            reached = [(b, weight) for b, weight in enumerate(after) if weight is not None]
-            for row in self._longest:
-                first = row[middle]
-                if first is not None:
-                    for b, weight in reached:
-                        known = row[b]
-                        if known is None or first + weight > known:
-                            row[b] = first + weight
+        weights = ((self._index[one.source], self._index[one.target], -int(one.weight * self._scale)) for one in edges)
+        self._shortest = shortest_paths(len(points), weights)
 
     def implied(self, source: TimePoint, target: TimePoint) -> Fraction | None:
         """The greatest lower bound of t_target − t_source; None if there is none."""
-        found = self._longest[self._index[source]][self._index[target]]
-        return None if found is None else Fraction(found, self._scale)
+        found = self._shortest[self._index[source]][self._index[target]]
+        return None if found is None else Fraction(-found, self._scale)
 
 
 def earliest(points: Sequence[TimePoint], edges: Iterable[Edge]) -> dict[TimePoint, Fraction] | None:
@@ -231,19 +216,15 @@ class Original:
 
     @cached_property
     def _writes(self) -> Mapping[Atom, tuple[Write, ...]]:
-        found: dict[Atom, dict[TimePoint, bool]] = {}
+        values: dict[tuple[Atom, TimePoint], bool] = {}
         for atom, point, value in (*self._effects(), *self._literals()):
-            values = found.setdefault(atom, {})
-            values[point] = values.get(point, False) or value  # at one time point an add wins over a delete
-        return {
-            atom: tuple(
-                sorted(
-                    (Write(self.times[point], point, value) for point, value in values.items()),
-                    key=lambda write: (write.time, str(write.point)),
-                )
-            )
-            for atom, values in found.items()
-        }
+            # at one time point an add wins over a delete
+            values[atom, point] = values.get((atom, point), False) or value
+        found: dict[Atom, list[Write]] = {}
+        for (atom, point), value in values.items():
+            found.setdefault(atom, []).append(Write(self.times[point], point, value))
+        order = {atom: sorted(writes, key=lambda one: (one.time, str(one.point))) for atom, writes in found.items()}
+        return {atom: tuple(writes) for atom, writes in order.items()}
 
     def _effects(self) -> Iterator[tuple[Atom, TimePoint, bool]]:
         for instance in self.plan.instances:

@@ -21,20 +21,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from robust.execute.distances import Edge, Original, edge
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    Atom,
-    Comparison,
-    Condition,
-    Fluent,
-    Holds,
-    TimedCondition,
-    TimePoint,
-    TimePointKind,
-    Timing,
-)
-from robust.plan.timeline import Leaf, leaves
+from robust.plan import model
 
 
 def esterel_edges(original: Original) -> tuple[Edge, ...]:
@@ -44,12 +31,12 @@ def esterel_edges(original: Original) -> tuple[Edge, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Node:
-    point: TimePoint
-    instance: ActionInstance
+    point: model.TimePoint
+    instance: model.ActionInstance
 
     @property
     def is_end(self) -> bool:
-        return self.point.kind is TimePointKind.END
+        return self.point.kind is model.TimePointKind.END
 
 
 class _Transformer:
@@ -66,10 +53,10 @@ class _Transformer:
                 yield Edge(node.point, node.instance.start, -duration)
             causes = [*self._supporters(node), *self._contradicted(node, self.nodes[:index]), *self._deadlines(node)]
             if not causes:
-                causes = [self._after(ZERO, node.point)]
+                causes = [self._after(model.ZERO, node.point)]
             yield from causes
 
-    def _after(self, source: TimePoint, target: TimePoint) -> Edge:
+    def _after(self, source: model.TimePoint, target: model.TimePoint) -> Edge:
         """`target` follows `source`, by ε unless the plan itself is quicker."""
         return edge(source, target, min(self.original.epsilon, self.original.distance(source, target)))
 
@@ -82,30 +69,30 @@ class _Transformer:
                 continue
             yield self._after(supporter, node.point)
 
-    def _literals(self, node: _Node) -> Iterator[tuple[Leaf, bool]]:
+    def _literals(self, node: _Node) -> Iterator[tuple[model.Leaf, bool]]:
         """What the node needs, and whether from then on: over-all conditions belong to the start."""
         for part in node.instance.conditions:
-            over_all = part.timing is Timing.OVER_ALL
+            over_all = part.timing is model.Timing.OVER_ALL
             if (node.instance.start if over_all else node.instance.at(part.timing)) != node.point:
                 continue
             for leaf in self._holding(node, part):
                 yield leaf, over_all
 
-    def _holding(self, node: _Node, part: TimedCondition) -> Iterator[Leaf]:
+    def _holding(self, node: _Node, part: model.TimedCondition) -> Iterator[model.Leaf]:
         """The literals of a condition that hold when the node happens, or right after it."""
         execution = self.original.execution
         time = self.original.times[node.point]
         happening = next(one for one in execution.happenings if one.time == time)
-        state = happening.after if part.timing is Timing.OVER_ALL else happening.before
+        state = happening.after if part.timing is model.Timing.OVER_ALL else happening.before
         reading = execution.reading(state, node.instance)
-        return (leaf for leaf in leaves(part.condition) if reading.leaf(leaf))
+        return (leaf for leaf in model.leaves(part.condition) if reading.leaf(leaf))
 
-    def _most_recent(self, leaf: Leaf, point: TimePoint, over_all: bool) -> TimePoint | None:
+    def _most_recent(self, leaf: model.Leaf, point: model.TimePoint, over_all: bool) -> model.TimePoint | None:
         """The last change before the time point that makes the literal true; for over-all ones also at its time."""
         limit = self.original.times[point]
-        if isinstance(leaf, Holds):
+        if isinstance(leaf, model.Holds):
             changes = [(one.time, one.point) for one in self.original.writes(leaf.atom) if one.value is leaf.value]
-        elif isinstance(leaf, Comparison):
+        elif isinstance(leaf, model.Comparison):
             changes = [change for fluent in _fluents(leaf) for change in self._changes(fluent)]
         else:
             changes = []
@@ -116,7 +103,7 @@ class _Transformer:
         candidates = [one for time, one in past if time == latest]
         return point if point in candidates else candidates[0]
 
-    def _changes(self, fluent: Fluent) -> Iterator[tuple[Fraction, TimePoint]]:
+    def _changes(self, fluent: model.Fluent) -> Iterator[tuple[Fraction, model.TimePoint]]:
         times = self.original.times
         for instance in self.original.plan.instances:
             for effect in instance.numeric_effects:
@@ -137,9 +124,9 @@ class _Transformer:
             if other.instance is not node.instance and self._contradicts(atoms, fluents, other):
                 yield self._after(other.point, node.point)
 
-    def _effects(self, node: _Node) -> tuple[dict[Atom, bool], set[Fluent]]:
+    def _effects(self, node: _Node) -> tuple[dict[model.Atom, bool], set[model.Fluent]]:
         """The atoms that a node writes (an add wins over a delete), and the fluents that it changes."""
-        atoms: dict[Atom, bool] = {}
+        atoms: dict[model.Atom, bool] = {}
         instance = node.instance
         for effect in instance.atom_effects:
             if instance.at(effect.timing) == node.point:
@@ -147,15 +134,15 @@ class _Transformer:
         fluents = {one.fluent for one in instance.numeric_effects if instance.at(one.timing) == node.point}
         return atoms, fluents | {one.fluent for one in instance.continuous_effects}
 
-    def _contradicts(self, atoms: dict[Atom, bool], fluents: set[Fluent], other: _Node) -> bool:
+    def _contradicts(self, atoms: dict[model.Atom, bool], fluents: set[model.Fluent], other: _Node) -> bool:
         """Whether effects contradict another node's effects, its conditions or, for an end, the over-all ones."""
         written, _ = self._effects(other)
         if any(atoms.get(atom, value) is not value for atom, value in written.items()):
             return True
         for leaf in _conditions(other):
-            if isinstance(leaf, Holds) and atoms.get(leaf.atom, leaf.value) is not leaf.value:
+            if isinstance(leaf, model.Holds) and atoms.get(leaf.atom, leaf.value) is not leaf.value:
                 return True
-            if isinstance(leaf, Comparison) and not fluents.isdisjoint(_fluents(leaf)):
+            if isinstance(leaf, model.Comparison) and not fluents.isdisjoint(_fluents(leaf)):
                 return True
         return False
 
@@ -164,18 +151,18 @@ class _Transformer:
     def _deadlines(self, node: _Node) -> Iterator[Edge]:
         """Later timed literals that would break a condition: those of over-all conditions are for the end to meet."""
         for part in node.instance.conditions:
-            point = node.instance.end if part.timing is Timing.OVER_ALL else node.instance.at(part.timing)
+            point = node.instance.end if part.timing is model.Timing.OVER_ALL else node.instance.at(part.timing)
             if point != node.point:
                 continue
-            for leaf in leaves(part.condition):
-                breaking = self._breaking(leaf, point, part.timing is Timing.OVER_ALL)
+            for leaf in model.leaves(part.condition):
+                breaking = self._breaking(leaf, point, part.timing is model.Timing.OVER_ALL)
                 if breaking:
-                    separation = Fraction(0) if part.timing is Timing.OVER_ALL else self.original.epsilon
+                    separation = Fraction(0) if part.timing is model.Timing.OVER_ALL else self.original.epsilon
                     yield edge(point, min(breaking, key=self.original.times.__getitem__), separation)
-                    yield self._after(ZERO, point)
+                    yield self._after(model.ZERO, point)
 
-    def _breaking(self, leaf: Leaf, point: TimePoint, over_all: bool) -> list[TimePoint]:
-        if not isinstance(leaf, Holds):
+    def _breaking(self, leaf: model.Leaf, point: model.TimePoint, over_all: bool) -> list[model.TimePoint]:
+        if not isinstance(leaf, model.Holds):
             return []
         time = self.original.times[point]
         return [
@@ -187,19 +174,13 @@ class _Transformer:
         ]
 
 
-def _conditions(node: _Node) -> Iterator[Leaf]:
+def _conditions(node: _Node) -> Iterator[model.Leaf]:
     """The literals of the conditions that belong to a node; for an end, the over-all ones too."""
     for part in node.instance.conditions:
-        over_all = part.timing is Timing.OVER_ALL
+        over_all = part.timing is model.Timing.OVER_ALL
         if node.is_end if over_all else node.instance.at(part.timing) == node.point:
-            yield from leaves(part.condition)
+            yield from model.leaves(part.condition)
 
 
-def _fluents(condition: Condition) -> set[Fluent]:
-    return {
-        variable
-        for leaf in leaves(condition)
-        if isinstance(leaf, Comparison)
-        for variable in leaf.expression.variables
-        if isinstance(variable, Fluent)
-    }
+def _fluents(condition: model.Condition) -> set[model.Fluent]:
+    return {fluent for one in model.comparisons(condition) for fluent in model.fluents_in(one.expression)}

@@ -1,4 +1,12 @@
-"""Which time points an obligation depends on: its own, and those of all changes that what it reads comes from."""
+"""Parameters of a plan that is being converted [IRR §3, Parametrization].
+
+The original schedule gives every duration and start time its nominal value. A plan file can hold parameters in its
+constraints; initial values of fluents, and durations that the domain fixes by `(= ?duration e)`, are parameters of the
+problem, and have to be named again to whoever reads the plan (:mod:`robust.plan.parameters`).
+
+Beside this: which durations an instance may have, as its duration constraints or the time-triggered plan say; and which
+time points an obligation depends on, its own and those of all changes that what it reads comes from.
+"""
 
 from __future__ import annotations
 
@@ -6,57 +14,41 @@ import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import assert_never
 
 from robust.errors import InputError, Location
+from robust.execute.dispatch.network import written_fluents
 from robust.execute.distances import Edge, Original
 from robust.numbers import format_number
+from robust.plan import model
 from robust.plan.load import domain_parameters
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    Atom,
-    Comparison,
-    Condition,
-    Duration,
-    DurationConstraint,
-    Expression,
-    Fluent,
-    Holds,
-    NumericVariable,
-    ParameterReference,
-    ParametrizedPlan,
-    Relation,
-    TimePoint,
-    Timing,
-)
 from robust.plan.parameters import ParameterSpec, Target, wire
 from robust.plan.pddl.grounding import initial_fluents
 from robust.plan.pddl.syntax import Comparator, Domain, Problem
 from robust.plan.simulate import mutex_pairs
 from robust.plan.stn import InstanceDeclaration, ParameterDeclaration, STNConstraint, STNPlan
-from robust.plan.timeline import leaves
 
-Variable = Atom | Fluent
+Variable = model.Atom | model.Fluent
 
 
 @dataclass(frozen=True, slots=True)
 class _Use:
     """What is read, and where: `points` matter by themselves, `variables` by who changes them."""
 
-    points: frozenset[TimePoint]
+    points: frozenset[model.TimePoint]
     variables: frozenset[Variable]
 
 
-def influences(plan: ParametrizedPlan, obligation: str) -> frozenset[TimePoint]:
+def influences(plan: model.ParametrizedPlan, obligation: str) -> frozenset[model.TimePoint]:
     """The time points on whose distances it depends whether a schedule breaks the obligation of that name.
 
     All time points for a name that is not known here.
     """
-    use = _obligation(plan, obligation)
+    use = next((use for name, use in _obligations(plan) if name == obligation), None)
     if use is None:
         return frozenset(plan.time_points)
-    writers = _writers(plan)
+    writers: dict[Variable, list[_Use]] = {}
+    for variable, written in _writes(plan):
+        writers.setdefault(variable, []).append(written)
     points, known = set(use.points), set(use.variables)
     pending = list(use.variables)
     while pending:
@@ -68,66 +60,51 @@ def influences(plan: ParametrizedPlan, obligation: str) -> frozenset[TimePoint]:
     return frozenset(points)
 
 
-def _obligation(plan: ParametrizedPlan, name: str) -> _Use | None:
+def _obligations(plan: model.ParametrizedPlan) -> Iterator[tuple[str, _Use]]:
+    """What each obligation reads, by its name."""
     for goal in plan.goal:
-        if goal.label == name:
-            return _use((), None, [goal.condition], ())
+        yield goal.label, _use((), None, goal.condition)
     for instance in plan.instances:
-        for part in instance.durations:
-            if instance.label(part) == name:
-                return _use(instance.time_points, instance, [part.condition], ())
-        for condition in instance.conditions:
-            if instance.label(condition) == name:
-                over_all = condition.timing is Timing.OVER_ALL
-                points = instance.time_points if over_all else (instance.at(condition.timing),)
-                return _use(points, instance, [condition.condition], ())
-    pair = next((pair for pair in mutex_pairs(plan) if f"separation: {pair[0]}, {pair[1]}" == name), None)
-    return None if pair is None else _Use(frozenset(pair), frozenset())
+        for duration in instance.durations:
+            yield instance.label(duration), _use(instance.time_points, instance, duration.condition)
+        for part in instance.conditions:
+            over_all = part.timing is model.Timing.OVER_ALL
+            points = instance.time_points if over_all else (instance.at(part.timing),)
+            yield instance.label(part), _use(points, instance, part.condition)
+    for pair in mutex_pairs(plan):
+        yield f"separation: {pair[0]}, {pair[1]}", _Use(frozenset(pair), frozenset())
 
 
-def _writers(plan: ParametrizedPlan) -> dict[Variable, list[_Use]]:
-    """For every atom and fluent, the changes of it: when they happen and what they depend on."""
-    found: dict[Variable, list[_Use]] = {}
+def _writes(plan: model.ParametrizedPlan) -> Iterator[tuple[Variable, _Use]]:
+    """All changes of atoms and fluents: when they happen and what they depend on."""
     for instance in plan.instances:
         for effect in instance.atom_effects:
-            use = _use((instance.at(effect.timing),), instance, [effect.condition], ())
-            found.setdefault(effect.atom, []).append(use)
+            yield effect.atom, _use((instance.at(effect.timing),), instance, effect.condition)
         for numeric in instance.numeric_effects:
-            use = _use((instance.at(numeric.timing),), instance, [numeric.condition], [numeric.expression])
-            found.setdefault(numeric.fluent, []).append(use)
+            point = instance.at(numeric.timing)
+            yield numeric.fluent, _use((point,), instance, numeric.condition, numeric.expression)
         for continuous in instance.continuous_effects:
-            use = _use(instance.time_points, instance, (), [continuous.rate])
-            found.setdefault(continuous.fluent, []).append(use)
+            yield continuous.fluent, _use(instance.time_points, instance, model.Truth(True), continuous.rate)
     for literal in plan.timed_literals:
-        found.setdefault(literal.target, []).append(_Use(frozenset({literal.point}), frozenset()))
-    return found
+        yield literal.target, _Use(frozenset({literal.point}), frozenset())
 
 
 def _use(
-    points: Iterable[TimePoint],
-    instance: ActionInstance | None,
-    conditions: Iterable[Condition],
-    expressions: Iterable[Expression],
+    points: Iterable[model.TimePoint],
+    instance: model.ActionInstance | None,
+    condition: model.Condition,
+    *expressions: model.Expression,
 ) -> _Use:
     used = set(points)
-    variables: set[Variable] = set()
-    for condition in conditions:
-        variables |= {leaf.atom for leaf in leaves(condition) if isinstance(leaf, Holds)}
-    for expression in (*expressions, *_compared(conditions)):
-        variables |= {variable for variable in expression.variables if isinstance(variable, Fluent)}
-        if instance is not None and any(isinstance(variable, Duration) for variable in expression.variables):
+    variables: set[Variable] = {leaf.atom for leaf in model.leaves(condition) if isinstance(leaf, model.Holds)}
+    for expression in (*expressions, *(one.expression for one in model.comparisons(condition))):
+        variables.update(model.fluents_in(expression))
+        if instance is not None and model.Duration() in expression.variables:
             used |= set(instance.time_points)
     return _Use(frozenset(used), frozenset(variables))
 
 
-def _compared(conditions: Iterable[Condition]) -> Iterator[Expression]:
-    for condition in conditions:
-        for leaf in leaves(condition):
-            if isinstance(leaf, Comparison):
-                yield leaf.expression
-
-
-def duration_edges(original: Original, instance: ActionInstance, pinned: Collection[str]) -> tuple[Edge, ...]:
+def duration_edges(original: Original, instance: model.ActionInstance, pinned: Collection[str]) -> tuple[Edge, ...]:
     """Bounds on t_end − t_start; at least 0, or ε where start and end are mutex.
 
     A duration constraint `(= ?duration e)`, and any duration of an instance in `pinned`, is the plan's own. Bounds of
@@ -135,7 +112,7 @@ def duration_edges(original: Original, instance: ActionInstance, pinned: Collect
     not linear in `?duration` is passed over: these are for :mod:`robust.execute.convert` to find out.
     """
     own = original.distance(instance.start, instance.end)
-    equal = any(one.condition.relation is Relation.EQUAL for one in instance.durations)
+    equal = any(one.condition.relation is model.Relation.EQUAL for one in instance.durations)
     if equal or instance.identifier in pinned:
         return Edge(instance.start, instance.end, own), Edge(instance.end, instance.start, -own)
     lower = certain_duration(original, instance).weight
@@ -155,21 +132,12 @@ def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[
     Not those in `pinned`, nor those with a duration constraint that reads a parameter or a fluent that changes.
     """
     plan = original.plan
-    written = {literal.target for literal in plan.timed_literals}
-    for instance in plan.instances:
-        written |= {effect.fluent for effect in instance.numeric_effects}
-        written |= {effect.fluent for effect in instance.continuous_effects}
+    written = written_fluents(plan)
 
-    def is_settled(variable: NumericVariable) -> bool:
-        match variable:
-            case Duration():
-                return True
-            case ParameterReference():
-                return False
-            case Fluent():
-                return variable not in written and not plan.initial_fluents[variable].variables
-            case _:
-                assert_never(variable)
+    def is_settled(variable: model.NumericVariable) -> bool:
+        if isinstance(variable, model.Fluent):
+            return variable not in written and not plan.initial_fluents[variable].variables
+        return isinstance(variable, model.Duration)
 
     return frozenset(
         one.identifier
@@ -179,16 +147,16 @@ def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[
     )
 
 
-def certain_duration(original: Original, instance: ActionInstance) -> Edge:
+def certain_duration(original: Original, instance: model.ActionInstance) -> Edge:
     """The lower bound of t_end − t_start that holds for every duration: 0, or ε where start and end are mutex."""
     lower = original.epsilon if (instance.start, instance.end) in original.mutex else Fraction(0)
     return Edge(instance.start, instance.end, lower)
 
 
-def _bounds(original: Original, instance: ActionInstance) -> Iterator[tuple[bool, Fraction]]:
+def _bounds(original: Original, instance: model.ActionInstance) -> Iterator[tuple[bool, Fraction]]:
     """Lower (True) and upper bounds."""
     for constraint in instance.durations:
-        if constraint.condition.relation is Relation.DIFFERENT:
+        if constraint.condition.relation is model.Relation.DIFFERENT:
             continue
         value, slope = _in_duration(original, instance, constraint)
         if slope:
@@ -196,18 +164,18 @@ def _bounds(original: Original, instance: ActionInstance) -> Iterator[tuple[bool
 
 
 def _in_duration(
-    original: Original, instance: ActionInstance, constraint: DurationConstraint
+    original: Original, instance: model.ActionInstance, constraint: model.DurationConstraint
 ) -> tuple[Fraction, Fraction]:
     """The constraint's expression as `value + slope · ?duration`; the slope is 0 if it is not of this form."""
     expression = constraint.condition.expression
     reading = original.execution.reading(original.before(instance.at(constraint.timing)), instance)
     value, slope = Fraction(0), Fraction(0)
     for monomial, factor in expression.terms.items():
-        degree = sum(1 for variable in monomial if isinstance(variable, Duration))
+        degree = sum(1 for variable in monomial if isinstance(variable, model.Duration))
         if degree > 1:
             return Fraction(0), Fraction(0)
         for variable in monomial:
-            factor *= 1 if isinstance(variable, Duration) else reading.variable(variable)  # noqa: PLW2901 - a product
+            factor *= 1 if isinstance(variable, model.Duration) else reading.variable(variable)  # noqa: PLW2901 - a product
         value, slope = (value, slope + factor) if degree else (value + factor, slope)
     return value, slope
 
@@ -235,18 +203,20 @@ class Parametrization:
     @property
     def pinned_durations(self) -> frozenset[str]:
         """The instances whose duration is a parameter."""
-        return frozenset(one.target.instance or "" for one in self.constraints if one.source != ZERO)
+        return frozenset(one.target.instance or "" for one in self.constraints if one.source != model.ZERO)
 
     def says_all_about(self, constraint: STNConstraint) -> bool:
         """Whether a parameter says what the distance between these two time points is."""
         pair = {constraint.source, constraint.target}
         return any({one.source, one.target} == pair for one in self.constraints)
 
-    def pinned_starts(self, times: Mapping[TimePoint, Fraction]) -> tuple[Edge, ...]:
+    def pinned_starts(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[Edge, ...]:
         """Bounds that fix the start times that are parameters."""
-        starts = [one.target for one in self.constraints if one.source == ZERO]
+        starts = [one.target for one in self.constraints if one.source == model.ZERO]
         return tuple(
-            bound for start in starts for bound in (Edge(ZERO, start, times[start]), Edge(start, ZERO, -times[start]))
+            bound
+            for start in starts
+            for bound in (Edge(model.ZERO, start, times[start]), Edge(start, model.ZERO, -times[start]))
         )
 
 
@@ -254,7 +224,7 @@ def parametrization(
     domain: Domain,
     problem: Problem,
     plan: STNPlan,
-    times: Mapping[TimePoint, Fraction],
+    times: Mapping[model.TimePoint, Fraction],
     specs: Iterable[ParameterSpec],
 ) -> Parametrization:
     """What specifications make of a plan without constraints that has this schedule.
@@ -266,7 +236,7 @@ def parametrization(
     rigid = replace(plan, constraints=_rigid(plan.instances, times))
     wiring = wire(rigid, specs, initial_fluents(domain, problem), declared)
     known = {parameter.name: parameter for parameter in wiring.parameters}
-    parametric = tuple(one for one in wiring.constraints if isinstance(one.lower, ParameterReference))
+    parametric = tuple(one for one in wiring.constraints if isinstance(one.lower, model.ParameterReference))
     for one in parametric:
         _check_nominal(one, known, times, plan.file)
     in_problem = set(wiring.fluents.values())
@@ -283,9 +253,11 @@ def parametrization(
     )
 
 
-def _rigid(instances: Sequence[InstanceDeclaration], times: Mapping[TimePoint, Fraction]) -> tuple[STNConstraint, ...]:
+def _rigid(
+    instances: Sequence[InstanceDeclaration], times: Mapping[model.TimePoint, Fraction]
+) -> tuple[STNConstraint, ...]:
     """Constraints that leave the schedule as the only one."""
-    pairs = [(ZERO, one.start) for one in instances] + [(one.start, one.end) for one in instances if one.durative]
+    pairs = [(model.ZERO, one.start) for one in instances] + [(one.start, one.end) for one in instances if one.durative]
     return tuple(
         STNConstraint(target, source, times[target] - times[source], times[target] - times[source])
         for source, target in pairs
@@ -295,12 +267,12 @@ def _rigid(instances: Sequence[InstanceDeclaration], times: Mapping[TimePoint, F
 def _check_nominal(
     constraint: STNConstraint,
     known: Mapping[str, ParameterDeclaration],
-    times: Mapping[TimePoint, Fraction],
+    times: Mapping[model.TimePoint, Fraction],
     file: str,
 ) -> None:
     own = times[constraint.target] - times[constraint.source]
     for bound in (constraint.lower, constraint.upper):
-        if isinstance(bound, ParameterReference) and known[bound.name].default not in {None, own}:
+        if isinstance(bound, model.ParameterReference) and known[bound.name].default not in {None, own}:
             found = f"default {format_number(known[bound.name].default or Fraction(0))} for parameter {bound.name!r}"
             message = f"found {found}, expected the plan's own {format_number(own)}, or no default"
             raise InputError(message, known[bound.name].location or Location(file))
@@ -313,12 +285,7 @@ def _is_fixed(domain: Domain, instance: InstanceDeclaration) -> bool:
 
 
 def _fluent_spec(fluent: str, parameter: ParameterDeclaration) -> ParameterSpec:
-    attributes = {
-        "weight": parameter.weight,
-        "default": parameter.default,
-        "lower": parameter.lower,
-        "upper": parameter.upper,
-    }
+    attributes = {word: getattr(parameter, word) for word in ("weight", "default", "lower", "upper")}
     return ParameterSpec(Target.FLUENT, fluent, parameter.name, attributes)
 
 

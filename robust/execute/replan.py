@@ -1,4 +1,13 @@
-"""What is known of a run afterwards. Times are from the beginning of the run, in the plan's unit."""
+"""Execution with re-planning: plans are dispatched in a simulated world until one succeeds or nothing helps.
+
+[IRR, Figure 1]: planner → time-triggered plan → network → parameters → box → dispatch → observation outside of the box
+→ planner. When a plan is given up, the actions that run are waited for (or stopped, as the mission says); the next plan
+begins ε after the last of them has ended, in the state that the world is in then. Planning takes no time in the world
+unless the mission says so.
+
+What really happened is judged by the concrete simulator: one plan of all that was executed, on the original problem. It
+shares nothing with the world that simulated the run but the values that were drawn and the times.
+"""
 
 from __future__ import annotations
 
@@ -11,39 +20,27 @@ from time import monotonic
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RefutedError, RobustError, SolverError
-from robust.execute.controllability.shrink import Dynamically, Strongly, shrink
-from robust.execute.controllability.strong import parametric_stnu
+from robust.execute.controllability.assess import Kind, shrink
 from robust.execute.convert import convert
-from robust.execute.dispatch.dispatcher import Dispatcher
-from robust.execute.dispatch.messages import Ending, LeftBox, Observation, Rejected
-from robust.execute.dispatch.network import Dreex, Executor, Guarantee
-from robust.execute.dispatch.prepare import Dispatchable, make_dispatchable
+from robust.execute.dispatch.dispatcher import Dispatcher, Ending, LeftBox, Observation, Rejected
+from robust.execute.dispatch.network import Dispatchable, Dreex, Executor, Guarantee, make_dispatchable
 from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
 from robust.execute.worlds.rules import Luck, Rules
 from robust.execute.worlds.world import Executed, Outcome, Setting, SimulatedWorld, condition_with
-from robust.irr.box import Box, EnvelopeResult, Status
 from robust.irr.containment import Containment
+from robust.irr.exact import ExactSearch
 from robust.irr.irr import IncrementalRobustification
-from robust.irr.methods import ExactSearch
+from robust.irr.search import EnvelopeResult, Status
 from robust.numbers import format_number
-from robust.plan.model import (
-    ActionInstance,
-    Fluent,
-    GoalCondition,
-    ParametrizedPlan,
-    TimedLiteral,
-    TimePoint,
-    TimePointKind,
-    Timing,
-)
-from robust.plan.model import Atom as _Atom
+from robust.plan import model
 from robust.plan.parameters import ParameterSpec, Target
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import Simulation, simulate
 from robust.plan.timed import TimedPlan
 from robust.plan.timeline import Reading, State
+from robust.qe.box import Box
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
 
@@ -62,7 +59,7 @@ class Segment:
     of their starts, with times from the beginning of the run.
     """
 
-    plan: ParametrizedPlan
+    plan: model.ParametrizedPlan
     box: Box
     guarantee: Guarantee
     start: Fraction
@@ -104,7 +101,7 @@ class Run:
         return self.segments[-1].end if self.segments else Fraction(0)
 
 
-def origin_after(now: Fraction, literals: Iterable[TimedLiteral], epsilon: Fraction) -> Fraction:
+def origin_after(now: Fraction, literals: Iterable[model.TimedLiteral], epsilon: Fraction) -> Fraction:
     """When the next plan may begin: ε after the last event, and after any timed literal that comes just before then.
 
     What starts at time zero of the next plan may be mutex with what has just happened.
@@ -162,20 +159,15 @@ def prepare_timed(domain: Domain, problem: Problem, timed: TimedPlan, options: O
         RobustError: if the plan is invalid, cannot be converted or has no box.
     """
     begun = monotonic()
+    specs = fitting(options.specs, timed)
     conversion = convert(
-        domain,
-        problem,
-        timed,
-        specs=fitting(options.specs, timed),
-        epsilon=options.epsilon,
-        solver=options.solver,
-        timeout=options.timeout,
+        domain, problem, timed, specs=specs, epsilon=options.epsilon, solver=options.solver, timeout=options.timeout
     )
     return prepare_plan(conversion.plan, options, begun=begun)
 
 
 def prepare_plan(
-    plan: ParametrizedPlan, options: Options, *, box: Box | None = None, begun: float | None = None
+    plan: model.ParametrizedPlan, options: Options, *, box: Box | None = None, begun: float | None = None
 ) -> Prepared:
     """A plan with its box, which is computed unless it is given.
 
@@ -192,7 +184,7 @@ def prepare_plan(
     return Prepared(dispatchable, Setting(dispatchable), monotonic() - begun)
 
 
-def computed_box(plan: ParametrizedPlan, options: Options) -> Box:
+def computed_box(plan: model.ParametrizedPlan, options: Options) -> Box:
     """The box of a plan; errors as for :func:`prepare_plan`."""
     found = _search(plan, options)
     if found.status is Status.INVALID:
@@ -203,23 +195,21 @@ def computed_box(plan: ParametrizedPlan, options: Options) -> Box:
 
 
 @noticing_interrupts()
-def _search(plan: ParametrizedPlan, options: Options) -> EnvelopeResult:
+def _search(plan: model.ParametrizedPlan, options: Options) -> EnvelopeResult:
     deadline = Deadline.after(options.timeout)
     formulas = create_encoding("relational", plan, options.epsilon, deadline)
     if options.method == "irr":
         containment = Containment(formulas, solver=options.solver)
         return IncrementalRobustification(containment, deadline=deadline).run()
-    search = ExactSearch(formulas, solver=options.solver, deadline=deadline)
-    return search.optimal(contain_nominal=True) if options.method == "optimal" else search.widen(())
+    return ExactSearch(
+        formulas, method=options.method, contain_nominal=True, solver=options.solver, deadline=deadline
+    ).run()
 
 
-def _shrunk(plan: ParametrizedPlan, box: Box, options: Options) -> Box:
+def _shrunk(plan: model.ParametrizedPlan, box: Box, options: Options) -> Box:
     """The part of a box in which a strategy is certain to find the schedules that the box promises."""
-    network = parametric_stnu(plan, box)
-    deadline = Deadline.after(options.timeout)
-    wanted = Dynamically(network, deadline) if options.controllability == "dynamic" else Strongly(network, deadline)
     try:
-        return shrink(plan.parameters, box, wanted).box
+        return shrink(plan, box, Kind(options.controllability), deadline=Deadline.after(options.timeout))
     except OutOfTimeError:
         raise SolverError("no controllable part of the box was found in time; expected one, allow more time") from None
 
@@ -235,10 +225,10 @@ def fitting(specs: Iterable[ParameterSpec], timed: TimedPlan) -> tuple[Parameter
 class Beginning:
     """Where a run began, and what it was for."""
 
-    atoms: frozenset[_Atom]
-    fluents: Mapping[Fluent, Fraction]
-    literals: tuple[TimedLiteral, ...]
-    goal: tuple[GoalCondition, ...]
+    atoms: frozenset[model.Atom]
+    fluents: Mapping[model.Fluent, Fraction]
+    literals: tuple[model.TimedLiteral, ...]
+    goal: tuple[model.GoalCondition, ...]
 
 
 def judged(beginning: Beginning, executed: Sequence[Executed], epsilon: Fraction) -> Simulation:
@@ -247,15 +237,15 @@ def judged(beginning: Beginning, executed: Sequence[Executed], epsilon: Fraction
     Durations that were not the dispatcher's to choose are facts, and break no duration constraint. An instance that
     failed or was stopped has its effects at the start, and continuous ones until it ended, and no conditions.
     """
-    instances: list[ActionInstance] = []
-    schedule: dict[TimePoint, Fraction] = {}
+    instances: list[model.ActionInstance] = []
+    schedule: dict[model.TimePoint, Fraction] = {}
     for number, one in enumerate(executed):
         instance = _as_it_was(one, f"{number}.{one.instance.identifier}")
         instances.append(instance)
         schedule[instance.start] = one.start
         if instance.durative:
             schedule[instance.end] = one.start if one.end is None else one.end
-    plan = ParametrizedPlan(
+    plan = model.ParametrizedPlan(
         name="execution",
         parameters=(),
         instances=tuple(instances),
@@ -268,7 +258,7 @@ def judged(beginning: Beginning, executed: Sequence[Executed], epsilon: Fraction
     return simulate(plan, {}, schedule, epsilon=epsilon)
 
 
-def _as_it_was(one: Executed, identifier: str) -> ActionInstance:
+def _as_it_was(one: Executed, identifier: str) -> model.ActionInstance:
     instance = replace(one.instance, identifier=identifier)
     if one.natural:
         instance = replace(instance, durations=())
@@ -278,8 +268,8 @@ def _as_it_was(one: Executed, identifier: str) -> ActionInstance:
         instance,
         durations=(),
         conditions=(),
-        atom_effects=tuple(effect for effect in instance.atom_effects if effect.timing is Timing.AT_START),
-        numeric_effects=tuple(effect for effect in instance.numeric_effects if effect.timing is Timing.AT_START),
+        atom_effects=tuple(effect for effect in instance.atom_effects if effect.timing is model.Timing.AT_START),
+        numeric_effects=tuple(effect for effect in instance.numeric_effects if effect.timing is model.Timing.AT_START),
     )
 
 
@@ -315,20 +305,13 @@ class Mission:
     drain: bool = True
 
 
-class _NoPlanError(Exception):
-    """There is no plan to go on with; the text says why."""
-
-
 def first_plan(mission: Mission) -> Prepared:
     """The plan with which every run begins, asked of the planner; runs of one mission can share it.
 
     Raises:
         NoPlanError: a RobustError that says in one line why there is none.
     """
-    try:
-        return _planned(mission, mission.problem)[0]
-    except _NoPlanError as error:
-        raise NoPlanError(str(error)) from None
+    return _planned(mission, mission.problem)[0]
 
 
 class NoPlanError(RobustError):
@@ -361,7 +344,7 @@ def execute(
     Raises:
         InputError: for a rule about a duration that the dispatcher chooses.
     """
-    return _Running(mission, seed, on_segment or _silent).run(prepared)
+    return _Running(mission, seed, on_segment or (lambda _: None)).run(prepared)
 
 
 class _Running:
@@ -381,7 +364,7 @@ class _Running:
             try:
                 if prepared is None:
                     prepared, planner_seconds = _planned(self._mission, problem)
-            except _NoPlanError as error:
+            except NoPlanError as error:
                 return self._result(RunStatus.FAILED, self._because(str(error)))
             check_rules(prepared, self._mission.rules)
             dispatcher = Dispatcher(prepared.dispatchable, drain=self._mission.drain)
@@ -409,7 +392,9 @@ class _Running:
         """Remember where the run began, for the judge."""
         if self._beginning is None:
             plan = prepared.dispatchable.plan
-            goal = tuple(GoalCondition(condition_with(one.condition, world.values), one.text) for one in plan.goal)
+            goal = tuple(
+                model.GoalCondition(condition_with(one.condition, world.values), one.text) for one in plan.goal
+            )
             self._beginning = Beginning(plan.initial_atoms, world.initial, plan.timed_literals, goal)
 
     def _note(
@@ -478,7 +463,7 @@ def check_rules(prepared: Prepared, rules: Rules) -> None:
     for number in dispatchable.ours:
         point = dispatchable.network.points[number]
         instance = dispatchable.plan.instance[point.instance or ""]
-        if point.kind is TimePointKind.END and rules.duration(instance) is not None:
+        if point.kind is model.TimePointKind.END and rules.duration(instance) is not None:
             found = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
             message = f"{found}; expected one that is fixed or a parameter: --parametrize duration:{instance.action}"
             raise InputError(message)
@@ -491,15 +476,11 @@ def _moved(one: Executed, origin: Fraction) -> Executed:
 def _planned(mission: Mission, problem: Problem) -> tuple[Prepared, float]:
     """A plan for a problem, ready for dispatch, and the planner's seconds."""
     if mission.planner is None:
-        raise _NoPlanError("there is no planner to ask for another plan")
+        raise NoPlanError("there is no planner to ask for another plan")
     try:
         answer = mission.planner.solve(mission.domain, problem, Deadline.after(mission.planner_seconds))
         if answer.plan is None:
-            raise _NoPlanError(f"{answer.planner}: {answer.status.value}: {answer.message}".rstrip(": "))
+            raise NoPlanError(f"{answer.planner}: {answer.status.value}: {answer.message}".rstrip(": "))
         return prepare_timed(mission.domain, problem, answer.plan, mission.options), answer.seconds
     except RobustError as error:
-        raise _NoPlanError(str(error)) from None
-
-
-def _silent(_segment: Segment) -> None:
-    """Nobody watches."""
+        raise NoPlanError(str(error)) from None

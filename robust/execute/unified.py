@@ -1,4 +1,13 @@
-"""unified-planning expressions as PDDL text, with exact numbers; names in lower case."""
+"""unified-planning objects in and out: an optional extra, imported only when one of these functions is called.
+
+Numbers stay exact: unified-planning has fractions in its plans, and its problems are not printed with decimals on the
+way.
+
+Everything but numbers goes through PDDL text of our own, so that the reader's checks and messages apply. Initial values
+and the times and values of timed effects are handed over as fractions: PDDL has no way to write 1/3.
+
+Quality metrics are not read: they do not bear on validity.
+"""
 
 from __future__ import annotations
 
@@ -20,24 +29,10 @@ from robust.plan.timed import TimedPlan, TimedStep
 
 if TYPE_CHECKING:
     import unified_planning.model as up
-    import unified_planning.model as up_model
     import unified_planning.plans as up_plans
 
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
-_JUNCTIONS = {
-    "is_and": "and",
-    "is_or": "or",
-    "is_not": "not",
-    "is_implies": "imply",
-    "is_equals": "=",
-    "is_le": "<=",
-    "is_lt": "<",
-    "is_plus": "+",
-    "is_times": "*",
-    "is_minus": "-",
-    "is_div": "/",
-}
 
 
 def name_of(text: str) -> str:
@@ -92,12 +87,9 @@ def expression(root: up.FNode) -> str:
 
 
 def _text(node: up.FNode, parts: list[str]) -> str:
-    for test, word in _JUNCTIONS.items():
+    for test, write in _WRITERS.items():
         if getattr(node, test)():
-            return f"({' '.join((word, *parts))})"
-    for test, write in _LEAVES.items():
-        if getattr(node, test)():
-            return write(node, parts)
+            return f"({' '.join((write, *parts))})" if isinstance(write, str) else write(node, parts)
     raise UnsupportedError(f"found the expression '{node}', expected one that PDDL 2.1 can say")
 
 
@@ -112,7 +104,18 @@ def _quantified(node: up.FNode, parts: list[str]) -> str:
     return f"({word} ({typed(node.variables())}) {parts[0]})"
 
 
-_LEAVES: dict[str, Callable[[Any, list[str]], str]] = {
+_WRITERS: dict[str, str | Callable[[Any, list[str]], str]] = {
+    "is_and": "and",
+    "is_or": "or",
+    "is_not": "not",
+    "is_implies": "imply",
+    "is_equals": "=",
+    "is_le": "<=",
+    "is_lt": "<",
+    "is_plus": "+",
+    "is_times": "*",
+    "is_minus": "-",
+    "is_div": "/",
     "is_iff": lambda _, parts: f"(and (imply {parts[0]} {parts[1]}) (imply {parts[1]} {parts[0]}))",
     "is_forall": _quantified,
     "is_exists": _quantified,
@@ -124,6 +127,7 @@ _LEAVES: dict[str, Callable[[Any, list[str]], str]] = {
     "is_int_constant": _number,
     "is_real_constant": _number,
 }
+"""PDDL's word for each kind of expression, or what writes it, by the method that recognizes it."""
 
 
 _NEEDS = ":typing :fluents :adl :durative-actions :duration-inequalities :timed-initial-literals"
@@ -216,7 +220,9 @@ def _action(action: up.Action) -> str:
         for when in _whens(interval)
         for one in all_of
     )
-    effects = " ".join(_timed(one, _when(timing)) for timing, all_of in action.effects.items() for one in all_of)
+    effects = " ".join(
+        _effect(one, f"({_when(timing)} {{}})") for timing, all_of in action.effects.items() for one in all_of
+    )
     continuous = " ".join(
         _continuous(one, interval) for interval, all_of in action.continuous_effects.items() for one in all_of
     )
@@ -259,10 +265,6 @@ def _effect(effect: up.Effect, wrap: str = "{}") -> str:
     if effect.is_forall():
         text = f"(forall ({typed(effect.forall)}) {text})"
     return text
-
-
-def _timed(effect: up.Effect, when: str) -> str:
-    return _effect(effect, f"({when} {{}})")
 
 
 def _change(effect: up.Effect) -> str:
@@ -310,21 +312,16 @@ def _timed_literals(problem: up.Problem) -> Iterator[TimedLiteral]:
     for timing, effects in problem.timed_effects.items():
         if not (timing.is_global() and timing.is_from_start()):
             raise UnsupportedError(f"found a timed effect at '{timing}', expected a time after the plan's start")
-        yield from _literals_at(Fraction(timing.delay), effects)
+        for effect in effects:
+            if not effect.is_assignment() or effect.is_conditional() or effect.is_forall():
+                raise UnsupportedError(f"found timed effect '{effect}', expected an unconditional assignment")
+            value = constant(effect.value)
+            where = named(effect.fluent)
+            target = Atom(*where) if isinstance(value, bool) else Fluent(*where)
+            yield TimedLiteral(Fraction(timing.delay), target, value)
 
 
-def _literals_at(time: Fraction, effects: Iterable[up.Effect]) -> Iterator[TimedLiteral]:
-    for effect in effects:
-        if not effect.is_assignment() or effect.is_conditional() or effect.is_forall():
-            raise UnsupportedError(f"found timed effect '{effect}', expected an unconditional assignment")
-        value = constant(effect.value)
-        where = named(effect.fluent)
-        yield TimedLiteral(time, Atom(*where) if isinstance(value, bool) else Fluent(*where), value)
-
-
-def from_unified_planning(
-    problem: up_model.Problem, plan: up_plans.TimeTriggeredPlan
-) -> tuple[Domain, Problem, TimedPlan]:
+def from_unified_planning(problem: up.Problem, plan: up_plans.TimeTriggeredPlan) -> tuple[Domain, Problem, TimedPlan]:
     """What :func:`robust.execute.convert.convert` takes, from unified-planning's problem and plan; numbers stay exact.
 
     Raises:
@@ -349,7 +346,7 @@ def from_unified_planning(
 
 
 def to_unified_planning(
-    stn: STNPlan, problem: up_model.Problem, values: Mapping[str, Fraction] | None = None
+    stn: STNPlan, problem: up.Problem, values: Mapping[str, Fraction] | None = None
 ) -> up_plans.STNPlan:
     """The plan as unified-planning's STNPlan over the actions of `problem`, with exact bounds.
 
@@ -376,7 +373,7 @@ def to_unified_planning(
 _ZERO = TimePoint(TimePointKind.ZERO)
 
 
-def _nodes(stn: STNPlan, problem: up_model.Problem, plans: ModuleType) -> dict[TimePoint, up_plans.STNPlanNode]:
+def _nodes(stn: STNPlan, problem: up.Problem, plans: ModuleType) -> dict[TimePoint, up_plans.STNPlanNode]:
     """A node for every time point. An instantaneous action has a start only, as unified-planning itself makes them."""
     kinds = _module("unified_planning.model").TimepointKind
     node = import_module("unified_planning.plans.stn_plan").STNPlanNode
@@ -389,20 +386,21 @@ def _nodes(stn: STNPlan, problem: up_model.Problem, plans: ModuleType) -> dict[T
     return nodes
 
 
-def _instance(one: InstanceDeclaration, problem: up_model.Problem, plans: ModuleType) -> up_plans.ActionInstance:
+def _instance(one: InstanceDeclaration, problem: up.Problem, plans: ModuleType) -> up_plans.ActionInstance:
     actions = {action.name.lower(): action for action in problem.actions}
     objects = {found.name.lower(): found for found in problem.all_objects}
-    if one.action not in actions:
-        hint = did_you_mean(one.action, actions)
-        raise InputError(f"found action {one.action!r}, expected one of the problem{hint}", one.location)
-    for argument in one.arguments:
-        if argument not in objects:
-            hint = did_you_mean(argument, objects)
-            raise InputError(f"found object {argument!r}, expected one of the problem{hint}", one.location)
+    action = _known("action", one.action, actions, one)
+    chosen = [_known("object", argument, objects, one) for argument in one.arguments]
     manager = problem.environment.expression_manager
-    arguments = [manager.ObjectExp(objects[argument]) for argument in one.arguments]
-    found: up_plans.ActionInstance = plans.ActionInstance(actions[one.action], arguments)
+    found: up_plans.ActionInstance = plans.ActionInstance(action, [manager.ObjectExp(each) for each in chosen])
     return found
+
+
+def _known(kind: str, name: str, known: Mapping[str, Any], one: InstanceDeclaration) -> Any:
+    if name not in known:
+        hint = did_you_mean(name, known)
+        raise InputError(f"found {kind} {name!r}, expected one of the problem{hint}", one.location)
+    return known[name]
 
 
 def _value(bound: STNBound, known: Mapping[str, Fraction]) -> Fraction | None:

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 
 from robust.encode.interface import Encoding, Facet, Obligation
 from robust.errors import SolverError
-from robust.irr.box import Box
 from robust.irr.containment import no_schedule, require_some_schedule, within, worst_point
 from robust.plan.model import TimePoint
 from robust.plan.simulate import Simulation, simulate
+from robust.qe.box import Box
 from robust.smt.export import Exporter
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Statistics, Verdict
+from robust.smt.terms import Formula
 
 
 class Answer(Enum):
@@ -56,6 +57,12 @@ class CheckResult:
     reason: str | None = None
     interrupted: bool = False
     statistics: Statistics = field(default_factory=Statistics)
+    timed_out: bool = False
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the check before it was done."""
+        return self.interrupted or self.timed_out or self.answer is Answer.UNKNOWN
 
 
 class Checker:
@@ -79,7 +86,7 @@ class Checker:
         *,
         solver: str = "z3",
         every: bool = False,
-        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+        deadline: Deadline = NEVER,
         exporter: Exporter | None = None,
         on_obligation: Callable[[int, int, str], None] | None = None,
     ) -> None:
@@ -96,6 +103,7 @@ class Checker:
         self._existence_known = False
         self._broken: Facet | None = None
         self._reason: str | None = None
+        self._started = time.perf_counter()
 
     def run(self) -> CheckResult:
         """Decide.
@@ -104,23 +112,30 @@ class Checker:
             InputError: if the network has no schedule, whatever the parameter values.
             SolverError: if the simulator does not confirm a counterexample.
         """
-        started = time.perf_counter()
         interrupted = False
         try:
             if self._has_schedule():
                 self._examine()
         except KeyboardInterrupt:
             interrupted = True
+        found = self._found()
+        late = found.answer is Answer.UNKNOWN and self._deadline.moment is not None
+        return replace(found, interrupted=interrupted, timed_out=late and not interrupted)
+
+    def so_far(self, *, timed_out: bool) -> CheckResult:
+        """What is known by now, if the check is given up: because time is out, or else by an interruption."""
+        return replace(self._found(), interrupted=not timed_out, timed_out=timed_out)
+
+    def _found(self) -> CheckResult:
         answers = {o.name: self._answers.get(o.name, Answer.UNKNOWN) for o in self._encoding.obligations}
         return CheckResult(
             self._overall(answers),
             self._box,
             answers,
             self._counterexamples,
-            time.perf_counter() - started,
+            time.perf_counter() - self._started,
             self._reason,
-            interrupted,
-            self._statistics,
+            statistics=self._statistics,
         )
 
     def _overall(self, answers: Mapping[str, Answer]) -> Answer:
@@ -162,22 +177,19 @@ class Checker:
             # It breaks for parameter values that leave no schedule to show it with.
             require_some_schedule(self._encoding, self._session(), self._deadline)
             values = worst_point(self._broken, self._box)
-            self._reason = f"no schedule keeps {self._broken.obligation!r} with {_listed(values)}"
+            listed = ", ".join(f"{name} = {value}" for name, value in values.items())
+            self._reason = f"no schedule keeps {self._broken.obligation!r} with {listed}"
 
     def _decide(self, obligation: Obligation) -> Answer:
         if obligation.violation is self._encoding.terms.false:
             return Answer.PROVED
         if not self._counterexamples:
             # Earlier stages hold throughout the box, so the part of the network that matters is enough for a proof.
-            quick = self._session()
-            quick.add_all(self._encoding.query(obligation), self._deadline)
-            quick.add(*within(self._encoding, self._box.intervals))
+            quick = self._within_box(self._encoding.query(obligation))
             verdict = quick.check(obligation.name, self._deadline)
             if verdict is not Verdict.SATISFIABLE:
                 return _ANSWERS[verdict]
-        full = self._session()
-        full.add_all(self._encoding.full_query(obligation), self._deadline)
-        full.add(*within(self._encoding, self._box.intervals))
+        full = self._within_box(self._encoding.full_query(obligation))
         verdict = full.check(f"{obligation.name}: counterexample", self._deadline)
         if verdict is Verdict.SATISFIABLE:
             self._counterexamples[obligation.name] = self._counterexample(obligation, full)
@@ -197,6 +209,12 @@ class Checker:
             )
         return Counterexample(obligation.name, parameters, schedule, simulation)
 
+    def _within_box(self, query: Sequence[Formula]) -> Session:
+        session = self._session()
+        session.add_all(query, self._deadline)
+        session.add(*within(self._encoding, self._box.intervals))
+        return session
+
     def _session(self) -> Session:
         return Session(self._encoding.terms, solver=self._solver, statistics=self._statistics, exporter=self._exporter)
 
@@ -206,7 +224,3 @@ _ANSWERS = {
     Verdict.UNSATISFIABLE: Answer.PROVED,
     Verdict.UNKNOWN: Answer.UNKNOWN,
 }
-
-
-def _listed(values: Mapping[str, Fraction]) -> str:
-    return ", ".join(f"{name} = {value}" for name, value in values.items())

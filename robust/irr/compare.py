@@ -6,22 +6,26 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
+from math import prod
 
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding
-from robust.irr.box import Box, EnvelopeResult, Side, Status
 from robust.irr.check import Answer, Checker
 from robust.irr.containment import Containment
+from robust.irr.exact import ExactSearch
 from robust.irr.irr import IncrementalRobustification
-from robust.irr.methods import ExactSearch
-from robust.irr.widen import Face, Limit, constraints_of, faces_of, least_stretch
+from robust.irr.search import EnvelopeResult, Status
+from robust.irr.widen import Limit, faces_of, least_stretch
 from robust.plan.model import ParametrizedPlan
-from robust.qe.compute import RegionResult, RegionStatus
-from robust.qe.compute import region as compute_region
+from robust.qe.box import Box, Face, Side
+from robust.qe.compute import RegionResult, RegionSearch, RegionStatus
 from robust.qe.estimate import VolumeBounds
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.smt.limits import Deadline, OutOfTimeError
+
+Values = dict[str, Fraction]
 
 METHODS = ("irr", "widen", "optimal", "optimal-nominal")
 """The boxes of a comparison; the last is the optimal one around the nominal point."""
@@ -108,6 +112,11 @@ class Comparison:
             return Status.TIMEOUT
         return Status.INVALID if Status.INVALID in found else Status.COMPLETE
 
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended it before it was done."""
+        return self.status in {Status.TIMEOUT, Status.INTERRUPTED}
+
 
 class Comparing:
     """One comparison; `so_far` is what it has found at any moment.
@@ -160,7 +169,7 @@ class Comparing:
             self._interrupted = True
         except OutOfTimeError:
             pass  # what is missing says so
-        return self.so_far()
+        return self._found()
 
     def _run_stages(self) -> None:
         for method in METHODS:
@@ -174,16 +183,20 @@ class Comparing:
                 self._interrupted = True
                 return
         limit = self._begin("region")
-        self._region = compute_region(
+        self._region = RegionSearch(
             self._plan, epsilon=self._epsilon, solver=self._solver, encoding=self._encoding, timeout=limit
-        )
+        ).run()
         if self._region.status is RegionStatus.INTERRUPTED:
             self._interrupted = True
             return
         self._measure(self._region, Deadline.after(self._begin("faces and witnesses")))
 
-    def so_far(self) -> Comparison:
-        """What is known by now."""
+    def so_far(self, *, timed_out: bool) -> Comparison:
+        """What is known by now, if the comparison is given up: because time is out, or else by an interruption."""
+        self._interrupted = not timed_out
+        return self._found()
+
+    def _found(self) -> Comparison:
         return Comparison(
             self._plan,
             self._beta,
@@ -210,8 +223,10 @@ class Comparing:
         if method == "irr":
             containment = Containment(encoding, solver=self._solver)
             return IncrementalRobustification(containment, beta=self._beta, deadline=deadline).run()
-        search = ExactSearch(encoding, solver=self._solver, deadline=deadline)
-        return search.widen() if method == "widen" else search.optimal(contain_nominal=method != "optimal")
+        kind, _, around = method.partition("-")
+        return ExactSearch(
+            encoding, method=kind, contain_nominal=bool(around), solver=self._solver, deadline=deadline
+        ).run()
 
     # -- measures ----------------------------------------------------------------------------------------------------
 
@@ -220,8 +235,9 @@ class Comparing:
         short = taken_apart(region)
         self._volume = volume_of(region, short)
         width = bounding_width(short)
-        bad = beyond(region)
+        bad = region.complement().as_union().pieces
         formulas = create_encoding(self._encoding, self._plan, self._epsilon, deadline)
+        confirm = partial(self._witness, encoding=formulas, deadline=deadline)
         for method, entry in self._entries.items():
             if not entry.result.verified:
                 continue
@@ -231,23 +247,14 @@ class Comparing:
                 entry.result,
                 volume_share(box, self._volume, exact=found.is_exact),
                 width_share(box, width, exact=found.is_exact),
-                tuple(self._face(box, face, bad, formulas, deadline) for face in _finite_faces(self._plan, box)),
+                tuple(
+                    face_gap(box, (name, side), end, bad, confirm)
+                    for name, side in faces_of(self._plan.parameters)
+                    if (end := box[name].end(side)) is not None
+                ),
             )
 
-    def _face(self, box: Box, face: Face, bad: Sequence[Polyhedron], encoding: Encoding, deadline: Deadline) -> FaceGap:
-        name, side = face
-        interval = box[name]
-        end = interval.upper if side is Side.UPPER else interval.lower
-        closed = interval.upper_closed if side is Side.UPPER else interval.lower_closed
-        if end is None:
-            raise ValueError("only finite faces have gaps")
-        gap, piece = gap_of(box, face, end, bad)
-        witness = None
-        if gap is not None and piece is not None:
-            witness = self._witness(_point_beyond(box, face, end, gap, piece), encoding, deadline)
-        return FaceGap(name, side, end, closed, gap, witness)
-
-    def _witness(self, values: dict[str, Fraction], encoding: Encoding, deadline: Deadline) -> Witness | None:
+    def _witness(self, values: Values, encoding: Encoding, deadline: Deadline) -> Witness | None:
         """The point with what breaks there; None if there is no time to confirm it."""
         try:
             result = Checker(encoding, Box.point(values), solver=self._solver, deadline=deadline).run()
@@ -263,53 +270,36 @@ class Comparing:
                 raise ValueError(f"the plan is valid at {values}, which the region excludes")
 
 
-def beyond(region: Region) -> list[Polyhedron]:
-    """Polyhedra whose union is everything outside the region."""
-    return list(region.complement().as_union().pieces)
+def face_gap(
+    box: Box, face: Face, end: Fraction, bad: Sequence[Polyhedron], confirm: Callable[[Values], Witness | None]
+) -> FaceGap:
+    """How far the face could move, and a point beyond that the box would hold if it were moved a little more."""
+    name, side = face
+    gap, piece = gap_of(box, face, end, bad)
+    witness = None
+    if gap is not None and piece is not None:
+        moved = box.moved(face, end + side.sign * (gap + JUST))
+        point = piece.restricted(moved.constraints()).some_point()
+        if point is None:
+            raise ValueError("the piece is met within the gap")
+        witness = confirm(point)
+    return FaceGap(name, side, end, box[name].is_closed_at(side), gap, witness)
 
 
 def gap_of(box: Box, face: Face, end: Fraction, bad: Sequence[Polyhedron]) -> tuple[Fraction | None, Polyhedron | None]:
     """How far one face can move outwards before a bad polyhedron meets the box, and which one does."""
-    fixed: dict[Face, Limit] = {}
-    for name, interval in box.intervals.items():
-        fixed[name, Side.LOWER] = Limit(interval.lower, interval.lower_closed)
-        fixed[name, Side.UPPER] = Limit(interval.upper, interval.upper_closed)
-    fixed.pop(face)
-    best: Fraction | None = None
-    nearest: Polyhedron | None = None
-    for piece in bad:
-        least = least_stretch(piece, fixed, {face: (end, Fraction(1))})
-        if least is not None and (best is None or least.value < best):
-            best, nearest = least.value, piece
-    return best, nearest
-
-
-def _point_beyond(box: Box, face: Face, end: Fraction, gap: Fraction, piece: Polyhedron) -> dict[str, Fraction]:
-    """A bad point that the box would hold if the face were moved by a little more than the gap."""
-    name, side = face
-    sign = 1 if side is Side.UPPER else -1
-    interval = box[name]
-    lower = interval.lower if side is Side.UPPER else end - gap - JUST
-    upper = end + gap + JUST if sign > 0 else interval.upper
-    moved = type(interval)(
-        lower,
-        upper,
-        interval.lower_closed if sign > 0 else True,
-        True if sign > 0 else interval.upper_closed,
-    )
-    point = piece.restricted(constraints_of(box.replace(name, moved))).some_point()
-    if point is None:
-        raise ValueError("the piece is met within the gap")
-    return point
-
-
-def _finite_faces(plan: ParametrizedPlan, box: Box) -> list[Face]:
-    ends = {
-        (name, side): interval.upper if side is Side.UPPER else interval.lower
+    fixed = {
+        (name, side): Limit(interval.end(side), interval.is_closed_at(side))
         for name, interval in box.intervals.items()
         for side in Side
+        if (name, side) != face
     }
-    return [face for face in faces_of(plan.parameters) if ends[face] is not None]
+    best: tuple[Fraction | None, Polyhedron | None] = None, None
+    for piece in bad:
+        least = least_stretch(piece, fixed, {face: (end, Fraction(1))})
+        if least is not None and (best[0] is None or least.value < best[0]):
+            best = least.value, piece
+    return best
 
 
 def taken_apart(region: Region) -> Region | None:
@@ -340,7 +330,7 @@ def bounding_width(short: Region | None) -> Fraction | None:
         return None
     total = Fraction(0)
     for name in short.parameters:
-        lower, upper = [box[name].lower for box in boxes], [box[name].upper for box in boxes]
+        lower, upper = ([box[name].end(side) for box in boxes] for side in Side)
         if None in lower or None in upper:
             return None
         total += max(u for u in upper if u is not None) - min(low for low in lower if low is not None)
@@ -352,12 +342,8 @@ def box_volume(box: Box) -> Fraction | None:
     widths = [interval.width for interval in box.intervals.values()]
     if 0 in widths:
         return Fraction(0)
-    product = Fraction(1)
-    for width in widths:
-        if width is None:
-            return None
-        product *= width
-    return product
+    finite = [width for width in widths if width is not None]
+    return prod(finite, start=Fraction(1)) if len(finite) == len(widths) else None
 
 
 def volume_share(box: Box, volume: VolumeBounds, *, exact: bool) -> Share | None:

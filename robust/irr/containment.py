@@ -2,52 +2,40 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Generic, TypeVar
 
 from robust.encode.interface import Encoding, Facet, Obligation
 from robust.encode.variables import variable
 from robust.errors import InputError, Location
-from robust.irr.box import Box, Interval
-from robust.plan.model import ParameterReference, Relation
-from robust.qe.constraint import LinearConstraint
-from robust.qe.nnf import Literal, Nnf, Reader, conjunction, implicant, names_in
-from robust.qe.polyhedron import Polyhedron, eliminate
+from robust.plan.model import ParameterReference
+from robust.qe.box import Box, Interval
 from robust.smt.export import Exporter
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Statistics, Verdict
 from robust.smt.terms import Formula
 
-
-@dataclass(frozen=True)
-class Refutation:
-    """Why a box is not inside: it holds parameter values without a schedule, or with one that breaks an obligation.
-
-    `reason` names the obligation or the contradicting statements, `values` are the parameter values, `facet` is what
-    they break if it is an inequality over parameters.
-    """
-
-    reason: str
-    values: Mapping[str, Fraction]
-    facet: Facet | None = None
+Found = TypeVar("Found")
 
 
 @dataclass
-class _Question:
+class Question:
     """One obligation with its own solver session, opened when first asked, and the parameters that matter to it."""
 
     obligation: Obligation
     session: Session | None = None
-    parameters: frozenset[str] = frozenset()
-    proved_for: dict[str, Interval] | None = None
+    parameters: tuple[str, ...] = ()
+    proved_for: Mapping[str, Interval] | None = None
 
 
-class Containment:
-    """Decides boxes, one obligation at a time, the most recently failed first.
+class Questions(ABC, Generic[Found]):
+    """Asks of boxes what is bad in them: existence of schedules first, then one obligation at a time.
 
-    What was proved for a box is not asked again for a box that is the same in all parameters that matter; what was
-    refuted at a point is not asked again for a box that contains the point.
+    The most recently failed obligation is asked first. What was proved for a box is not asked again for a box that is
+    within it in all parameters that matter.
 
     Args:
         encoding: the plan's formulas.
@@ -68,7 +56,98 @@ class Containment:
         self.statistics = statistics or Statistics()
         self.solver = solver
         self._exporter = exporter
-        self._questions = list(self._open_questions())
+        self._names = tuple(parameter.name for parameter in encoding.plan.parameters)
+        self._written: dict[str, tuple[Interval, tuple[Formula, ...]]] = {}
+        self._questions = [
+            Question(obligation)
+            for obligation in encoding.obligations
+            if obligation.violation is not encoding.terms.false
+        ]
+
+    def open_session(self) -> Session:
+        """A new session over the encoding's terms that counts and exports like the others."""
+        return Session(self.encoding.terms, solver=self.solver, statistics=self.statistics, exporter=self._exporter)
+
+    @abstractmethod
+    def _of_facet(self, facet: Facet, box: Box) -> Found:
+        """What is found where a facet of enc_valid breaks in the box."""
+
+    @abstractmethod
+    def _of_model(self, question: Question, session: Session, box: Box) -> Found:
+        """What is found where the session has a model that breaks the obligation in the box."""
+
+    def _look_in(self, box: Box, deadline: Deadline) -> Found | None:
+        facet = self.encoding.validity.broken_facet(box.ranges, self.open_session, deadline)
+        if isinstance(facet, Verdict):
+            raise OutOfTimeError
+        if facet is not None:
+            return self._of_facet(facet, box)
+        for index, question in enumerate(self._questions):
+            found = self._ask(question, box, deadline)
+            if found is not None:
+                self._questions.insert(0, self._questions.pop(index))
+                return found
+        return None
+
+    def _ask(self, question: Question, box: Box, deadline: Deadline) -> Found | None:
+        session = question.session or self._open(question, deadline)
+        proved = question.proved_for
+        # Most intervals are the very objects of the box before.
+        if proved is not None and all(
+            box[name] is proved[name] or box[name].is_within(proved[name]) for name in question.parameters
+        ):
+            return None
+        with session.frame(*(formula for name in question.parameters for formula in self._bounds(name, box[name]))):
+            verdict = session.check(question.obligation.name, deadline)
+            if verdict is Verdict.UNKNOWN:
+                raise OutOfTimeError
+            if verdict is Verdict.SATISFIABLE:
+                return self._of_model(question, session, box)
+        question.proved_for = box.intervals
+        return None
+
+    def _open(self, question: Question, deadline: Deadline) -> Session:
+        formulas = self.encoding.query(question.obligation)
+        relevant = self.encoding.parameters_in(formulas)
+        question.parameters = tuple(name for name in self._names if name in relevant)
+        session = self.open_session()
+        session.add_all(formulas, deadline)
+        question.session = session
+        return session
+
+    def _bounds(self, name: str, interval: Interval) -> tuple[Formula, ...]:
+        """The bounds of a parameter; from box to box few of them change."""
+        known = self._written.get(name)
+        if known is None or known[0] is not interval:
+            known = self._written[name] = interval, tuple(within(self.encoding, {name: interval}))
+        return known[1]
+
+
+@dataclass(frozen=True)
+class Refutation:
+    """Why a box is not inside: it holds parameter values without a schedule, or with one that breaks an obligation.
+
+    `reason` names the obligation or the contradicting statements, `values` are the parameter values, `facet` is what
+    they break if it is an inequality over parameters.
+    """
+
+    reason: str
+    values: Mapping[str, Fraction]
+    facet: Facet | None = None
+
+
+class Containment(Questions[Refutation]):
+    """Decides boxes; what was refuted at a point is not asked again for a box that contains the point."""
+
+    def __init__(
+        self,
+        encoding: Encoding,
+        *,
+        solver: str = "z3",
+        statistics: Statistics | None = None,
+        exporter: Exporter | None = None,
+    ) -> None:
+        super().__init__(encoding, solver=solver, statistics=statistics, exporter=exporter)
         self._refuted: list[Refutation] = []
 
     def refute(self, box: Box, deadline: Deadline) -> Refutation | None:
@@ -80,68 +159,20 @@ class Containment:
         for known in reversed(self._refuted):
             if known.values in box:
                 return known
-        refutation = self._refute_existence(box, deadline) or self._refute_obligations(box, deadline)
+        refutation = self._look_in(box, deadline)
         if refutation is not None:
             self._refuted.append(refutation)
         return refutation
 
-    def _refute_existence(self, box: Box, deadline: Deadline) -> Refutation | None:
-        answer = self.encoding.validity.broken_facet(box.ranges, self.open_session, deadline)
-        match answer:
-            case None:
-                return None
-            case Facet():
-                values = worst_point(answer, box)
-                return Refutation(answer.obligation or no_schedule(answer, values), values, answer)
-            case Verdict():
-                raise OutOfTimeError
+    def _of_facet(self, facet: Facet, box: Box) -> Refutation:
+        values = worst_point(facet, box)
+        return Refutation(facet.obligation or no_schedule(facet, values), values, facet)
 
-    def _refute_obligations(self, box: Box, deadline: Deadline) -> Refutation | None:
-        for index, question in enumerate(self._questions):
-            values = self._ask(question, box, deadline)
-            if values is not None:
-                self._questions.insert(0, self._questions.pop(index))
-                return Refutation(question.obligation.name, values)
-        return None
-
-    def _ask(self, question: _Question, box: Box, deadline: Deadline) -> dict[str, Fraction] | None:
-        """Parameter values in the box with which the obligation breaks; None if there are none."""
-        session = question.session or self._open(question, deadline)
-        relevant = {name: box[name] for name in question.parameters}
-        if question.proved_for is not None and all(
-            interval.is_within(question.proved_for[name]) for name, interval in relevant.items()
-        ):
-            return None
-        with session.frame(*within(self.encoding, relevant)):
-            verdict = session.check(question.obligation.name, deadline)
-            if verdict is Verdict.UNKNOWN:
-                raise OutOfTimeError
-            if verdict is Verdict.SATISFIABLE:
-                return self._point_in(box, session)
-        question.proved_for = relevant
-        return None
-
-    def _open_questions(self) -> Iterator[_Question]:
-        for obligation in self.encoding.obligations:
-            if obligation.violation is not self.encoding.terms.false:
-                yield _Question(obligation)
-
-    def _open(self, question: _Question, deadline: Deadline) -> Session:
-        formulas = self.encoding.query(question.obligation)
-        question.parameters = self.encoding.parameters_in(formulas)
-        session = self.open_session()
-        session.add_all(formulas, deadline)
-        question.session = session
-        return session
-
-    def open_session(self) -> Session:
-        """A new session over the encoding's terms that counts and exports like the others."""
-        return Session(self.encoding.terms, solver=self.solver, statistics=self.statistics, exporter=self._exporter)
-
-    def _point_in(self, box: Box, session: Session) -> dict[str, Fraction]:
-        symbols = {name: self.encoding.terms.real(ParameterReference(name)) for name in box.intervals}
-        values = session.values(symbols.values())
-        return {name: Fraction(values.get(name, box[name].some_value())) for name in box.intervals}
+    def _of_model(self, question: Question, session: Session, box: Box) -> Refutation:
+        symbols = [self.encoding.terms.real(ParameterReference(name)) for name in box.intervals]
+        values = session.values(symbols)
+        point = {name: Fraction(values.get(name, box[name].some_value())) for name in box.intervals}
+        return Refutation(question.obligation.name, point)
 
 
 def within(encoding: Encoding, intervals: Mapping[str, Interval]) -> Iterator[Formula]:
@@ -217,122 +248,3 @@ def worst_point(facet: Facet, box: Box) -> dict[str, Fraction]:
 
 def _value(facet: Facet, values: Mapping[str, Fraction]) -> Fraction:
     return facet.expression.evaluate({unknown: values[str(unknown)] for unknown in facet.expression.variables})
-
-
-@dataclass
-class _BadSetQuestion:
-    """One obligation: its query as a solver session and as a normal form, made when first asked."""
-
-    obligation: Obligation
-    session: Session
-    formula: Nnf
-    parameters: frozenset[str]
-    proved_for: dict[str, Interval] | None = None
-
-
-class DiscoveredBadSet:
-    """Finds bad polyhedra in boxes.
-
-    A model of a query is generalised to its implicant, a conjunction of inequalities, which is projected exactly onto
-    the parameters; a facet of enc_valid that the box breaks is a polyhedron as it is.
-
-    Args:
-        encoding: the plan's formulas.
-        solver: `z3` or `cvc5`.
-        statistics: where queries are counted.
-        exporter: where queries are written, if anywhere.
-    """
-
-    def __init__(
-        self,
-        encoding: Encoding,
-        *,
-        solver: str = "z3",
-        statistics: Statistics | None = None,
-        exporter: Exporter | None = None,
-    ) -> None:
-        self.encoding = encoding
-        self.solver = solver
-        self.statistics = statistics or Statistics()
-        self._exporter = exporter
-        self._reader = Reader(encoding.terms)
-        self._parameters = tuple(parameter.name for parameter in encoding.plan.parameters)
-        self._questions: list[_BadSetQuestion] | None = None
-        self.reasons: dict[Polyhedron, str] = {}
-        """The obligation, or the statements of the network, that each polyhedron breaks."""
-        self.existence: set[Polyhedron] = set()
-        """The polyhedra that leave no schedule."""
-        self.checks = 0
-
-    def piece_in(self, box: Box, deadline: Deadline) -> Polyhedron | None:
-        """A polyhedron of bad values that meets the box; None if the box is inside the envelope.
-
-        Raises:
-            OutOfTimeError: if the deadline passes first.
-        """
-        self.checks += 1
-        found = self.encoding.validity.broken_facet(box.ranges, self.open_session, deadline)
-        if isinstance(found, Verdict):
-            raise OutOfTimeError
-        if found is not None:
-            return self._beyond(found)
-        if self._questions is None:
-            self._questions = [
-                self._question(obligation)
-                for obligation in self.encoding.obligations
-                if obligation.violation is not self.encoding.terms.false
-            ]
-        for index, question in enumerate(self._questions):
-            piece = self._ask(question, box, deadline)
-            if piece is not None:
-                self._questions.insert(0, self._questions.pop(index))
-                return piece
-        return None
-
-    def _beyond(self, facet: Facet) -> Polyhedron:
-        inside = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
-        piece = Polyhedron(self._parameters, tuple(inside.negation()))
-        if facet.obligation is None:
-            self.existence.add(piece)
-        self.reasons[piece] = facet.obligation or f"no schedule: {'; '.join(facet.origins)}"
-        return piece
-
-    def _question(self, obligation: Obligation) -> _BadSetQuestion:
-        formulas = self.encoding.query(obligation)
-        session = self.open_session()
-        session.add(*formulas)
-        formula = conjunction(self._reader.read(formula) for formula in formulas)
-        return _BadSetQuestion(obligation, session, formula, self.encoding.parameters_in(formulas))
-
-    def _ask(self, question: _BadSetQuestion, box: Box, deadline: Deadline) -> Polyhedron | None:
-        relevant = {name: box[name] for name in self._parameters if name in question.parameters}  # in a fixed order
-        proved = question.proved_for
-        if proved is not None and all(interval.is_within(proved[name]) for name, interval in relevant.items()):
-            return None
-        with question.session.frame(*within(self.encoding, relevant)):
-            verdict = question.session.check(question.obligation.name, deadline)
-            if verdict is Verdict.UNKNOWN:
-                raise OutOfTimeError
-            if verdict is Verdict.SATISFIABLE:
-                piece = self._generalised(question)
-                self.reasons[piece] = question.obligation.name
-                return piece
-        question.proved_for = relevant
-        return None
-
-    def _generalised(self, question: _BadSetQuestion) -> Polyhedron:
-        """All parameter values that break the obligation in the way that the model does."""
-        terms = self.encoding.terms
-        symbols = {symbol for formula in question.session.assertions for symbol in terms.variables(formula)}
-        model = question.session.values(symbols)
-        chosen: dict[LinearConstraint | Literal, None] = {}
-        if not implicant(question.formula, model, chosen):
-            raise ValueError(f"the solver's model does not satisfy the query of {question.obligation.name!r}")
-        constraints = [leaf for leaf in chosen if isinstance(leaf, LinearConstraint)]
-        names = sorted(names_in(conjunction(constraints)) | set(self._parameters))
-        hidden = [name for name in names if name not in self._parameters]
-        return Polyhedron(self._parameters, eliminate(names, constraints, hidden))
-
-    def open_session(self) -> Session:
-        """A new session over the encoding's terms that counts and exports like the others."""
-        return Session(self.encoding.terms, solver=self.solver, statistics=self.statistics, exporter=self._exporter)

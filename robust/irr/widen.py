@@ -1,22 +1,27 @@
-"""Sides of a box and how far known bad polyhedra let them go: exact linear programs in parameter space."""
+"""Exact widening: all faces of a box move outwards together until bad values stop them, one after the other.
+
+How far a face may go is a linear program over the bad polyhedra that boxes have run into so far; a box that misses all
+of them is checked against the envelope, and what is bad in it adds a polyhedron.
+"""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Protocol
 
-from robust.irr.box import Box, Interval, Side
-from robust.plan.model import Parameter
+from robust.encode.interface import Encoding, Facet
+from robust.irr.containment import Question, Questions
+from robust.plan.model import Parameter, Relation
+from robust.qe.box import Box, Face, Interval, Side
+from robust.qe.conjunctions import project
 from robust.qe.constraint import LinearConstraint
+from robust.qe.nnf import Leaf, Nnf, Reader, conjunction, implicant, names_in
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import feasible_point, maximize
+from robust.smt.export import Exporter
 from robust.smt.limits import Deadline
-
-Face = tuple[str, Side]
-"""A side of a box: a parameter and which end."""
+from robust.smt.session import Session
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,52 +67,39 @@ def least_stretch(
     """
     # Sides of other parameters leave room for every value: a box is nowhere empty.
     used = {name for constraint in piece.constraints for name, _ in constraint.coefficients}
-    names = [*(name for name in piece.parameters if name in used), STRETCH]
     constraints = [*piece.constraints, LinearConstraint.of({STRETCH: 1}, ">=", 0)]
     for (name, side), limit in fixed.items():
         if name in used and limit.value is not None:
-            constraints.append(_within(name, side, {}, limit.value, limit.closed))
+            relation = "<=" if limit.closed else "<"
+            constraints.append(LinearConstraint.of({name: side.sign}, relation, side.sign * limit.value))
     for (name, side), (base, speed) in moving.items():
         if name in used:
-            constraints.append(_within(name, side, {STRETCH: speed}, base, True))
-    return infimum(names, constraints, {STRETCH: Fraction(1)})
-
-
-def _within(name: str, side: Side, stretch: Mapping[str, Fraction], base: Fraction, closed: bool) -> LinearConstraint:
-    """`name ≤ base + λ · speed` for an upper face, `name ≥ base − λ · speed` for a lower one."""
-    sign = 1 if side is Side.UPPER else -1
-    outward = {name: Fraction(sign), **{variable: -speed for variable, speed in stretch.items()}}
-    return LinearConstraint.of(outward, "<=" if closed else "<", sign * base)
-
-
-def meets(piece: Polyhedron, box: Box) -> bool:
-    """Whether some point of the box lies in the polyhedron."""
-    return feasible_point(piece.parameters, [*piece.constraints, *constraints_of(box)]) is not None
-
-
-def constraints_of(box: Box) -> Iterable[LinearConstraint]:
-    """The box as linear constraints."""
-    for name, interval in box.intervals.items():
-        if interval.lower is not None:
-            yield _within(name, Side.LOWER, {}, interval.lower, interval.lower_closed)
-        if interval.upper is not None:
-            yield _within(name, Side.UPPER, {}, interval.upper, interval.upper_closed)
-
-
-def infimum(
-    names: Sequence[str], constraints: Iterable[LinearConstraint], objective: Mapping[str, Fraction]
-) -> Least | None:
-    """The infimum of a linear form that is bounded below on the constraints; None if they cannot be satisfied."""
-    best = maximize(names, constraints, {name: -factor for name, factor in objective.items()})
+            constraints.append(LinearConstraint.of({name: side.sign, STRETCH: -speed}, "<=", side.sign * base))
+    names = [*(name for name in piece.parameters if name in used), STRETCH]
+    best = maximize(names, constraints, {STRETCH: Fraction(-1)})
     if best is None:
         return None
     if best.value is None:
-        raise ValueError("the form is not bounded below")
+        raise ValueError("the stretch is not bounded below")
     return Least(-best.value, best.attained)
 
 
-class BadSet(Protocol):
-    """The parameter values outside the envelope, discovered piece by piece."""
+class DiscoveredBadSet(Questions[Polyhedron]):
+    """The parameter values outside the envelope, discovered polyhedron by polyhedron as boxes run into them.
+
+    A model of a query is generalised to its implicant, a conjunction of inequalities, which is projected exactly onto
+    the parameters; a facet of enc_valid that the box breaks is a polyhedron as it is.
+    """
+
+    def __init__(self, encoding: Encoding, *, solver: str = "z3", exporter: Exporter | None = None) -> None:
+        super().__init__(encoding, solver=solver, exporter=exporter)
+        self._reader = Reader(encoding.terms)
+        self._formulas: dict[str, Nnf] = {}
+        self.reasons: dict[Polyhedron, str] = {}
+        """The obligation, or the statements of the network, that each polyhedron breaks."""
+        self.existence: set[Polyhedron] = set()
+        """The polyhedra that leave no schedule."""
+        self.checks = 0
 
     def piece_in(self, box: Box, deadline: Deadline) -> Polyhedron | None:
         """A polyhedron of bad values that meets the box; None if the box is inside the envelope.
@@ -115,6 +107,34 @@ class BadSet(Protocol):
         Raises:
             OutOfTimeError: if the deadline passes first.
         """
+        self.checks += 1
+        return self._look_in(box, deadline)
+
+    def _of_facet(self, facet: Facet, box: Box) -> Polyhedron:
+        inside = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
+        piece = Polyhedron(self._names, tuple(inside.negation()))
+        if facet.obligation is None:
+            self.existence.add(piece)
+        self.reasons[piece] = facet.obligation or f"no schedule: {'; '.join(facet.origins)}"
+        return piece
+
+    def _of_model(self, question: Question, session: Session, box: Box) -> Polyhedron:
+        """All parameter values that break the obligation in the way that the model does."""
+        terms, name = self.encoding.terms, question.obligation.name
+        if name not in self._formulas:
+            formulas = self.encoding.query(question.obligation)
+            self._formulas[name] = conjunction(self._reader.read(formula) for formula in formulas)
+        symbols = {symbol for formula in session.assertions for symbol in terms.variables(formula)}
+        chosen: dict[Leaf, None] = {}
+        if not implicant(self._formulas[name], session.values(symbols), chosen):
+            raise ValueError(f"the solver's model does not satisfy the query of {name!r}")
+        constraints = [leaf for leaf in chosen if isinstance(leaf, LinearConstraint)]
+        projected = project(constraints, names_in(conjunction(constraints)).difference(self._names))
+        if projected is None:
+            raise ValueError(f"the implicant of {name!r} is contradictory, although it has a model")
+        piece = Polyhedron(self._names, projected)
+        self.reasons[piece] = name
+        return piece
 
 
 class Widening:
@@ -123,41 +143,42 @@ class Widening:
     Args:
         bad: the bad set.
         parameters: the parameters, with nominal values, weights and declared bounds.
-        groups: the faces that move together, group after group; by default all at once.
+        pieces: bad polyhedra that are known; those that boxes run into are added.
+        groups: the faces that move together, group after group.
         deadline: when to stop with the best box so far.
-        on_box: called with every box that is known to be inside.
+        on_box: called with every box that is known to be inside; each contains those before.
     """
 
     def __init__(
         self,
-        bad: BadSet,
+        bad: DiscoveredBadSet,
         parameters: Sequence[Parameter],
+        pieces: list[Polyhedron],
         *,
-        groups: Sequence[Sequence[Face]] | None = None,
-        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
-        on_box: Callable[[Box], None] | None = None,
+        groups: Sequence[Sequence[Face]],
+        deadline: Deadline,
+        on_box: Callable[[Box], None],
     ) -> None:
         self._bad = bad
         self._parameters = parameters
-        self._groups = groups if groups is not None else [faces_of(parameters)]
+        self._groups = groups
         self._deadline = deadline
         self._on_box = on_box
         self._nominal = {parameter.name: parameter.nominal for parameter in parameters}
         self._weight = {parameter.name: parameter.weight for parameter in parameters}
         self._limits = {face: Limit(self._nominal[face[0]]) for face in faces_of(parameters)}
-        self.pieces: list[Polyhedron] = []
-        self.box = Box.nominal(parameters)
-        self.checks = 0
-        self.first_widening: float | None = None
-        self._started = time.perf_counter()
+        self._pieces = pieces
 
-    def run(self) -> Box:
-        """Move all faces as far as they go."""
+    def run(self) -> None:
+        """Move all faces as far as they go.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+        """
         for group in self._groups:
             moving = list(group)
             while moving:
                 moving = self._round(moving)
-        return self.box
 
     # -- one round: move until something blocks, then tell who is blocked -------------------------------------------
 
@@ -198,7 +219,8 @@ class Widening:
         if least.attained:
             # The value itself is bad for someone: who may include it?
             box = self._with(self._ahead(going, moving, least))
-            return not any(meets(piece, box) for piece in near)
+            bounds = list(box.constraints())
+            return all(feasible_point(piece.parameters, [*piece.constraints, *bounds]) is None for piece in near)
         room = self._room(going, moving, least, near)
         return room is None or room > 0
 
@@ -216,7 +238,7 @@ class Widening:
         """Limits with `going` a little farther than the other moving faces: by half the room that is known."""
         if least.attained:
             return {face: self._at(face, least.value, closed=face in going) for face in moving}
-        room = self._room(going, moving, least, self.pieces) if going else None
+        room = self._room(going, moving, least, self._pieces) if going else None
         step = Fraction(1) if room is None else room / 2
         return {face: self._at(face, least.value + (step if face in going else 0), closed=True) for face in moving}
 
@@ -226,7 +248,7 @@ class Widening:
         """At which stretch each known piece meets the box, if ever."""
         fixed = {face: limit for face, limit in self._limits.items() if face not in moving}
         speeds = {face: (self._nominal[face[0]], self._weight[face[0]]) for face in moving}
-        for piece in self.pieces:
+        for piece in self._pieces:
             least = least_stretch(piece, fixed, speeds)
             if least is not None:
                 yield piece, least
@@ -237,8 +259,7 @@ class Widening:
 
     def _place(self, face: Face, stretch: Fraction) -> Fraction:
         name, side = face
-        way = stretch * self._weight[name]
-        return self._nominal[name] + (way if side is Side.UPPER else -way)
+        return self._nominal[name] + side.sign * stretch * self._weight[name]
 
     def _at(self, face: Face, stretch: Fraction, *, closed: bool) -> Limit:
         return Limit(self._place(face, stretch), closed)
@@ -247,22 +268,13 @@ class Widening:
         return box_of(self._parameters, {**self._limits, **limits})
 
     def _is_inside(self, box: Box) -> bool:
-        """Ask; a box that is inside is kept, a bad polyhedron that meets it is remembered."""
-        self.checks += 1
+        """Ask; a box that is inside is reported, a bad polyhedron that meets it is remembered."""
         piece = self._bad.piece_in(box, self._deadline)
         if piece is not None:
-            self.pieces.append(piece)
+            self._pieces.append(piece)
             return False
-        self._keep(box)
+        self._on_box(box)
         return True
-
-    def _keep(self, box: Box) -> None:
-        """Boxes of one run contain each other, so the latest is the best."""
-        if self.first_widening is None and any(interval.width != 0 for interval in box.intervals.values()):
-            self.first_widening = time.perf_counter() - self._started
-        self.box = box
-        if self._on_box is not None:
-            self._on_box(box)
 
 
 def faces_of(parameters: Sequence[Parameter]) -> list[Face]:

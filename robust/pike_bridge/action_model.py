@@ -1,15 +1,21 @@
-"""The events of the initial state and of the goal, which are before and after all others [PIKE §4.4]."""
+"""Networks joined with the domain and the problem that say what their activities need and do [PIKE §4.4].
+
+The events of the initial state and of the goal are added where they are missing, what never changes is decided, and
+activities are bounded by the durations that their actions allow.
+"""
 
 from __future__ import annotations
 
+import operator
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import assert_never
+from typing import Final, assert_never
 
 from robust.errors import InputError, UnsupportedError
+from robust.files import atomic_write
 from robust.numbers import format_number
 from robust.pike_bridge.files import read_tpnu, write_tpnu
 from robust.pike_bridge.model import (
@@ -44,9 +50,8 @@ from robust.plan.model import (
     Timing,
     Truth,
 )
-from robust.plan.model import (
-    Condition as StateCondition,
-)
+from robust.plan.model import Condition as StateCondition
+from robust.plan.pddl.forms import read_text
 from robust.plan.pddl.grounding import ground_action, ground_goal, junction
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.pddl.syntax import ActionSchema, Domain, Problem
@@ -64,59 +69,53 @@ def with_ends(network: Tpnu, epsilon: Fraction) -> Tpnu:
     before = () if INITIAL in names else (Event(INITIAL),)
     after = () if GOAL in names else (Event(GOAL),)
     complete = replace(network, events=(*before, *network.events, *after))
-    inner = [event for event in complete.events if event.name not in {INITIAL, GOAL}]
-    to_goal = [
-        Constraint(event.name, GOAL, epsilon, None, event.guard)
-        for event in _unconnected(inner, GOAL, _Links(complete, epsilon, forward=False))
-    ]
-    complete = replace(complete, constraints=(*complete.constraints, *to_goal))
-    from_initial = [
-        Constraint(INITIAL, event.name, epsilon, None, event.guard)
-        for event in _unconnected([*inner, Event(GOAL)], INITIAL, _Links(complete, epsilon, forward=True))
-    ]
-    return replace(complete, constraints=(*complete.constraints, *from_initial))
+    for end in (GOAL, INITIAL):
+        added = [
+            Constraint(event.name, GOAL, epsilon, None, event.guard)
+            if end == GOAL
+            else Constraint(INITIAL, event.name, epsilon, None, event.guard)
+            for event in _unconnected(complete, end, epsilon)
+        ]
+        complete = replace(complete, constraints=(*complete.constraints, *added))
+    return complete
 
 
-def _unconnected(events: Iterable[Event], end: str, links: _Links) -> list[Event]:
-    """A small set of events from which, with the end, all others are reached."""
+def _unconnected(network: Tpnu, end: str, epsilon: Fraction) -> list[Event]:
+    """A small set of events from which, with the end, all others are reached in the end's direction of time.
+
+    What is reached from an event certainly follows it (or precedes it, if the end is the goal) whenever it is activated
+    itself.
+    """
+    guards = network.guards
+    following: dict[str, list[str]] = {}
+    for constraint in network.temporal_constraints:
+        near, far = constraint.source, constraint.target
+        if end == GOAL:
+            near, far = far, near
+        least = epsilon if near == end else 0
+        certain = constraint.lower is not None and constraint.lower >= least and constraint.guard <= guards[far]
+        if certain and near != far:
+            following.setdefault(near, []).append(far)
     reached: set[str] = set()
-    links.reach(end, reached)
-    chosen = []
-    # Events that nothing leads to first: what is left then lies on cycles, and one event of each cycle will do.
-    for event in sorted(events, key=lambda event: event.name in links.entered):
-        if event.name not in reached:
-            chosen.append(event)
-            links.reach(event.name, reached)
-    return chosen
 
-
-class _Links:
-    """For each event, those that certainly follow it (or precede it) whenever they are activated themselves."""
-
-    def __init__(self, network: Tpnu, epsilon: Fraction, *, forward: bool) -> None:
-        self._following: dict[str, list[str]] = {}
-        self.entered: set[str] = set()
-        guards = network.guards
-        end = INITIAL if forward else GOAL
-        for constraint in network.temporal_constraints:
-            near, far = constraint.source, constraint.target
-            if not forward:
-                near, far = far, near
-            least = epsilon if near == end else 0
-            if constraint.lower is None or constraint.lower < least or near == far:
-                continue
-            if constraint.guard <= guards[far]:
-                self._following.setdefault(near, []).append(far)
-                self.entered.add(far)
-
-    def reach(self, start: str, reached: set[str]) -> None:
-        """Add all that certainly follows an event."""
+    def reach(start: str) -> None:
         pending = [start]
         while pending:
             event = pending.pop()
             if event not in reached:
                 reached.add(event)
-                pending.extend(self._following.get(event, ()))
+                pending.extend(following.get(event, ()))
+
+    reach(end)
+    entered = {far for fars in following.values() for far in fars}
+    inner = [event for event in network.events if event.name not in {INITIAL, GOAL}]
+    chosen = []
+    # Events that nothing leads to first: what is left then lies on cycles, and one event of each cycle will do.
+    for event in sorted([*inner, *([] if end == GOAL else [Event(GOAL)])], key=lambda each: each.name in entered):
+        if event.name not in reached:
+            chosen.append(event)
+            reach(event.name)
+    return chosen
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +124,14 @@ class Durations:
 
     lower: Fraction
     upper: Fraction | None
+
+
+_COMPARED: Final[Mapping[Relation, Callable[[Fraction, int], bool]]] = {
+    Relation.AT_LEAST: operator.ge,
+    Relation.GREATER: operator.gt,
+    Relation.EQUAL: operator.eq,
+    Relation.DIFFERENT: operator.ne,
+}
 
 
 class StaticFacts:
@@ -147,7 +154,7 @@ class StaticFacts:
                 return condition if atom in self._touched else Truth((atom in self._initial) == value)
             case Comparison(expression, relation):
                 known = self._known(expression)
-                return _truth(known.constant_term, relation) if known.is_constant else condition
+                return Truth(_COMPARED[relation](known.constant_term, 0)) if known.is_constant else condition
             case And(operands):
                 return junction([self.simplify(operand) for operand in operands], every=True)
             case Or(operands):
@@ -200,20 +207,6 @@ class StaticFacts:
             return Polynomial.variable(variable)
 
         return expression.substitute(value)
-
-
-def _truth(value: Fraction, relation: Relation) -> Truth:
-    match relation:
-        case Relation.AT_LEAST:
-            return Truth(value >= 0)
-        case Relation.GREATER:
-            return Truth(value > 0)
-        case Relation.EQUAL:
-            return Truth(value == 0)
-        case Relation.DIFFERENT:
-            return Truth(value != 0)
-        case _:
-            assert_never(relation)
 
 
 def team_plan_of(network: Tpnu, domain: str, problem: str, *, epsilon: Fraction = EPSILON) -> TeamPlan:
@@ -308,20 +301,21 @@ class _Joining:
 
     # -- conditions ----------------------------------------------------------------------------------------------
 
-    def _conditions(self, at: int, activity: Activity) -> Iterator[Condition]:
+    def _conditions(self, at: int, activity: Activity) -> Iterable[Condition]:
         instance = self._instances[activity.action]
-        found: dict[Condition, None] = {}
-        for timed in instance.conditions:
-            first, last = _span(activity, timed.timing)
-            for literal in self._literals(timed.condition, timed.text, f"{instance}", self._schema(instance)):
-                found[Condition(literal, first, last, activity.guard, at)] = None
-        yield from found
+        schema = self._schema(instance)
+        return dict.fromkeys(
+            Condition(literal, *_span(activity, timed.timing), activity.guard, at)
+            for timed in instance.conditions
+            for literal in self._literals(timed.condition, timed.text, f"{instance}", schema)
+        )
 
-    def _goal(self) -> Iterator[Literal]:
-        found: dict[Literal, None] = {}
-        for one in ground_goal(self._domain, self._problem):
-            found.update(dict.fromkeys(self._literals(one.condition, one.text, "the goal", self._problem)))
-        yield from found
+    def _goal(self) -> Iterable[Literal]:
+        return dict.fromkeys(
+            literal
+            for one in ground_goal(self._domain, self._problem)
+            for literal in self._literals(one.condition, one.text, "the goal", self._problem)
+        )
 
     def _literals(
         self, condition: StateCondition, text: str, owner: str, declared: ActionSchema | Problem
@@ -352,10 +346,10 @@ class _Joining:
 
     def _effects(self, at: int, activity: Activity) -> Iterator[Effect]:
         instance = self._instances[activity.action]
-        numeric = [effect.fluent for effect in instance.numeric_effects]
-        numeric += [effect.fluent for effect in instance.continuous_effects]
-        if numeric:
-            message = f"found a change of the number {numeric[0]} by {instance}"
+        changed = [effect.fluent for effect in instance.numeric_effects]
+        changed += [effect.fluent for effect in instance.continuous_effects]
+        if changed:
+            message = f"found a change of the number {changed[0]} by {instance}"
             expected = "expected effects on propositions only in plans with choices"
             raise UnsupportedError(f"{message}, {expected}", self._schema(instance).location)
         unconditional = [effect for effect in instance.atom_effects if self._happens(effect, instance)]
@@ -406,6 +400,13 @@ class Instance:
     domain: str
     problem: str
 
+    @staticmethod
+    def read(path: str | os.PathLike[str]) -> Instance:
+        """The texts of a `.tpnu.json` file, its domain and its problem; InputError if one cannot be read."""
+        document = read_tpnu(path)
+        domain, problem = (read_text(document.beside(each)) for each in (document.domain, document.problem))
+        return Instance(document.network, domain, problem)
+
     @property
     def name(self) -> str:
         return self.network.name
@@ -423,8 +424,8 @@ class Instance:
         place = Path(directory)
         try:
             place.mkdir(parents=True, exist_ok=True)
-            (place / "domain.pddl").write_text(self.domain, encoding="utf-8")
-            (place / "problem.pddl").write_text(self.problem, encoding="utf-8")
+            atomic_write(place / "domain.pddl", self.domain, None)
+            atomic_write(place / "problem.pddl", self.problem, None)
         except OSError as error:
             raise InputError(f"cannot write to {str(place)!r}: {(error.strerror or str(error)).lower()}") from None
         path = place / f"{name}.tpnu.json"

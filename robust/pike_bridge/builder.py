@@ -16,17 +16,7 @@ from typing import TypeAlias, assert_never
 
 from robust.errors import InputError
 from robust.numbers import parse_number
-from robust.pike_bridge.model import (
-    ALWAYS,
-    EPSILON,
-    Activity,
-    Assignment,
-    Choice,
-    Constraint,
-    Event,
-    Guard,
-    Tpnu,
-)
+from robust.pike_bridge.model import ALWAYS, EPSILON, Activity, Assignment, Choice, Constraint, Event, Guard, Tpnu
 
 Number: TypeAlias = int | str | Fraction
 """Exact numbers: `3`, `"0.25"`, `"1/3"` or a Fraction."""
@@ -41,12 +31,12 @@ class Act:
 
 
 @dataclass(frozen=True, slots=True)
-class Sequence:
+class InSequence:
     elements: tuple[Element, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Parallel:
+class InParallel:
     elements: tuple[Element, ...]
 
 
@@ -64,7 +54,7 @@ class Within:
     upper: Fraction | None
 
 
-Element: TypeAlias = Act | Sequence | Parallel | Choose | Within
+Element: TypeAlias = Act | InSequence | InParallel | Choose | Within
 
 
 def act(action: str, lower: Number, upper: Number | None, *, agent: str | None = None) -> Act:
@@ -72,14 +62,14 @@ def act(action: str, lower: Number, upper: Number | None, *, agent: str | None =
     return Act(action.lower(), _exact(lower), None if upper is None else _exact(upper), agent)
 
 
-def sequence(*elements: Element) -> Sequence:
+def sequence(*elements: Element) -> InSequence:
     """One after the other; without elements, nothing but a moment."""
-    return Sequence(elements)
+    return InSequence(elements)
 
 
-def parallel(*elements: Element) -> Parallel:
+def parallel(*elements: Element) -> InParallel:
     """All at the same time, in any order; it ends when the last of them has ended."""
-    return Parallel(elements)
+    return InParallel(elements)
 
 
 def choose(name: str, branches: Mapping[str, Element], *, controllable: bool = True) -> Choose:
@@ -123,9 +113,9 @@ class _Network:
             case Act(action, lower, upper, agent):
                 start, end = self._event(guard), self._event(guard)
                 self.activities.append(Activity(action, start, end, lower, upper, agent, guard))
-            case Sequence(elements):
+            case InSequence(elements):
                 return self._sequence(elements, guard)
-            case Parallel(elements):
+            case InParallel(elements):
                 start, end = self._around([(branch, guard) for branch in elements], guard)
             case Choose(name, branches, controllable):
                 start, end = self._choice(name, branches, controllable, guard)

@@ -260,11 +260,11 @@ AFTER = "after"
 """The value of an order variable whose threat comes after the consumer, +1 in the paper."""
 
 
-Order: TypeAlias = tuple[str, str]
+EventOrder: TypeAlias = tuple[str, str]
 """An event and a later one."""
 
 
-class Reason(Enum):
+class AdditionReason(Enum):
     """Why a constraint was added: the rows of [PIKE, Table 1] (temporal conflicts are found later)."""
 
     SUPPORT = "at least one activated producer"
@@ -273,10 +273,10 @@ class Reason(Enum):
     THREAT_AFTER = "force threat after consumer"
     THREAT_BEFORE = "force threat before producer"
     IDLE = "no support for a consumer that is not activated"
-    """Not in the paper; see :class:`Encoding`."""
+    """Not in the paper; see :class:`LinkEncoding`."""
 
 
-Statement: TypeAlias = Constraint | Formula | Guard
+AddedStatement: TypeAlias = Constraint | Formula | Guard
 """A temporal constraint of the network, or a propositional one: a formula, or a conflict given by its environment."""
 
 
@@ -284,15 +284,15 @@ Statement: TypeAlias = Constraint | Formula | Guard
 class Addition:
     """A constraint that was added, and what for; rows about one link name its producer, those about a threat that."""
 
-    statement: Statement
-    reason: Reason
+    statement: AddedStatement
+    reason: AdditionReason
     consumer: OpenCondition
     producer: Happening | None = None
     threat: Happening | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Encoding:
+class LinkEncoding:
     """How to augment; the default is as in the paper. The correct executions are the same for all."""
 
     dominance: Dominance = Dominance.ALGORITHM_5
@@ -314,7 +314,7 @@ class AugmentedPlan:
     """What was added to the network and the theory, with reasons."""
 
 
-def augment(plan: TeamPlan, precedence: Precedence, encoding: Encoding = Encoding()) -> AugmentedPlan:
+def augment(plan: TeamPlan, precedence: Precedence, encoding: LinkEncoding = LinkEncoding()) -> AugmentedPlan:
     """The augmented plan and its theory [PIKE, Algorithm 5].
 
     `precedence` is of the plan's own network. Three things differ from the letter of the algorithm: constraints are
@@ -335,7 +335,7 @@ def augment(plan: TeamPlan, precedence: Precedence, encoding: Encoding = Encodin
 class _Augmentation:
     network: Tpnu
     plan: TeamPlan
-    encoding: Encoding
+    encoding: LinkEncoding
     choices: dict[str, Choice] = field(default_factory=dict)
     links: list[LabeledCausalLink] = field(default_factory=list)
     additions: list[Addition] = field(default_factory=list)
@@ -343,13 +343,13 @@ class _Augmentation:
     def close(self, question: OpenCondition, contexts: Contexts) -> None:
         """Add what makes an open condition met wherever it is activated."""
         if not question.producers:
-            self.additions.append(Addition(question.guard, Reason.SUPPORT, question))
+            self.additions.append(Addition(question.guard, AdditionReason.SUPPORT, question))
             return
         links = self._links(question)
         self.links += links
-        self.additions += (Addition(formula, Reason.SUPPORT, question) for formula in _support(question, links))
+        self.additions += (Addition(formula, AdditionReason.SUPPORT, question) for formula in _support(question, links))
         if not self.encoding.idle_supports:
-            self.additions += (Addition(formula, Reason.IDLE, question) for formula in _idle(question, links))
+            self.additions += (Addition(formula, AdditionReason.IDLE, question) for formula in _idle(question, links))
         for link in links:
             self.additions += self._producer_first(link, contexts)
             for threat in question.threats:
@@ -377,32 +377,32 @@ class _Augmentation:
     def _producer_first(self, link: LabeledCausalLink, contexts: Contexts) -> Iterator[Addition]:
         producer, first = link.producer.event, link.consumer.first
         if producer != first and not contexts.precedes(producer, first, link.label):
-            yield self._ordering(link, (producer, first), _context(link), Reason.PRODUCER_FIRST)
+            yield self._ordering(link, (producer, first), _context(link), AdditionReason.PRODUCER_FIRST)
 
     def _away(self, link: LabeledCausalLink, threat: Happening, contexts: Contexts) -> Iterator[Addition]:
         """What keeps a threat out of the interval of a link; nothing if the three cannot be activated together."""
         if not contexts.possible(link.label, threat.guard):
             return
         context = _context(link) | threat.guard
-        before: Order = (threat.event, link.producer.event)
-        after: Order = (link.consumer.last, threat.event)
+        before: EventOrder = (threat.event, link.producer.event)
+        after: EventOrder = (link.consumer.last, threat.event)
         match resolve(link.consumer, link.producer, threat, contexts):
             case Resolution.AVOID:
-                yield Addition(context, Reason.DEFINITE_THREAT, link.consumer, link.producer)
+                yield Addition(context, AdditionReason.DEFINITE_THREAT, link.consumer, link.producer)
             case Resolution.BEFORE:
-                yield self._ordering(link, before, context, Reason.THREAT_BEFORE)
+                yield self._ordering(link, before, context, AdditionReason.THREAT_BEFORE)
             case Resolution.AFTER:
-                yield self._ordering(link, after, context, Reason.THREAT_AFTER)
+                yield self._ordering(link, after, context, AdditionReason.THREAT_AFTER)
             case Resolution.EITHER:
                 name = f"o[{link.consumer}, {link.producer.event}, {threat.event}]"
                 variable = self._variable(name, context, (BEFORE, AFTER))
                 first, last = ({Assignment(variable, value)} for value in (BEFORE, AFTER))
-                yield self._ordering(link, before, context | first, Reason.THREAT_BEFORE)
-                yield self._ordering(link, after, context | last, Reason.THREAT_AFTER)
+                yield self._ordering(link, before, context | first, AdditionReason.THREAT_BEFORE)
+                yield self._ordering(link, after, context | last, AdditionReason.THREAT_AFTER)
             case Resolution.NOTHING:
                 pass
 
-    def _ordering(self, link: LabeledCausalLink, order: Order, context: Guard, reason: Reason) -> Addition:
+    def _ordering(self, link: LabeledCausalLink, order: EventOrder, context: Guard, reason: AdditionReason) -> Addition:
         earlier, later = order
         constraint = Constraint(earlier, later, self.plan.epsilon, None, context)
         return Addition(constraint, reason, link.consumer, link.producer)

@@ -1,25 +1,36 @@
-"""Offline compilation: from a team plan to a knowledge base of all its correct executions [PIKE, Algorithm 4]."""
+"""Compiling a plan offline, and checking whether it admits a correct execution [PIKE, Algorithm 4].
+
+Compilation goes from a team plan to a knowledge base of all its correct executions, by stages that are timed. A check
+asks the semantic oracle or such a knowledge base; every execution that it shows was confirmed by the referee.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
+from typing import Any
 
-from robust.errors import InputError, SolverError, did_you_mean
-from robust.pike_bridge.causal import AugmentedPlan, Encoding, augment
+from robust.errors import InputError, SolverError, UnsupportedError, did_you_mean
+from robust.pike_bridge.causal import AugmentedPlan, LinkEncoding, augment
 from robust.pike_bridge.knowledge import create_knowledge_base, reasons_about_time
-from robust.pike_bridge.knowledge.interface import Commitment, KnowledgeBase, KnowledgeStatistics, Require
+from robust.pike_bridge.knowledge.interface import (
+    HasImplicants,
+    KnowledgeBase,
+    KnowledgeStatistics,
+    Require,
+)
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan
 from robust.pike_bridge.model import guard as conjunction
+from robust.pike_bridge.scenarios import candidate_subplans
 from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
 from robust.pike_bridge.temporal.distance_graph import Precedence
 from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances, labeled_distances
 from robust.pike_bridge.temporal.schedule import Schedule, schedule, temporal_conflicts
 from robust.pike_bridge.temporal.structural import structural_precedence
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 
 class Temporal(Enum):
@@ -63,10 +74,10 @@ class Compiling:
     plan: TeamPlan
     backend: str
     temporal: Temporal = Temporal.LAZY
-    encoding: Encoding = Encoding()  # noqa: RUF009 - immutable
+    encoding: LinkEncoding = LinkEncoding()  # noqa: RUF009 - immutable
     solver: str = "z3"
     shortcut: bool = True
-    deadline: Deadline = Deadline()  # noqa: RUF009 - immutable
+    deadline: Deadline = NEVER
     on_stage: Callable[[str], None] | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     """By stage: precedence, links, conflicts, knowledge."""
@@ -118,24 +129,24 @@ class Compiling:
             case Temporal.LAZY:
                 return temporal_conflicts(augmented.network, augmented.theory, self.deadline, solver=self.solver)
 
-    @contextmanager
-    def _stage(self, name: str) -> Iterator[None]:
-        if self.on_stage is not None:
-            self.on_stage(name)
-        started = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[name] = time.perf_counter() - started
+    def _stage(self, name: str) -> AbstractContextManager[None]:
+        return _stage(name, self.on_stage, self.seconds)
+
+
+@contextmanager
+def _stage(name: str, on_stage: Callable[[str], None] | None, seconds: dict[str, float]) -> Iterator[None]:
+    """Announce a stage, and note how long it takes."""
+    if on_stage is not None:
+        on_stage(name)
+    started = time.perf_counter()
+    try:
+        yield
+    finally:
+        seconds[name] = time.perf_counter() - started
 
 
 def compile_plan(
-    plan: TeamPlan,
-    *,
-    backend: str,
-    temporal: Temporal = Temporal.LAZY,
-    solver: str = "z3",
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    plan: TeamPlan, *, backend: str, temporal: Temporal = Temporal.LAZY, solver: str = "z3", deadline: Deadline = NEVER
 ) -> Compilation:
     """Compile a plan; see :class:`Compiling` for more options, and for what is known after a time-out.
 
@@ -149,7 +160,7 @@ def compile_plan(
 ORACLE = "oracle"
 
 
-class Verdict(Enum):
+class PlanVerdict(Enum):
     """Whether a correct execution exists under the assumptions: PROVED says yes, and shows one."""
 
     PROVED = "proved"
@@ -162,13 +173,154 @@ class PikeCheck:
     """The answer. `scenarios` is None unless all were asked for; `complete` says whether none is missing."""
 
     backend: str
-    verdict: Verdict
+    verdict: PlanVerdict
     execution: Execution | None = None
     scenarios: tuple[Mapping[str, str], ...] | None = None
     complete: bool = True
     interrupted: bool = False
     seconds: Mapping[str, float] | None = None
     """By stage."""
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the check before it was done."""
+        return self.interrupted or not self.complete or self.verdict is PlanVerdict.UNKNOWN
+
+
+PITMS = "pitms"
+LONGEST_LISTING = 1_000_000
+"""Prime implicants are counted exactly, but not listed beyond this."""
+
+
+@dataclass
+class Sizes:
+    """What is known of a compilation; None where it did not get so far. `status` says what ended it."""
+
+    backend: str
+    temporal: str
+    solver: str
+    status: str = "complete"
+    candidate_subplans: int | None = None
+    counts: dict[str, int] = field(default_factory=dict)
+    satisfiable: bool | None = None
+    prime_implicants: int | None = None
+    models: int | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    statistics: dict[str, Any] = field(default_factory=dict)
+    implicants: list[dict[str, str]] | None = None
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the compilation before it was done."""
+        return self.status != "complete"
+
+
+@dataclass
+class Measuring:
+    """Compiles a plan, and asks how large the parts are; `so_far` is what is known at any moment.
+
+    Args:
+        plan: the plan.
+        backend: the name of a knowledge base.
+        temporal: how events are ordered and temporal conflicts found.
+        solver: `z3` or `cvc5`.
+        shortcut: see :class:`Compiling`.
+        implicants: whether the prime implicants are listed.
+        models: whether models are counted.
+    """
+
+    plan: TeamPlan
+    backend: str
+    temporal: Temporal = Temporal.LAZY
+    solver: str = "z3"
+    shortcut: bool = True
+    implicants: bool = False
+    models: bool = True
+    deadline: Deadline = NEVER
+    on_stage: Callable[[str], None] | None = None
+
+    def __post_init__(self) -> None:
+        self._sizes = Sizes(self.backend, self.temporal.value, self.solver)
+        self._compiling = Compiling(
+            self.plan,
+            self.backend,
+            temporal=self.temporal,
+            solver=self.solver,
+            shortcut=self.shortcut,
+            deadline=self.deadline,
+            on_stage=self.on_stage,
+            seconds=self._sizes.seconds,
+        )
+
+    def run(self) -> Sizes:
+        """Compile and ask; a deadline ends it with what is known.
+
+        Raises:
+            InputError: an unknown back end or solver.
+            UnsupportedError: more prime implicants are to be listed than anybody can read.
+        """
+        try:
+            self._sizes.candidate_subplans = candidate_subplans(self.plan.network)
+            self._ask(self._compiling.run().knowledge)
+        except OutOfTimeError:
+            self._sizes.status = "timeout"
+        return self._counted()
+
+    def so_far(self, *, timed_out: bool) -> Sizes:
+        """What is known by now."""
+        self._sizes.status = "timeout" if timed_out else "interrupted"
+        return self._counted()
+
+    def _ask(self, knowledge: KnowledgeBase) -> None:
+        self._sizes.satisfiable = knowledge.satisfiable(self.deadline)
+        questions = (self._ask_models, self._ask_implicants)
+        # Labels hold the prime implicants already, so that these are known even if there is no time to count models.
+        for question in reversed(questions) if self.backend == PITMS else questions:
+            question(knowledge)
+
+    def _ask_models(self, knowledge: KnowledgeBase) -> None:
+        if self.models:
+            self._begin("counting models")
+            self._sizes.models = knowledge.count_models(self.deadline)
+
+    def _ask_implicants(self, knowledge: KnowledgeBase) -> None:
+        if not isinstance(knowledge, HasImplicants):
+            return
+        self._begin("counting prime implicants")
+        count = self._sizes.prime_implicants = knowledge.implicant_count(self.deadline)
+        if not self.implicants:
+            return
+        if count > LONGEST_LISTING:
+            raise UnsupportedError(
+                f"--implicants: found {count:,} to list, expected at most {LONGEST_LISTING:,}; "
+                "without the option they are counted only"
+            )
+        self._sizes.implicants = [dict(sorted(one)) for one in knowledge.prime_implicants(self.deadline)]
+
+    def _begin(self, stage: str) -> None:
+        if self.on_stage is not None:
+            self.on_stage(stage)
+
+    def _counted(self) -> Sizes:
+        """With the sizes of what the stages that ended have made."""
+        network, compiling = self.plan.network, self._compiling
+        self._sizes.counts |= {
+            "choices": len(network.choices),
+            "events": len(network.events),
+            "activities": len(network.activities),
+            "conditions": len(self.plan.conditions),
+        }
+        if (augmented := compiling.augmented) is not None:
+            self._sizes.counts |= {
+                "choice_variables": len(augmented.theory.domains),
+                "links": len(augmented.links),
+                "added_orderings": len(augmented.network.constraints) - len(network.constraints),
+                "propositional_constraints": len(augmented.theory.constraints) + len(augmented.theory.conflicts),
+            }
+        if compiling.conflicts is not None:
+            self._sizes.counts["temporal_conflicts"] = len(compiling.conflicts)
+        self._sizes.statistics = asdict(compiling.statistics)
+        return self._sizes
 
 
 def checked_assumptions(plan: TeamPlan, assume: Mapping[str, str]) -> Guard:
@@ -182,9 +334,8 @@ def checked_assumptions(plan: TeamPlan, assume: Mapping[str, str]) -> Guard:
         if name not in domains:
             raise InputError(f"assumed {name}={value}, but there is no choice {name!r}{did_you_mean(name, domains)}")
         if value not in domains[name]:
-            raise InputError(
-                f"assumed {name}={value}, but {value!r} is not a value of {name}{did_you_mean(value, domains[name])}"
-            )
+            hint = did_you_mean(value, domains[name])
+            raise InputError(f"assumed {name}={value}, but {value!r} is not a value of {name}{hint}")
     return conjunction(assume)
 
 
@@ -207,11 +358,11 @@ class Checking:
     all_scenarios: bool = False
     solver: str = "z3"
     temporal: Temporal = Temporal.LAZY
-    deadline: Deadline = Deadline()  # noqa: RUF009 - immutable
+    deadline: Deadline = NEVER
     on_stage: Callable[[str], None] | None = None
 
     def __post_init__(self) -> None:
-        self._verdict = Verdict.UNKNOWN
+        self._verdict = PlanVerdict.UNKNOWN
         self._execution: Execution | None = None
         self._scenarios: list[Mapping[str, str]] = []
         self._complete = not self.all_scenarios
@@ -230,15 +381,18 @@ class Checking:
                 self._found(execution)
             self._complete = True
             if self._execution is None:
-                self._verdict = Verdict.REFUTED
+                self._verdict = PlanVerdict.REFUTED
         except OutOfTimeError:
             pass  # the answer says what is missing
         except KeyboardInterrupt:
             interrupted = True
-        return self.so_far(interrupted=interrupted)
+        return self._known(interrupted)
 
-    def so_far(self, *, interrupted: bool = False) -> PikeCheck:
+    def so_far(self, *, timed_out: bool) -> PikeCheck:
         """What is known by now."""
+        return self._known(not timed_out)
+
+    def _known(self, interrupted: bool) -> PikeCheck:
         return PikeCheck(
             backend=self.backend,
             verdict=self._verdict,
@@ -250,7 +404,7 @@ class Checking:
         )
 
     def _found(self, execution: Execution) -> None:
-        self._verdict = Verdict.PROVED
+        self._verdict = PlanVerdict.PROVED
         self._execution = self._execution or execution
         self._scenarios.append(execution.scenario)
 
@@ -259,13 +413,9 @@ class Checking:
         return self._by_oracle() if self.backend == ORACLE else self._by_knowledge()
 
     def _by_oracle(self) -> Iterator[Execution]:
-        self._begin("formula")
-        started = time.perf_counter()
-        oracle = Oracle(self.plan, solver=self.solver)
-        self._seconds["formula"] = time.perf_counter() - started
-        self._begin("search")
-        started = time.perf_counter()
-        try:
+        with self._stage("formula"):
+            oracle = Oracle(self.plan, solver=self.solver)
+        with self._stage("search"):
             if self.all_scenarios:
                 yield from oracle.scenarios(self.assume, deadline=self.deadline)
                 return
@@ -274,8 +424,6 @@ class Checking:
                 raise OutOfTimeError
             if answer.witness is not None:
                 yield answer.witness
-        finally:
-            self._seconds["search"] = time.perf_counter() - started
 
     def _by_knowledge(self) -> Iterator[Execution]:
         compilation = Compiling(
@@ -287,9 +435,7 @@ class Checking:
             on_stage=self.on_stage,
             seconds=self._seconds,
         ).run()
-        self._begin("search")
-        started = time.perf_counter()
-        try:
+        with self._stage("search"):
             knowledge = compilation.knowledge
             knowledge.commit([Require(self.assume)], self.deadline)
             if self.all_scenarios:
@@ -297,12 +443,9 @@ class Checking:
                     yield execution_in(compilation, scenario, self.deadline)
             elif knowledge.satisfiable(self.deadline):
                 yield execution_in(compilation, ALWAYS, self.deadline)
-        finally:
-            self._seconds["search"] = time.perf_counter() - started
 
-    def _begin(self, stage: str) -> None:
-        if self.on_stage is not None:
-            self.on_stage(stage)
+    def _stage(self, name: str) -> AbstractContextManager[None]:
+        return _stage(name, self.on_stage, self._seconds)
 
 
 def scenarios(knowledge: KnowledgeBase, domains: Mapping[str, tuple[str, ...]], deadline: Deadline) -> Iterator[Guard]:
@@ -338,10 +481,8 @@ def execution_in(compilation: Compilation, environment: Guard, deadline: Deadlin
     model = extension(compilation.knowledge, compilation.augmented.theory.domains, environment, deadline)
     found = schedule(compilation.augmented.network, conjunction(model))
     if not isinstance(found, Schedule):
-        raise SolverError(
-            f"{compilation.backend} allows choices that have no schedule: {found.guard and sorted(found.guard)}; "
-            "please report this"
-        )
+        message = f"{compilation.backend} allows choices that have no schedule: {found.guard and sorted(found.guard)}"
+        raise SolverError(f"{message}; please report this")
     plan = compilation.augmented.plan
     start = min(found.times.values(), default=None)
     execution = Execution(
@@ -350,9 +491,8 @@ def execution_in(compilation: Compilation, environment: Guard, deadline: Deadlin
     )
     wrong = faults(plan, execution)
     if wrong:
-        raise SolverError(
-            f"{compilation.backend} gave an execution that is not correct: {wrong[0]}; please report this"
-        )
+        message = f"{compilation.backend} gave an execution that is not correct: {wrong[0]}"
+        raise SolverError(f"{message}; please report this")
     return execution
 
 
@@ -370,12 +510,10 @@ def extension(
         if name in model:
             continue
         for value in values:
-            commitments: list[Commitment] = [Require(conjunction({**model, name: value}))]
-            if knowledge.could_commit(commitments, deadline):
+            if knowledge.could_commit([Require(conjunction({**model, name: value}))], deadline):
                 model[name] = value
                 break
         else:
-            raise SolverError(
-                f"{knowledge.name} allows an environment, but no value of {name} in it; please report this"
-            )
+            message = f"{knowledge.name} allows an environment, but no value of {name} in it"
+            raise SolverError(f"{message}; please report this")
     return model

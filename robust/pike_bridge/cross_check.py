@@ -1,88 +1,41 @@
-"""Smaller plans that still show something: what a disagreement is reported with, as files that reproduce it."""
+"""Back ends asked the same questions as the semantic oracle, and the smallest plan about which one still disagrees.
+
+First the check itself, then shrinking of a plan that shows a disagreement, then such a plan as files that reproduce it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count, starmap
+from pathlib import Path
 from random import Random
 from typing import TypeVar
 
 from robust.errors import RobustError
+from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.compile import Compilation, Temporal, compile_plan, scenarios
 from robust.pike_bridge.knowledge import reasons_about_time
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
 from robust.pike_bridge.knowledge.interface import Commitment, Exclude, KnowledgeBase, Require
-from robust.pike_bridge.knowledge.network import Kind
+from robust.pike_bridge.knowledge.network import NodeKind
 from robust.pike_bridge.knowledge.tms import PiTms
-from robust.pike_bridge.model import Assignment, Condition, Effect, Guard, TeamPlan
+from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, Condition, Effect, Guard, Literal, TeamPlan
 from robust.pike_bridge.scenarios import restrict
 from robust.pike_bridge.semantics import Oracle
 from robust.pike_bridge.theory import Theory
 from robust.pike_bridge.validate import validate
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.plan.model import Atom
+from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 T = TypeVar("T")
-
-
-def shrink(plan: TeamPlan, shows: Callable[[TeamPlan], bool], deadline: Deadline) -> TeamPlan:
-    """The plan with as much left out as possible such that `shows` still holds of it, found greedily.
-
-    What is tried: making one choice in advance, and leaving out one activity, condition, effect or constraint. It ends
-    when nothing more can go, or at the deadline.
-    """
-    smaller: TeamPlan | None = plan
-    while smaller is not None:
-        plan = smaller
-        smaller = next((one for one in _smaller(plan) if not deadline.passed and _holds(shows, one)), None)
-    return plan
-
-
-def _holds(shows: Callable[[TeamPlan], bool], plan: TeamPlan) -> bool:
-    try:
-        validate(plan.network)  # it will be written to a file
-        return shows(plan)
-    except RobustError:
-        return False  # not a plan any more: another one has to do
-
-
-def _smaller(plan: TeamPlan) -> Iterator[TeamPlan]:
-    for choice in plan.network.choices:
-        for value in choice.domain:
-            yield restrict(plan, frozenset({Assignment(choice.name, value)}))
-    for place in range(len(plan.network.activities)):
-        yield without_activity(plan, place)
-    for at in range(len(plan.conditions)):
-        yield replace(plan, conditions=_without(plan.conditions, at))
-    for at in range(len(plan.effects)):
-        yield replace(plan, effects=_without(plan.effects, at))
-    constraints = plan.network.constraints
-    for at in range(len(constraints)):
-        yield replace(plan, network=replace(plan.network, constraints=_without(constraints, at)))
-
-
-def _without(items: tuple[T, ...], at: int) -> tuple[T, ...]:
-    return items[:at] + items[at + 1 :]
-
-
-def without_activity(plan: TeamPlan, place: int) -> TeamPlan:
-    """The plan without an activity; its events, and the constraint between them, stay."""
-    activity = plan.network.activities[place]
-    network = replace(
-        plan.network,
-        activities=_without(plan.network.activities, place),
-        constraints=(*plan.network.constraints, activity.duration),
-    )
-
-    def renumbered(owner: int | None) -> int | None:
-        return owner - 1 if owner is not None and owner > place else owner
-
-    conditions: tuple[Condition, ...] = tuple(
-        replace(one, activity=renumbered(one.activity)) for one in plan.conditions if one.activity != place
-    )
-    effects: tuple[Effect, ...] = tuple(
-        replace(one, activity=renumbered(one.activity)) for one in plan.effects if one.activity != place
-    )
-    return replace(plan, network=network, conditions=conditions, effects=effects)
+Owned = TypeVar("Owned", Condition, Effect)
+BACKENDS = ("bdd", "pitms", "atms", "sat")
+SUBJECT_LIMIT = 60.0
+"""Seconds for each back end, unless the whole has fewer."""
+SHRINK_LIMIT = 120.0
 
 
 SAMPLES = 20
@@ -125,7 +78,7 @@ class CrossCheck:
         return not self.disagreements
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Subject:
     """A back end to be examined, with the way in which time is reasoned about."""
 
@@ -137,6 +90,13 @@ class Subject:
         return f"{self.backend} ({self.temporal.value})"
 
 
+def subjects(backends: Sequence[str]) -> Iterator[Subject]:
+    """Each back end with each way of temporal reasoning."""
+    for temporal in Temporal:
+        for backend in backends:
+            yield Subject(backend, temporal)
+
+
 def cross_check(
     plan: TeamPlan,
     subjects: Sequence[Subject],
@@ -144,7 +104,7 @@ def cross_check(
     solver: str = "z3",
     seed: int = 0,
     samples: int = SAMPLES,
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    deadline: Deadline = NEVER,
     limit: float | None = None,
     on_subject: Callable[[str], None] | None = None,
 ) -> CrossCheck:
@@ -165,15 +125,85 @@ def cross_check(
     for subject in subjects:
         if on_subject is not None:
             on_subject(subject.name)
-        examination = _Examination(plan, subject, truth, outcome)
-        own = Deadline.after(_least(limit, deadline.remaining))
+        limits = [each for each in (limit, deadline.remaining) if each is not None]
+        own = Deadline.after(min(limits, default=None))
+        random = Random(seed)  # noqa: S311 - reproducible, not secret
+        examination = _Examination(plan, subject, solver, random, own, truth, outcome)
         try:
-            examination.run(solver, Random(seed), samples, own)  # noqa: S311 - reproducible, not secret
-            examination.count(counts, own)
+            examination.run(samples, counts)
         except OutOfTimeError:
             outcome.out_of_time.append(subject.name)
         outcome.questions[subject.name] = examination.asked
     return outcome
+
+
+@dataclass
+class Crossed:
+    """The outcome of a cross-check, None if not even the oracle has finished, and the plan written that shows it."""
+
+    outcome: CrossCheck | None = None
+    status: str = "complete"
+    written: Path | None = None
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the cross-check before it was done."""
+        return self.status != "complete"
+
+
+@dataclass
+class Crossing:
+    """A cross-check of all back ends; where they differ, a small plan that shows it is written to a directory."""
+
+    plan: TeamPlan
+    witness: Path | None = None
+    seed: int = 0
+    solver: str = "z3"
+    deadline: Deadline = NEVER
+    on_stage: Callable[[str], None] | None = None
+
+    def __post_init__(self) -> None:
+        self._crossed = Crossed()
+
+    def run(self) -> Crossed:
+        """Ask, compare, and shrink; a deadline ends it with what is known."""
+        crossed = self._crossed
+        try:
+            outcome = crossed.outcome = cross_check(
+                self.plan,
+                tuple(subjects(BACKENDS)),
+                solver=self.solver,
+                seed=self.seed,
+                deadline=self.deadline,
+                limit=SUBJECT_LIMIT,
+                on_subject=self.on_stage,
+            )
+        except OutOfTimeError:
+            crossed.status = "timeout"
+            return crossed
+        if outcome.out_of_time:
+            crossed.status = "timeout"
+        if not outcome.agree and self.witness is not None:
+            if self.on_stage is not None:
+                self.on_stage("shrinking")
+            crossed.written = self._shrunk(outcome, self.witness)
+        return crossed
+
+    def so_far(self, *, timed_out: bool) -> Crossed | None:
+        """What is known by now; None before the oracle has finished."""
+        if self._crossed.outcome is None:
+            return None
+        self._crossed.status = "timeout" if timed_out else "interrupted"
+        return self._crossed
+
+    def _shrunk(self, outcome: CrossCheck, witness: Path) -> Path:
+        """The smallest plan found on which the first subject still differs from the oracle, as files."""
+        [subject] = [one for one in subjects(BACKENDS) if one.name == outcome.disagreements[0].backend]
+
+        def shows(smaller: TeamPlan) -> bool:
+            return differing(smaller, subject, solver=self.solver, seed=self.seed, limit=10)
+
+        return propositional(shrink(self.plan, shows, Deadline.after(SHRINK_LIMIT))).write(witness)
 
 
 def _least(*limits: float | None) -> float | None:
@@ -186,54 +216,59 @@ class _Examination:
 
     plan: TeamPlan
     subject: Subject
+    solver: str
+    random: Random
+    deadline: Deadline
     truth: list[dict[str, str]]
+    """What is left of the scenarios after what was committed to."""
     outcome: CrossCheck
     asked: int = 0
-    compilation: Compilation | None = None
+    history: str = ""
+    """What was committed to."""
 
-    def run(self, solver: str, random: Random, samples: int, deadline: Deadline) -> None:
+    def run(self, samples: int, counts: dict[Temporal, tuple[str, int]]) -> None:
+        """Ask everything; `counts` are the numbers of models that others found, by the augmented plan."""
         domains = self.plan.network.domains
-        self.compilation = self._compile(solver, deadline)
-        knowledge = self.compilation.knowledge
-        self._state(knowledge, self.truth, "", deadline)
+        compilation = self._compile()
+        knowledge = compilation.knowledge
+        self._state(knowledge)
         for name, values in domains.items():
             for value in values:
-                self._could(knowledge, self.truth, [Require(frozenset({Assignment(name, value)}))], "", deadline)
+                self._could(knowledge, [Require(frozenset({Assignment(name, value)}))])
         for _ in range(samples):
-            self._could(knowledge, self.truth, commitments(domains, random), "", deadline)
-        self._sequence(solver, random, deadline)
+            self._could(knowledge, commitments(domains, self.random))
+        whole = self.truth
+        self._one_after_the_other(self._compile().knowledge)
+        self.truth, self.history = whole, ""
         if isinstance(knowledge, PiTms):
-            self._labels(knowledge, random, deadline)
+            self._labels(compilation, knowledge)
+        self._count(knowledge, counts)
 
-    def count(self, counts: dict[Temporal, tuple[str, int]], deadline: Deadline) -> None:
+    def _count(self, knowledge: KnowledgeBase, counts: dict[Temporal, tuple[str, int]]) -> None:
         """Models of one augmented plan are as many for each back end."""
-        if self.compilation is None:
-            return
         _, known = counts.get(self.subject.temporal, ("", 0))
         if known > LISTED and reasons_about_time(self.subject.backend):
             return  # a solver counts by listing
-        found = self.compilation.knowledge.count_models(deadline)
+        found = knowledge.count_models(self.deadline)
         name, expected = counts.setdefault(self.subject.temporal, (self.subject.name, found))
         self._compare(f"number of models, as {name} has it", expected, found)
 
-    def _sequence(self, solver: str, random: Random, deadline: Deadline) -> None:
+    def _one_after_the_other(self, knowledge: KnowledgeBase) -> None:
         """Commit to one thing after the other, and ask in between."""
-        knowledge = self._compile(solver, deadline).knowledge
-        left, history = self.truth, ""
         for _ in range(STEPS):
-            step = commitments(self.plan.network.domains, random)
-            kept = [one for one in left if allows(one, step)]
-            history = f"{history} after {_text(step)}"
-            self._could(knowledge, left, step, history, deadline)
-            knowledge.commit(step, deadline)
-            left = kept
-            self._state(knowledge, left, history, deadline)
-            if not left:
+            step = commitments(self.plan.network.domains, self.random)
+            self.history = f"{self.history} after {_text(step)}"
+            self._could(knowledge, step)
+            knowledge.commit(step, self.deadline)
+            self.truth = [one for one in self.truth if allows(one, step)]
+            self._state(knowledge)
+            if not self.truth:
                 break
 
-    def _labels(self, knowledge: PiTms, random: Random, deadline: Deadline) -> None:
+    def _labels(self, compilation: Compilation, knowledge: PiTms) -> None:
         """The goal's prime implicants, and labels of nodes, as a decision diagram has them [PIKE, Invariant 5.2]."""
-        theory = self._theory()
+        theory, deadline = compilation.augmented.theory, self.deadline
+        theory = replace(theory, conflicts=(*theory.conflicts, *compilation.conflicts))
         goal = BddKnowledgeBase(theory, deadline=deadline)
         count = goal.implicant_count(deadline)
         self._compare("number of prime implicants", count, knowledge.implicant_count())
@@ -242,50 +277,35 @@ class _Examination:
             self._compare("prime implicants", True, found == frozenset(goal.prime_implicants(deadline)))
         if count == 0:
             return  # nothing was compiled
-        nodes = [label for label in knowledge.labels(deadline) if label.node.kind is Kind.DERIVED]
-        for label in random.sample(nodes, min(LABELS, len(nodes))):
+        nodes = [label for label in knowledge.labels(deadline) if label.node.kind is NodeKind.DERIVED]
+        for label in self.random.sample(nodes, min(LABELS, len(nodes))):
             alone = Theory(theory.domains, (label.node.formula,), knowledge.simplified.conflicts)
             diagram = BddKnowledgeBase(alone, deadline=deadline)
             if diagram.implicant_count(deadline) <= LISTED:
                 same = label.environments == frozenset(diagram.prime_implicants(deadline))
                 self._compare(f"label of {label.node.formula}", True, same)
 
-    def _theory(self) -> Theory:
-        if self.compilation is None:
-            raise ValueError("nothing was compiled")
-        theory = self.compilation.augmented.theory
-        return replace(theory, conflicts=(*theory.conflicts, *self.compilation.conflicts))
+    def _compile(self) -> Compilation:
+        backend, temporal = self.subject.backend, self.subject.temporal
+        return compile_plan(self.plan, backend=backend, temporal=temporal, solver=self.solver, deadline=self.deadline)
 
-    def _compile(self, solver: str, deadline: Deadline) -> Compilation:
-        return compile_plan(
-            self.plan,
-            backend=self.subject.backend,
-            temporal=self.subject.temporal,
-            solver=solver,
-            deadline=deadline,
-        )
+    def _state(self, knowledge: KnowledgeBase) -> None:
+        """Whether an execution is left, and which scenarios are."""
+        self._compare("a correct execution exists", bool(self.truth), knowledge.satisfiable(self.deadline))
+        domains = self.plan.network.domains
+        found = {tuple(sorted(one)) for one in scenarios(knowledge, domains, self.deadline)}
+        expected = {tuple(sorted(Assignment(*item) for item in one.items())) for one in self.truth}
+        self._compare("scenarios that are missing", _listed(set()), _listed(expected - found))
+        self._compare("scenarios that are wrong", _listed(set()), _listed(found - expected))
 
-    def _state(self, knowledge: KnowledgeBase, truth: list[dict[str, str]], history: str, deadline: Deadline) -> None:
-        self._compare(f"a correct execution exists{history}", bool(truth), knowledge.satisfiable(deadline))
-        found = {tuple(sorted(one)) for one in scenarios(knowledge, self.plan.network.domains, deadline)}
-        expected = {tuple(sorted(Assignment(*item) for item in one.items())) for one in truth}
-        self._compare(f"scenarios that are missing{history}", _listed(set()), _listed(expected - found))
-        self._compare(f"scenarios that are wrong{history}", _listed(set()), _listed(found - expected))
-
-    def _could(
-        self,
-        knowledge: KnowledgeBase,
-        truth: list[dict[str, str]],
-        step: Sequence[Commitment],
-        history: str,
-        deadline: Deadline,
-    ) -> None:
-        expected = any(allows(one, step) for one in truth)
-        self._compare(f"could commit to {_text(step)}{history}", expected, knowledge.could_commit(step, deadline))
+    def _could(self, knowledge: KnowledgeBase, step: Sequence[Commitment]) -> None:
+        expected = any(allows(one, step) for one in self.truth)
+        self._compare(f"could commit to {_text(step)}", expected, knowledge.could_commit(step, self.deadline))
 
     def _compare(self, question: str, expected: object, found: object) -> None:
         self.asked += 1
         if expected != found:
+            question += self.history
             self.outcome.disagreements.append(Disagreement(self.subject.name, question, str(expected), str(found)))
 
 
@@ -327,17 +347,110 @@ def differing(
     plan: TeamPlan, subject: Subject, *, solver: str, seed: int, limit: float, samples: int = SAMPLES
 ) -> bool:
     """Whether the subject disagrees with the oracle about a plan; for shrinking, so within a limit of seconds."""
+    deadline = Deadline.after(limit)
     try:
-        outcome = cross_check(
-            plan, [subject], solver=solver, seed=seed, samples=samples, deadline=Deadline.after(limit)
-        )
+        return not cross_check(plan, [subject], solver=solver, seed=seed, samples=samples, deadline=deadline).agree
     except OutOfTimeError:
         return False
-    return not outcome.agree
 
 
-def subjects(backends: Sequence[str]) -> Iterator[Subject]:
-    """Each back end with each way of temporal reasoning."""
-    for temporal in Temporal:
-        for backend in backends:
-            yield Subject(backend, temporal)
+def shrink(plan: TeamPlan, shows: Callable[[TeamPlan], bool], deadline: Deadline) -> TeamPlan:
+    """The plan with as much left out as possible such that `shows` still holds of it, found greedily.
+
+    What is tried: making one choice in advance, and leaving out one activity, condition, effect or constraint. It ends
+    when nothing more can go, or at the deadline.
+    """
+    smaller: TeamPlan | None = plan
+    while smaller is not None:
+        plan = smaller
+        smaller = next((one for one in _smaller(plan) if not deadline.passed and _holds(shows, one)), None)
+    return plan
+
+
+def _holds(shows: Callable[[TeamPlan], bool], plan: TeamPlan) -> bool:
+    try:
+        validate(plan.network)  # it will be written to a file
+        return shows(plan)
+    except RobustError:
+        return False  # not a plan any more: another one has to do
+
+
+def _smaller(plan: TeamPlan) -> Iterator[TeamPlan]:
+    for choice in plan.network.choices:
+        for value in choice.domain:
+            yield restrict(plan, frozenset({Assignment(choice.name, value)}))
+    for place in range(len(plan.network.activities)):
+        yield _without_activity(plan, place)
+    yield from (replace(plan, conditions=left) for left in _without_one(plan.conditions))
+    yield from (replace(plan, effects=left) for left in _without_one(plan.effects))
+    for left in _without_one(plan.network.constraints):
+        yield replace(plan, network=replace(plan.network, constraints=left))
+
+
+def _without_one(items: tuple[T, ...]) -> Iterator[tuple[T, ...]]:
+    """What is left of the items without the first, without the second and so on."""
+    return (items[:at] + items[at + 1 :] for at in range(len(items)))
+
+
+def _without_activity(plan: TeamPlan, place: int) -> TeamPlan:
+    """The plan without an activity; its events, and the constraint between them, stay."""
+    activities, activity = plan.network.activities, plan.network.activities[place]
+    network = replace(
+        plan.network,
+        activities=activities[:place] + activities[place + 1 :],
+        constraints=(*plan.network.constraints, activity.duration),
+    )
+
+    def kept(items: tuple[Owned, ...]) -> tuple[Owned, ...]:
+        """What belongs to other activities, whose places may have changed."""
+        return tuple(
+            replace(one, activity=one.activity - 1) if one.activity is not None and one.activity > place else one
+            for one in items
+            if one.activity != place
+        )
+
+    return replace(plan, network=network, conditions=kept(plan.conditions), effects=kept(plan.effects))
+
+
+_LEGAL = re.compile(r"[^a-z0-9_-]+")
+
+
+def propositional(plan: TeamPlan) -> Instance:
+    """The network with its actions renamed, and a domain and a problem that mean the same plan."""
+    names = _names(plan)
+    activities = [replace(each, action=f"(act-{at})") for at, each in enumerate(plan.network.activities)]
+
+    def texts(literals: Iterable[Literal]) -> tuple[str, ...]:
+        return tuple(f"({names[one.atom]})" if one.positive else f"(not ({names[one.atom]}))" for one in literals)
+
+    def action(at: int, activity: Activity) -> ActionText:
+        needs = [one for one in plan.conditions if one.activity == at]
+        does = [one for one in plan.effects if one.activity == at]
+        moments = [one for one in needs if one.first == one.last]
+        return ActionText(
+            f"act-{at}",
+            at_start=texts(one.literal for one in moments if one.first == activity.source),
+            over_all=texts(one.literal for one in needs if one.first != one.last),
+            at_end=texts(one.literal for one in moments if one.first != activity.source),
+            start_effects=texts(one.literal for one in does if one.event == activity.source),
+            end_effects=texts(one.literal for one in does if one.event != activity.source),
+        )
+
+    initial = [one.literal for one in plan.effects if one.activity is None and one.event == INITIAL]
+    goal = [one.literal for one in plan.conditions if one.activity is None and one.first == GOAL]
+    return Instance(
+        replace(plan.network, activities=tuple(activities)),
+        sketched_domain("team", texts(map(Literal, names)), list(starmap(action, enumerate(activities)))),
+        sketched_problem("team", "team", texts(one for one in initial if one.positive), texts(goal)),
+    )
+
+
+def _names(plan: TeamPlan) -> dict[Atom, str]:
+    """A predicate without arguments for each atom."""
+    atoms = {one.literal.atom for one in plan.conditions} | {one.literal.atom for one in plan.effects}
+    names: dict[Atom, str] = {}
+    for atom in sorted(atoms, key=str):
+        base = "p-" + _LEGAL.sub("-", str(atom).lower()).strip("-")
+        numbered = (base if number == 1 else f"{base}-{number}" for number in count(1))
+        names[atom] = next(name for name in numbered if name not in names.values())
+    return names

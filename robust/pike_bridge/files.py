@@ -1,18 +1,22 @@
-"""`.tpnu.json` to plans with choices, with the place of everything that is written."""
+"""`.tpnu.json` files of plans with choices: read with the place of everything that is written, and written.
+
+What an object of the format has is said once, in the tables below, from which it is read and written. A published JSON
+Schema says the same.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from pathlib import Path as FilePath
-from typing import Final, TypeAlias, TypeVar
+from typing import Any, Final, TypeVar
 
 from robust.errors import InputError, Location, did_you_mean
+from robust.files import atomic_write
 from robust.json_text import Array, Constant, Json, Numeral, Object, Text, describe, parse_json, walk
 from robust.numbers import EXPECTED_NUMBER, format_number, is_number, parse_number, shorten
 from robust.pike_bridge.model import Activity, Choice, Constraint, Event, Guard, Tpnu
@@ -21,7 +25,7 @@ from robust.pike_bridge.validate import NOWHERE, Places
 from robust.plan.pddl.forms import read_text
 
 FORMAT: Final = "tpnu/1"
-SCHEMA_FILE: Final = FilePath(__file__).with_name("tpnu.schema.json")
+SCHEMA_FILE: Final = Path(__file__).with_name("tpnu.schema.json")
 """The JSON Schema of the format."""
 
 _ACTION = re.compile(r"\( *[^ ()]+(?: +[^ ()]+)* *\)")
@@ -41,9 +45,9 @@ class TpnuDocument:
     problem: str
     places: Places = NOWHERE
 
-    def beside(self, path: str) -> FilePath:
+    def beside(self, path: str) -> Path:
         """The path of a file that the document names."""
-        return FilePath(self.places.file or "").parent / path
+        return Path(self.places.file or "").parent / path
 
 
 def read_tpnu(path: str | os.PathLike[str]) -> TpnuDocument:
@@ -63,96 +67,52 @@ def parse_tpnu(text: str, file: str = "<tpnu>") -> TpnuDocument:
     """
     value = parse_json(text, file)
     places = Places(file, {path: inner.location for path, inner in walk(value)})
-    top = _Fields(
-        value,
-        "a plan with choices",
-        required=("format", "name", "domain", "problem", "events"),
-        optional=("choices", "constraints", "activities"),
-    )
-    top.read("format", _format)
-    network = Tpnu(
-        name=top.read("name", _text),
-        choices=top.optional("choices", _list(_choice), ()),
-        events=top.read("events", _list(_event)),
-        constraints=top.optional("constraints", _list(_constraint), ()),
-        activities=top.optional("activities", _list(_activity), ()),
-    )
-    return TpnuDocument(network, top.read("domain", _text), top.read("problem", _text), places)
+    found = _DOCUMENT.read(value)
+    lists = {key: found.get(key, ()) for key in ("choices", "events", "constraints", "activities")}
+    return TpnuDocument(Tpnu(found["name"], **lists), found["domain"], found["problem"], places)
 
 
-# -- the parts of a plan ---------------------------------------------------------------------------------------------
+def write_tpnu(path: str | os.PathLike[str], network: Tpnu, *, domain: str, problem: str) -> None:
+    """Write a network as a `.tpnu.json` file.
+
+    Args:
+        domain: the path of the domain as it is to be written: relative to the file.
+        problem: the path of the problem, likewise.
+
+    Raises:
+        InputError: if the file cannot be written, or the network is not one that :func:`tpnu_text` can write.
+    """
+    text = tpnu_text(network, domain=domain, problem=problem)
+    try:
+        atomic_write(path, text, None)
+    except (OSError, ValueError) as error:
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        raise InputError(f"cannot write ({reason}), expected a file that can be written", Location(str(path))) from None
 
 
-def _choice(value: Json) -> Choice:
-    fields = _Fields(value, "a choice", required=("name", "domain", "controllable", "at"))
-    return Choice(
-        name=fields.read("name", _text),
-        domain=fields.read("domain", _domain),
-        controllable=fields.read("controllable", _boolean),
-        event=fields.read("at", _text),
-    )
+def tpnu_text(network: Tpnu, *, domain: str, problem: str) -> str:
+    """The text of the `.tpnu.json` file of a network; reading it gives the same network.
 
-
-def _event(value: Json) -> Event:
-    fields = _Fields(value, "an event", required=("name",), optional=("guard",))
-    return Event(fields.read("name", _text), fields.guard())
-
-
-def _constraint(value: Json) -> Constraint:
-    fields = _Fields(value, "a constraint", required=("from", "to", "lower", "upper"), optional=("guard",))
-    return Constraint(
-        source=fields.read("from", _text),
-        target=fields.read("to", _text),
-        lower=fields.read("lower", _bound),
-        upper=fields.read("upper", _bound),
-        guard=fields.guard(),
-    )
-
-
-def _activity(value: Json) -> Activity:
-    required = ("action", "from", "to", "lower", "upper")
-    fields = _Fields(value, "an activity", required=required, optional=("agent", "guard"))
-    return Activity(
-        action=fields.read("action", _action),
-        source=fields.read("from", _text),
-        target=fields.read("to", _text),
-        lower=fields.read("lower", _number),
-        upper=fields.read("upper", _bound),
-        agent=fields.optional("agent", _text_or_null, None),
-        guard=fields.guard(),
-        location=value.location,
-    )
+    Raises:
+        InputError: if the network has what the format cannot say: a choice that no event decides or without values, a
+            guard with two values of one choice, an empty name, or an action that is no PDDL in lower case.
+    """
+    for choice in network.choices:
+        if choice.event is None:
+            raise InputError(f"choice {choice.name!r} has no event; expected one to write the plan to a file")
+    heads = {"format": FORMAT, "name": network.name, "domain": domain, "problem": problem}
+    members = [f"  {_json(key)}: {_json(value)}" for key, value in heads.items()]
+    for key, part in _LISTS.items():
+        rows = [f"    {part.text(each)}" for each in getattr(network, key)]
+        members.append(f"  {_json(key)}: " + ("[\n" + ",\n".join(rows) + "\n  ]" if rows else "[]"))
+    text = "{\n" + ",\n".join(members) + "\n}\n"
+    if parse_tpnu(text, network.name).network != network:
+        expected = "actions in lower case with single blanks, and one value of a choice in each guard"
+        raise InputError(f"plan {network.name!r} would not be read as it was written; expected {expected}")
+    return text
 
 
 # -- values ----------------------------------------------------------------------------------------------------------
-
-
-class _Fields:
-    """The members of an object, whose keys are checked."""
-
-    def __init__(self, value: Json, what: str, *, required: tuple[str, ...], optional: tuple[str, ...] = ()) -> None:
-        if not isinstance(value, Object):
-            raise _fault(value, f"{what}: an object in braces")
-        known = (*required, *optional)
-        for key in value.keys:
-            if key.value not in known:
-                hint = did_you_mean(key.value, known)
-                raise InputError(f"found key {shorten(key.value)}, expected one of {what}{hint}", key.location)
-        for name in required:
-            if name not in value.members:
-                raise InputError(
-                    f"found {what} without {name!r}, expected all of {', '.join(required)}", value.location
-                )
-        self._members = value.members
-
-    def read(self, key: str, reader: Callable[[Json], T]) -> T:
-        return reader(self._members[key])
-
-    def optional(self, key: str, reader: Callable[[Json], T], default: T) -> T:
-        return self.read(key, reader) if key in self._members else default
-
-    def guard(self) -> Guard:
-        return self.optional("guard", _guard, frozenset())
 
 
 def _fault(value: Json, expected: str) -> InputError:
@@ -178,7 +138,11 @@ def _text(value: Json) -> str:
 
 
 def _text_or_null(value: Json) -> str | None:
-    return None if isinstance(value, Constant) and value.value is None else _text(value)
+    return None if _is_null(value) else _text(value)
+
+
+def _is_null(value: Json) -> bool:
+    return isinstance(value, Constant) and value.value is None
 
 
 def _format(value: Json) -> str:
@@ -202,7 +166,7 @@ def _number(value: Json) -> Fraction:
 
 
 def _bound(value: Json) -> Fraction | None:
-    if isinstance(value, Constant) and value.value is None:
+    if _is_null(value):
         return None
     if isinstance(value, (Numeral, Text)):
         return _number(value)
@@ -236,102 +200,107 @@ def _action(value: Json) -> str:
     return f"({' '.join(word for word in text.lower().strip('()').split(' ') if word)})"
 
 
-_Value: TypeAlias = str | bool | Fraction | tuple[str, ...] | dict[str, str] | None
+def _json(value: object) -> str:
+    """JSON text; guards are objects, and fractions that are no decimals texts."""
+    match value:
+        case Fraction():
+            text = format_number(value)
+            return f'"{text}"' if "/" in text else text
+        case frozenset():
+            return json.dumps(dict(sorted(value)), ensure_ascii=False)
+        case _:
+            return json.dumps(value, ensure_ascii=False)
 
 
-def write_tpnu(path: str | os.PathLike[str], network: Tpnu, *, domain: str, problem: str) -> None:
-    """Write a network as a `.tpnu.json` file.
-
-    Args:
-        domain: the path of the domain as it is to be written: relative to the file.
-        problem: the path of the problem, likewise.
-
-    Raises:
-        InputError: if the file cannot be written, or the network is not one that :func:`tpnu_text` can write.
-    """
-    text = tpnu_text(network, domain=domain, problem=problem)
-    try:
-        Path(path).write_text(text, encoding="utf-8")
-    except (OSError, ValueError) as error:
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
-        raise InputError(f"cannot write ({reason}), expected a file that can be written", Location(str(path))) from None
+# -- objects ---------------------------------------------------------------------------------------------------------
 
 
-def tpnu_text(network: Tpnu, *, domain: str, problem: str) -> str:
-    """The text of the `.tpnu.json` file of a network; reading it gives the same network.
+@dataclass(frozen=True, slots=True)
+class _Member:
+    """A key of an object, the field that it is, and how its value is read."""
 
-    Raises:
-        InputError: if the network has what the format cannot say: a choice that no event decides or without values, a
-            guard with two values of one choice, an empty name, or an action that is no PDDL in lower case.
-    """
-    heads = {"format": FORMAT, "name": network.name, "domain": domain, "problem": problem}
-    lists = {
-        "choices": [_choice_object(choice) for choice in network.choices],
-        "events": [_event_object(event) for event in network.events],
-        "constraints": [_constraint_object(constraint) for constraint in network.constraints],
-        "activities": [_activity_object(activity) for activity in network.activities],
-    }
-    members = [f"  {_json(key)}: {_json(value)}" for key, value in heads.items()]
-    members += [f"  {_json(key)}: {_rows(rows)}" for key, rows in lists.items()]
-    text = "{\n" + ",\n".join(members) + "\n}\n"
-    if parse_tpnu(text, network.name).network != network:
-        expected = "actions in lower case with single blanks, and one value of a choice in each guard"
-        raise InputError(f"plan {network.name!r} would not be read as it was written; expected {expected}")
-    return text
+    key: str
+    field: str
+    read: Callable[[Json], object]
+    required: bool = True
+    """What is not may be missing, and is not written if it is None or empty."""
 
 
-def _choice_object(choice: Choice) -> dict[str, _Value]:
-    if choice.event is None:
-        raise InputError(f"choice {choice.name!r} has no event; expected one to write the plan to a file")
-    return {
-        "name": choice.name,
-        "domain": choice.domain,
-        "controllable": choice.controllable,
-        "at": choice.event,
-    }
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A kind of object: what messages call it, and its members, the required ones first."""
+
+    what: str
+    members: tuple[_Member, ...]
+    make: Callable[..., Any] = dict
+    located: bool = False
+    """Whether it keeps its place."""
+
+    def read(self, value: Json) -> Any:
+        """What is made of the fields that are there; InputError if keys are unknown or missing, or values wrong."""
+        if not isinstance(value, Object):
+            raise _fault(value, f"{self.what}: an object in braces")
+        known = {member.key: member for member in self.members}
+        for key in value.keys:
+            if key.value not in known:
+                hint = did_you_mean(key.value, known)
+                raise InputError(f"found key {shorten(key.value)}, expected one of {self.what}{hint}", key.location)
+        required = [member.key for member in self.members if member.required]
+        for name in required:
+            if name not in value.members:
+                message = f"found {self.what} without {name!r}, expected all of {', '.join(required)}"
+                raise InputError(message, value.location)
+        found = {each.field: each.read(value.members[each.key]) for each in self.members if each.key in value.members}
+        return self.make(**found, **({"location": value.location} if self.located else {}))
+
+    def text(self, part: object) -> str:
+        """The object in one line."""
+        found = ((member, getattr(part, member.field)) for member in self.members)
+        written = (f"{_json(member.key)}: {_json(value)}" for member, value in found if member.required or value)
+        return f"{{{', '.join(written)}}}"
 
 
-def _event_object(event: Event) -> dict[str, _Value]:
-    return {"name": event.name, **_guard_object(event.guard)}
-
-
-def _constraint_object(constraint: Constraint) -> dict[str, _Value]:
-    return {
-        "from": constraint.source,
-        "to": constraint.target,
-        "lower": constraint.lower,
-        "upper": constraint.upper,
-        **_guard_object(constraint.guard),
-    }
-
-
-def _activity_object(activity: Activity) -> dict[str, _Value]:
-    return {
-        "action": activity.action,
-        "from": activity.source,
-        "to": activity.target,
-        "lower": activity.lower,
-        "upper": activity.upper,
-        **({} if activity.agent is None else {"agent": activity.agent}),
-        **_guard_object(activity.guard),
-    }
-
-
-def _guard_object(guard: Guard) -> dict[str, _Value]:
-    return {"guard": dict(sorted(guard))} if guard else {}
-
-
-def _rows(rows: Iterable[Mapping[str, _Value]]) -> str:
-    lines = [f"    {{{', '.join(f'{_json(key)}: {_json(value)}' for key, value in row.items())}}}" for row in rows]
-    return "[\n" + ",\n".join(lines) + "\n  ]" if lines else "[]"
-
-
-def _json(value: _Value) -> str:
-    """JSON text; fractions that are no decimals are texts."""
-    if isinstance(value, Fraction):
-        text = format_number(value)
-        return f'"{text}"' if "/" in text else text
-    return json.dumps(value, ensure_ascii=False)
-
-
-__all__ = ["FORMAT", "SCHEMA_FILE", "TpnuDocument", "parse_tpnu", "read_tpnu", "tpnu_text", "write_tpnu"]
+_GUARD_MEMBER = _Member("guard", "guard", _guard, required=False)
+_ENDS = (_Member("from", "source", _text), _Member("to", "target", _text))
+_LISTS: Final[Mapping[str, _Part]] = {
+    "choices": _Part(
+        "a choice",
+        (
+            _Member("name", "name", _text),
+            _Member("domain", "domain", _domain),
+            _Member("controllable", "controllable", _boolean),
+            _Member("at", "event", _text),
+        ),
+        Choice,
+    ),
+    "events": _Part("an event", (_Member("name", "name", _text), _GUARD_MEMBER), Event),
+    "constraints": _Part(
+        "a constraint",
+        (*_ENDS, _Member("lower", "lower", _bound), _Member("upper", "upper", _bound), _GUARD_MEMBER),
+        Constraint,
+    ),
+    "activities": _Part(
+        "an activity",
+        (
+            _Member("action", "action", _action),
+            *_ENDS,
+            _Member("lower", "lower", _number),
+            _Member("upper", "upper", _bound),
+            _Member("agent", "agent", _text_or_null, required=False),
+            _GUARD_MEMBER,
+        ),
+        Activity,
+        located=True,
+    ),
+}
+_DOCUMENT: Final = _Part(
+    "a plan with choices",
+    (
+        _Member("format", "format", _format),
+        *(_Member(key, key, _text) for key in ("name", "domain", "problem")),
+        *(
+            _Member(key, key, _list(_LISTS[key].read), required=key == "events")
+            for key in ("events", "choices", "constraints", "activities")
+        ),
+    ),
+)

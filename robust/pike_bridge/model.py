@@ -49,6 +49,12 @@ def guard_text(conjunction: Guard) -> str:
     return ", ".join(str(assignment) for assignment in sorted(conjunction))
 
 
+def contradicts(one: Guard, other: Guard) -> bool:
+    """Whether no scenario entails both: some choice has different values in them."""
+    values = dict(one)
+    return any(values.get(variable, value) != value for variable, value in other)
+
+
 @dataclass(frozen=True, slots=True)
 class Choice:
     """A choice variable, decided by the executive (controllable) or by a human or nature, at an event at the latest."""

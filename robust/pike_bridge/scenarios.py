@@ -7,25 +7,28 @@ from collections.abc import Iterator, Mapping, Set
 from dataclasses import replace
 from itertools import product
 from math import prod
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from robust.errors import InputError
 from robust.pike_bridge.model import (
     ALWAYS,
+    Activity,
     Assignment,
     Choice,
+    Condition,
+    Constraint,
+    Effect,
+    Event,
     Guard,
     TeamPlan,
     Tpnu,
     assignments,
+    contradicts,
     guard_text,
 )
 
-
-def contradicts(one: Guard, other: Guard) -> bool:
-    """Whether no scenario entails both: some choice has different values in them."""
-    values = dict(one)
-    return any(values.get(variable, value) != value for variable, value in other)
+Owned = TypeVar("Owned", Condition, Effect)
+Guarded = TypeVar("Guarded", Event, Constraint, Activity, Condition, Effect)
 
 
 # -- team scenarios --------------------------------------------------------------------------------------------------
@@ -179,19 +182,19 @@ def restrict(plan: TeamPlan, environment: Guard) -> TeamPlan:
     restriction = _Restriction(environment)
     kept = [at for at, activity in enumerate(plan.network.activities) if restriction.keeps(activity.guard)]
     places: dict[int | None, int | None] = {None: None, **{before: after for after, before in enumerate(kept)}}
-    conditions = tuple(
-        replace(one, guard=restriction.rest(one.guard), activity=places[one.activity])
-        for one in plan.conditions
-        if restriction.keeps(one.guard) and one.activity in places
-    )
-    effects = tuple(
-        replace(one, guard=restriction.rest(one.guard), activity=places[one.activity])
-        for one in plan.effects
-        if restriction.keeps(one.guard) and one.activity in places
-    )
-    guards = [one.guard for one in conditions] + [one.guard for one in effects]
-    mentioned = {variable for variable, _ in assignments(guards)}
+
+    def moved(items: tuple[Owned, ...]) -> tuple[Owned, ...]:
+        """With the new places of their activities; what is of an activity that is gone goes with it."""
+        there = (one for one in restriction.parts(items) if one.activity in places)
+        return tuple(replace(one, activity=places[one.activity]) for one in there)
+
+    conditions, effects = moved(plan.conditions), moved(plan.effects)
+    mentioned = {variable for variable, _ in assignments(_guards(conditions) + _guards(effects))}
     return replace(plan, network=restriction.network(plan.network, mentioned), conditions=conditions, effects=effects)
+
+
+def _guards(items: tuple[Guarded, ...]) -> list[Guard]:
+    return [one.guard for one in items]
 
 
 class _Restriction:
@@ -199,35 +202,29 @@ class _Restriction:
         if len({variable for variable, _ in environment}) < len(environment):
             raise InputError(f"found two values of one choice in {{{guard_text(environment)}}}, expected one")
         self._environment = environment
-        self._decided = {variable for variable, _ in environment}
 
     def keeps(self, guard: Guard) -> bool:
         return not contradicts(self._environment, guard)
 
-    def rest(self, guard: Guard) -> Guard:
-        return guard - self._environment
+    def parts(self, parts: tuple[Guarded, ...]) -> tuple[Guarded, ...]:
+        """Those that are left, with what is left of their guards."""
+        return tuple(replace(one, guard=one.guard - self._environment) for one in parts if self.keeps(one.guard))
 
     def network(self, network: Tpnu, mentioned: Set[str] = frozenset()) -> Tpnu:
         """What is left of a network; choices in `mentioned` stay although their event may be gone."""
-        events = tuple(replace(one, guard=self.rest(one.guard)) for one in network.events if self.keeps(one.guard))
-        constraints = tuple(
-            replace(one, guard=self.rest(one.guard)) for one in network.constraints if self.keeps(one.guard)
-        )
-        activities = tuple(
-            replace(one, guard=self.rest(one.guard)) for one in network.activities if self.keeps(one.guard)
-        )
-        guards = [one.guard for one in events]
-        guards += [one.guard for one in constraints]
-        guards += [one.guard for one in activities]
+        events, constraints = self.parts(network.events), self.parts(network.constraints)
+        activities = self.parts(network.activities)
+        guards = _guards(events) + _guards(constraints) + _guards(activities)
         used = {variable for variable, _ in assignments(guards)} | mentioned
         choices = self._choices(network.choices, {event.name for event in events}, used)
         return replace(network, choices=choices, events=events, constraints=constraints, activities=activities)
 
     def _choices(self, choices: tuple[Choice, ...], events: set[str], used: set[str]) -> tuple[Choice, ...]:
         """The open choices; one whose event is gone stays only if something still depends on it."""
+        decided = {variable for variable, _ in self._environment}
         left = []
         for choice in choices:
-            if choice.name in self._decided:
+            if choice.name in decided:
                 continue
             if choice.event is None or choice.event in events:
                 left.append(choice)

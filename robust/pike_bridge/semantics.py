@@ -1,4 +1,8 @@
-"""What a correct execution is, as formulas over choices and event times [PIKE, Definitions 2.5 and 2.6]."""
+"""What a correct execution is [PIKE, Definitions 2.5 to 2.8]: as formulas, as an oracle, and as a referee.
+
+The formulas are over choices and event times; the oracle asks a solver about them; the referee looks at one execution
+by simulating it, and confirms every execution that a solver or a knowledge base gives.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
-from itertools import combinations, product
+from itertools import combinations
 from types import MappingProxyType
 from typing import TypeAlias, assert_never
 
@@ -22,11 +26,13 @@ from robust.pike_bridge.model import (
     Literal,
     TeamPlan,
     Tpnu,
+    contradicts,
     guard,
 )
+from robust.pike_bridge.scenarios import team_scenarios
 from robust.plan.model import Atom
 from robust.plan.polynomial import Polynomial
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Statistics, Value, Verdict
 from robust.smt.terms import Formula, Terms
 
@@ -49,17 +55,17 @@ class Semantics:
         self._plan = plan
         self._choices = plan.network.choices
         self._values: dict[Assignment, Formula] = {}
-        domains = [formula for choice in self._choices for formula in self._declare(choice)]
+        self.domains = tuple(formula for choice in self._choices for formula in self._declare(choice))
+        """That each choice has one value."""
         self._times = {event.name: Polynomial.variable(f"time of {event.name}") for event in plan.network.events}
         self._orders: dict[tuple[str, str], Formula] = {}
         self._effects: dict[Literal, list[Effect]] = {}
         for effect in plan.effects:
             self._effects.setdefault(effect.literal, []).append(effect)
-        self.formulas: tuple[Formula, ...] = (
-            *domains,
-            *(self._constraint(each) for each in plan.network.temporal_constraints),
-            *(self._condition(each) for each in plan.conditions),
-        )
+        constraints = [self._constraint(each) for each in plan.network.temporal_constraints]
+        self.conditions = tuple(self._condition(each) for each in plan.conditions)
+        """Of each condition that it is met."""
+        self.formulas: tuple[Formula, ...] = (*self.domains, *constraints, *self.conditions)
         self.choices: frozenset[Formula] = frozenset().union(*map(self.terms.variables, self._values.values()))
         """The symbols of choices."""
 
@@ -147,55 +153,33 @@ class Semantics:
         threats = [
             effect
             for effect in self._effects.get(condition.literal.negation, [])
-            if not self._exempt(effect, condition) and _compatible(condition.guard, effect.guard)
+            if _contradicts(effect, condition) and not contradicts(condition.guard, effect.guard)
         ]
         supports = (
             self._support(producer, threats, condition)
             for producer in self._effects.get(condition.literal, [])
-            if _compatible(condition.guard, producer.guard)
+            if not contradicts(condition.guard, producer.guard)
         )
         return self.unless(condition.guard, self.terms.disjunction(supports))
 
     def _support(self, producer: Effect, threats: list[Effect], condition: Condition) -> Formula:
-        return self.terms.conjunction(
-            (
-                self.guard(producer.guard),
-                self._in_time(producer, condition),
-                *(
-                    self.unless(
-                        threat.guard,
-                        self.terms.disjunction(
-                            (self._before(threat.event, producer.event), self._before(condition.last, threat.event))
-                        ),
-                    )
-                    for threat in threats
-                    if _compatible(producer.guard, threat.guard)
-                ),
+        first, last = producer.event, condition.last
+        in_time = self.terms.true if _establishes(producer, condition) else self._before(first, condition.first)
+        away = (
+            self.unless(
+                threat.guard,
+                self.terms.disjunction((self._before(threat.event, first), self._before(last, threat.event))),
             )
+            for threat in threats
+            if not contradicts(producer.guard, threat.guard)
         )
-
-    def _in_time(self, producer: Effect, condition: Condition) -> Formula:
-        over_all = condition.first != condition.last
-        own = producer.activity is not None and producer.activity == condition.activity
-        if over_all and own and producer.event == condition.first:
-            return self.terms.true
-        return self._before(producer.event, condition.first)
-
-    def _exempt(self, threat: Effect, condition: Condition) -> bool:
-        own = threat.activity is not None and threat.activity == condition.activity
-        return own and threat.event == condition.last
+        return self.terms.conjunction((self.guard(producer.guard), in_time, *away))
 
     def _before(self, earlier: str, later: str) -> Formula:
         order = (earlier, later)
         if order not in self._orders:
             self._orders[order] = self.terms.greater(self._time(later) - self._time(earlier))
         return self._orders[order]
-
-
-def _compatible(one: Guard, other: Guard) -> bool:
-    """Whether no choice has different values in the two guards."""
-    values = dict(one)
-    return all(values.get(variable, value) == value for variable, value in other)
 
 
 Assumption: TypeAlias = Guard | Sequence[Commitment]
@@ -241,7 +225,7 @@ class Oracle:
         schedule: Mapping[str, Fraction] = NO_TIMES,
         *,
         now: Fraction | None = None,
-        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+        deadline: Deadline = NEVER,
     ) -> Answer:
         """Whether the partial execution is correct [PIKE, Definition 2.8]: whether a correct execution extends it.
 
@@ -270,7 +254,7 @@ class Oracle:
         schedule: Mapping[str, Fraction] = NO_TIMES,
         *,
         now: Fraction | None = None,
-        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+        deadline: Deadline = NEVER,
     ) -> bool:
         """As :meth:`decide`, in the manner of knowledge bases.
 
@@ -284,12 +268,7 @@ class Oracle:
             raise OutOfTimeError
         return answer.verdict is Existence.EXISTS
 
-    def scenarios(
-        self,
-        assume: Assumption = frozenset(),
-        *,
-        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
-    ) -> Iterator[Execution]:
+    def scenarios(self, assume: Assumption = frozenset(), *, deadline: Deadline = NEVER) -> Iterator[Execution]:
         """Each team scenario that admits a correct execution, once, with such an execution, as they are found.
 
         Choices that a scenario never comes to have a value in it, too [PIKE, Definition 2.2].
@@ -301,7 +280,7 @@ class Oracle:
         """
         session = self._start()
         session.add(*self._assumptions(assume))
-        mentioned = _by_choice((*_guards(self.plan), *_environments(assume)))
+        mentioned = _by_choice((*_guards(self.plan), *(each.environment for each in _commitments(assume))))
         seen: list[Guard] = []
         while True:
             match session.check("another scenario", deadline):
@@ -312,7 +291,7 @@ class Oracle:
                 case Verdict.SATISFIABLE:
                     witness = self._witness(session, movable=True)
                     alike = self._alike(witness.scenario, mentioned)
-                    for scenario in self._extensions(alike):
+                    for scenario in team_scenarios(self.plan.network, alike):
                         if not any(holds(earlier, scenario) for earlier in seen):
                             deadline.enforce()
                             yield self._confirmed(Execution(scenario, witness.schedule))
@@ -331,22 +310,13 @@ class Oracle:
                 del kept[name]
         return guard(kept)
 
-    def _extensions(self, environment: Guard) -> Iterator[dict[str, str]]:
-        chosen = dict(environment)
-        choices = self.plan.network.choices
-        for values in product(*((chosen[each.name],) if each.name in chosen else each.domain for each in choices)):
-            yield {choice.name: value for choice, value in zip(choices, values, strict=True)}
-
     def _start(self) -> Session:
         session = Session(self._semantics.terms, solver=self._solver, statistics=self.statistics)
         session.add(*self._semantics.formulas)
         return session
 
     def _assumptions(self, assume: Assumption) -> Iterator[Formula]:
-        if isinstance(assume, frozenset):
-            yield self._semantics.guard(assume)
-            return
-        for commitment in assume:
+        for commitment in _commitments(assume):
             match commitment:
                 case Require(environment):
                     yield self._semantics.guard(environment)
@@ -391,11 +361,8 @@ def _guards(plan: TeamPlan) -> set[Guard]:
     return found | {each.guard for each in plan.conditions} | {each.guard for each in plan.effects}
 
 
-def _environments(assume: Assumption) -> Iterator[Guard]:
-    if isinstance(assume, frozenset):
-        yield assume
-    else:
-        yield from (commitment.environment for commitment in assume)
+def _commitments(assume: Assumption) -> Sequence[Commitment]:
+    return [Require(assume)] if isinstance(assume, frozenset) else assume
 
 
 def _by_choice(guards: Iterable[Guard]) -> dict[str, set[Guard]]:
@@ -426,10 +393,8 @@ class BrokenConstraint:
     def __str__(self) -> str:
         lower = "-∞" if self.constraint.lower is None else self.constraint.lower
         upper = "∞" if self.constraint.upper is None else self.constraint.upper
-        return (
-            f"{self.constraint.target} is {self.difference} after {self.constraint.source}; "
-            f"expected between {lower} and {upper}"
-        )
+        found = f"{self.constraint.target} is {self.difference} after {self.constraint.source}"
+        return f"{found}; expected between {lower} and {upper}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,15 +1,18 @@
-"""Propositional state logic: formulas over assignments to finite-domain variables [PIKE §5.3]."""
+"""Propositional state logic: formulas and theories over assignments to finite-domain variables [PIKE §5.3].
+
+Formulas may be very deep, so that everything here goes through them without recursion, by :func:`fold`.
+"""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import TypeAlias, assert_never
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final, TypeAlias, TypeVar, assert_never
 
-from robust.pike_bridge.action_model import Instance
-from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, Condition, Guard, Literal, TeamPlan
-from robust.plan.model import Atom
+from robust.errors import InputError, did_you_mean
+from robust.pike_bridge.model import Assignment, Guard
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,19 +65,71 @@ class Theory:
     conflicts: tuple[Guard, ...] = ()
 
 
-def satisfies(scenario: Mapping[str, str], formula: Formula) -> bool:
-    """Whether a full assignment satisfies a formula."""
+TRUE: Final = All(())
+FALSE: Final = Some(())
+
+
+def operands(formula: Formula) -> tuple[Formula, ...]:
+    """The immediate subformulas."""
     match formula:
-        case Is(assignment):
-            return scenario[assignment.variable] == assignment.value
+        case Is():
+            return ()
         case Not(operand):
-            return not satisfies(scenario, operand)
-        case All(operands):
-            return all(satisfies(scenario, operand) for operand in operands)
-        case Some(operands):
-            return any(satisfies(scenario, operand) for operand in operands)
+            return (operand,)
+        case All(parts) | Some(parts):
+            return parts
         case _:
             assert_never(formula)
+
+
+def _bottom_up(formula: Formula) -> list[Formula]:
+    """All subformulas, each after its operands; repeated ones as often as they occur."""
+    order: list[Formula] = []
+    stack: list[Formula] = [formula]
+    while stack:
+        one = stack.pop()
+        order.append(one)
+        stack.extend(operands(one))
+    return order[::-1]
+
+
+def fold(formula: Formula, combine: Callable[[Formula, list[T]], T]) -> T:
+    """The value of a formula, computed from those of its operands, bottom up."""
+    values: dict[int, T] = {}  # by identity: hashing a deep formula would recurse
+    for one in _bottom_up(formula):
+        if id(one) not in values:
+            values[id(one)] = combine(one, [values[id(operand)] for operand in operands(one)])
+    return values[id(formula)]
+
+
+def interpret(
+    formula: Formula,
+    assignment: Callable[[Assignment], T],
+    negation: Callable[[T], T],
+    conjunction: Callable[[list[T]], T],
+    disjunction: Callable[[list[T]], T],
+) -> T:
+    """The value of a formula, where each connective is given by what it does to values."""
+
+    def combine(one: Formula, parts: list[T]) -> T:
+        match one:
+            case Is(made):
+                return assignment(made)
+            case Not():
+                return negation(parts[0])
+            case All():
+                return conjunction(parts)
+            case Some():
+                return disjunction(parts)
+            case _:
+                assert_never(one)
+
+    return fold(formula, combine)
+
+
+def satisfies(scenario: Mapping[str, str], formula: Formula) -> bool:
+    """Whether a full assignment satisfies a formula."""
+    return interpret(formula, lambda made: scenario[made.variable] == made.value, lambda one: not one, all, any)
 
 
 def is_model(scenario: Mapping[str, str], theory: Theory) -> bool:
@@ -84,76 +139,77 @@ def is_model(scenario: Mapping[str, str], theory: Theory) -> bool:
     )
 
 
-_LEGAL = re.compile(r"[^a-z0-9_-]+")
+def conjunction_of(formulas: Iterable[Formula]) -> Formula:
+    """All of the formulas, with constants folded and nested conjunctions flattened."""
+    parts: list[Formula] = []
+    for formula in formulas:
+        if formula == FALSE:
+            return FALSE
+        parts.extend(formula.operands if isinstance(formula, All) else (formula,))
+    return parts[0] if len(parts) == 1 else All(tuple(parts))
 
 
-def propositional(plan: TeamPlan) -> Instance:
-    """The network with its actions renamed, and a domain and a problem that mean the same plan."""
-    names = _names(plan)
-    activities = tuple(
-        replace(activity, action=f"(act-{place})") for place, activity in enumerate(plan.network.activities)
+def disjunction_of(formulas: Iterable[Formula]) -> Formula:
+    """Some of the formulas, with constants folded and nested disjunctions flattened."""
+    parts: list[Formula] = []
+    for formula in formulas:
+        if formula == TRUE:
+            return TRUE
+        parts.extend(formula.operands if isinstance(formula, Some) else (formula,))
+    return parts[0] if len(parts) == 1 else Some(tuple(parts))
+
+
+def normal_form(formula: Formula, literal: Callable[[Assignment, bool], Formula]) -> Formula:
+    """The formula with negations pushed inwards by De Morgan's laws, and constants folded [PIKE §5.3].
+
+    Args:
+        literal: what an assignment (True) or its negation (False) becomes.
+    """
+    # The value of a formula is its normal form with that of its negation.
+    both: tuple[Formula, Formula] = interpret(
+        formula,
+        lambda made: (literal(made, True), literal(made, False)),
+        lambda pair: (pair[1], pair[0]),
+        lambda pairs: (conjunction_of(each[0] for each in pairs), disjunction_of(each[1] for each in pairs)),
+        lambda pairs: (disjunction_of(each[0] for each in pairs), conjunction_of(each[1] for each in pairs)),
     )
-    domain = [
-        "(define (domain team)",
-        "  (:requirements :strips :negative-preconditions :durative-actions)",
-        f"  (:predicates {' '.join(f'({name})' for name in names.values())})",
-        *(_action(plan, place, names) for place in range(len(activities))),
-        ")",
-    ]
-    initial = [e.literal for e in plan.effects if e.activity is None and e.event == INITIAL and e.literal.positive]
-    goal = [one.literal for one in plan.conditions if one.activity is None and one.first == GOAL]
-    problem = [
-        "(define (problem team) (:domain team)",
-        f"  (:init {_joined(initial, names)})",
-        f"  (:goal (and {_joined(goal, names)})))",
-    ]
-    network = replace(plan.network, activities=activities)
-    return Instance(network, "\n".join(domain) + "\n", "\n".join(problem) + "\n")
+    return both[0]
 
 
-def _names(plan: TeamPlan) -> dict[Atom, str]:
-    """A predicate without arguments for each atom."""
-    atoms = {one.literal.atom for one in plan.conditions} | {one.literal.atom for one in plan.effects}
-    names: dict[Atom, str] = {}
-    taken: set[str] = set()
-    for atom in sorted(atoms, key=str):
-        base = "p-" + _LEGAL.sub("-", str(atom).lower()).strip("-")
-        name, count = base, 1
-        while name in taken:
-            count += 1
-            name = f"{base}-{count}"
-        taken.add(name)
-        names[atom] = name
-    return names
+def assignments_of(formula: Formula) -> set[Assignment]:
+    """Every assignment that a formula mentions."""
+    return {one.assignment for one in _bottom_up(formula) if isinstance(one, Is)}
 
 
-def _action(plan: TeamPlan, place: int, names: dict[Atom, str]) -> str:
-    activity = plan.network.activities[place]
-    conditions = [
-        f"({_when(one, activity)} {_text(one.literal, names)})" for one in plan.conditions if one.activity == place
-    ]
-    effects = [
-        f"(at {'start' if one.event == activity.source else 'end'} {_text(one.literal, names)})"
-        for one in plan.effects
-        if one.activity == place
-    ]
-    return (
-        f"  (:durative-action act-{place} :parameters () :duration (>= ?duration 0)\n"
-        f"    :condition (and {' '.join(conditions)})\n"
-        f"    :effect (and {' '.join(effects)}))"
-    )
+def is_consistent(environment: Guard) -> bool:
+    """Whether no variable has two values."""
+    return len({assignment.variable for assignment in environment}) == len(environment)
 
 
-def _when(condition: Condition, activity: Activity) -> str:
-    if condition.first != condition.last:
-        return "over all"
-    return "at start" if condition.first == activity.source else "at end"
+def check_assignments(assignments: Iterable[Assignment], theory: Theory, where: str) -> None:
+    """Reject what is not an assignment to a variable of the theory.
+
+    Raises:
+        InputError: naming the first such variable or value.
+    """
+    for variable, value in sorted(assignments):
+        if variable not in theory.domains:
+            raise InputError(f"{where} mentions unknown variable {variable!r}{did_you_mean(variable, theory.domains)}")
+        if value not in theory.domains[variable]:
+            hint = did_you_mean(value, theory.domains[variable])
+            raise InputError(f"{where} has {variable} = {value}, but {value!r} is not a value of {variable}{hint}")
 
 
-def _text(literal: Literal, names: dict[Atom, str]) -> str:
-    atom = f"({names[literal.atom]})"
-    return atom if literal.positive else f"(not {atom})"
+def check_theory(theory: Theory) -> None:
+    """Reject theories whose variables have no values or repeat them, and formulas about other variables or values.
 
-
-def _joined(literals: Iterable[Literal], names: dict[Atom, str]) -> str:
-    return " ".join(_text(literal, names) for literal in literals)
+    Raises:
+        InputError: naming what is wrong.
+    """
+    for variable, values in theory.domains.items():
+        if not values or len(set(values)) < len(values):
+            raise InputError(f"variable {variable!r} has the values {values!r}; expected at least one, all different")
+    for formula in theory.constraints:
+        check_assignments(assignments_of(formula), theory, "a constraint")
+    for conflict in theory.conflicts:
+        check_assignments(conflict, theory, "a conflict")

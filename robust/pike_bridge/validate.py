@@ -1,7 +1,8 @@
-"""Where the parts of a plan with choices are written, for messages about plans that come from a file."""
+"""Whether a network is well-formed [PIKE, Definition 2.1], with messages that say where its parts are written."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -10,7 +11,7 @@ from typing import Final
 from robust.errors import InputError, Location, did_you_mean
 from robust.json_text import JsonPath, Key
 from robust.numbers import format_number, shorten
-from robust.pike_bridge.model import GOAL, INITIAL, Activity, Constraint, Guard, Tpnu, Vocabulary, guard_text
+from robust.pike_bridge.model import GOAL, INITIAL, Activity, Constraint, Guard, Tpnu, contradicts, guard_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,9 +246,8 @@ class _Order:
     """Which events are led to from an event by constraints that say "not before" and do not contradict a guard."""
 
     def __init__(self, network: Tpnu) -> None:
-        self._vocabulary = Vocabulary(network.domains)
         self._edges = [
-            (earlier, later, self._vocabulary.encode(constraint.guard))
+            (earlier, later, constraint.guard)
             for constraint in network.temporal_constraints
             for earlier, later in _not_before(constraint)
         ]
@@ -262,24 +262,17 @@ class _Order:
         return later in self._led_to[guard, earlier]
 
     def _search(self, start: str, guard: Guard) -> set[str]:
-        following = self._following(guard)
+        if guard not in self._under:
+            following = self._under[guard] = defaultdict(list)
+            for earlier, later, label in self._edges:
+                if not contradicts(guard, label):
+                    following[earlier].append(later)
         found, pending = {start}, [start]
         while pending:
-            for event in following.get(pending.pop(), ()):
-                if event not in found:
-                    found.add(event)
-                    pending.append(event)
+            new = set(self._under[guard].get(pending.pop(), ())) - found
+            found |= new
+            pending.extend(new)
         return found
-
-    def _following(self, guard: Guard) -> dict[str, list[str]]:
-        if guard not in self._under:
-            environment = self._vocabulary.encode(guard)
-            following: dict[str, list[str]] = {}
-            for earlier, later, label in self._edges:
-                if not self._vocabulary.disjoint(environment, label):
-                    following.setdefault(earlier, []).append(later)
-            self._under[guard] = following
-        return self._under[guard]
 
 
 def _not_before(constraint: Constraint) -> Iterator[tuple[str, str]]:

@@ -3,41 +3,35 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
-from typing import assert_never
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.plan.model import (
     ZERO,
     ActionInstance,
-    And,
     Bound,
     Comparison,
-    Condition,
     Duration,
     Expression,
     Fluent,
     GoalCondition,
-    Holds,
     NumericVariable,
-    Or,
     Parameter,
     ParameterReference,
     ParametrizedPlan,
     Relation,
     TemporalConstraint,
-    Truth,
+    comparisons,
+    fluents_in,
 )
 from robust.plan.parameters import ParameterSpec, Wiring, parse_specs, read_parameter_file, referenced_parameters, wire
 from robust.plan.pddl.grounding import (
     fluents_read,
     ground_action,
     ground_goal,
-    initial_atoms,
     initial_fluents,
-    timed_literals,
 )
 from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.pddl.syntax import Domain, Problem
@@ -106,9 +100,9 @@ def assemble(domain: Domain, problem: Problem, stn: STNPlan, specs: Iterable[Par
             TemporalConstraint(one.source, one.target, _bound(one.lower), _bound(one.upper), one.location)
             for one in wiring.constraints
         ),
-        initial_atoms=initial_atoms(problem),
+        initial_atoms=problem.atoms,
         initial_fluents=values,
-        timed_literals=timed_literals(problem),
+        timed_literals=problem.timed_literals,
         goal=goal,
     )
 
@@ -228,7 +222,8 @@ def _check_initial_values(
             reader = f"instance {instance.identifier} {instance} reads it"
             raise _no_value(fluent, reader, values, instance.location or plan)
     for condition in goal:
-        for fluent in sorted(set(_fluents(condition.condition)) - values.keys()):
+        read = {fluent for one in comparisons(condition.condition) for fluent in fluents_in(one.expression)}
+        for fluent in sorted(read - values.keys()):
             raise _no_value(fluent, f"the goal {condition.text} reads it", values, plan)
 
 
@@ -236,19 +231,3 @@ def _no_value(fluent: Fluent, reader: str, values: Mapping[Fluent, Expression], 
     remedy = f"add (= {fluent} VALUE) to the problem's :init"
     message = f"found no initial value of {fluent}, expected one because {reader}: {remedy}"
     return InputError(message + did_you_mean(str(fluent), map(str, values)), place)
-
-
-def _fluents(condition: Condition) -> Iterator[Fluent]:
-    """The fluents that a condition reads."""
-    pending = [condition]
-    while pending:
-        one = pending.pop()
-        match one:
-            case Truth() | Holds():
-                pass
-            case Comparison(expression):
-                yield from (variable for variable in expression.variables if isinstance(variable, Fluent))
-            case And(operands) | Or(operands):
-                pending.extend(operands)
-            case _:
-                assert_never(one)

@@ -114,9 +114,23 @@ class Relation(Enum):
     EQUAL = "="
     DIFFERENT = "!="
 
+    def holds(self, value: Fraction) -> bool:
+        """Whether `value relation 0`."""
+        match self:
+            case Relation.AT_LEAST:
+                return value >= 0
+            case Relation.GREATER:
+                return value > 0
+            case Relation.EQUAL:
+                return value == 0
+            case Relation.DIFFERENT:
+                return value != 0
+
 
 @dataclass(frozen=True, slots=True)
 class Truth:
+    """Always true, or always false."""
+
     value: bool
 
 
@@ -138,15 +152,20 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class And:
+    """All of them."""
+
     operands: tuple[Condition, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Or:
+    """At least one of them."""
+
     operands: tuple[Condition, ...]
 
 
-Condition = Truth | Holds | Comparison | And | Or
+Leaf = Truth | Holds | Comparison
+Condition = Leaf | And | Or
 """Conditions are in negation normal form, quantifiers expanded over the problem's objects; `And(())` does not occur."""
 
 
@@ -211,8 +230,35 @@ class ContinuousEffect:
     rate: Expression
 
 
+class NamedAction:
+    """What names of actions and identifiers of instances say by themselves."""
+
+    __slots__ = ()
+    identifier: str
+    action: str
+    arguments: tuple[str, ...]
+    durative: bool
+
+    @property
+    def start(self) -> TimePoint:
+        """The start, or the only time point of an instantaneous action."""
+        return TimePoint(TimePointKind.START if self.durative else TimePointKind.INSTANT, self.identifier)
+
+    @property
+    def end(self) -> TimePoint:
+        """The end, or the only time point of an instantaneous action."""
+        return TimePoint(TimePointKind.END, self.identifier) if self.durative else self.start
+
+    @property
+    def time_points(self) -> tuple[TimePoint, ...]:
+        return (self.start, self.end) if self.durative else (self.start,)
+
+    def __str__(self) -> str:
+        return f"({' '.join((self.action, *self.arguments))})"
+
+
 @dataclass(frozen=True, slots=True)
-class ActionInstance:
+class ActionInstance(NamedAction):
     """One ground action of the plan, named `identifier`."""
 
     identifier: str
@@ -226,26 +272,9 @@ class ActionInstance:
     continuous_effects: tuple[ContinuousEffect, ...] = ()
     location: Location | None = field(default=None, compare=False)
 
-    @property
-    def start(self) -> TimePoint:
-        kind = TimePointKind.START if self.durative else TimePointKind.INSTANT
-        return TimePoint(kind, self.identifier)
-
-    @property
-    def end(self) -> TimePoint:
-        """The end, or the only time point of an instantaneous action."""
-        return TimePoint(TimePointKind.END, self.identifier) if self.durative else self.start
-
-    @property
-    def time_points(self) -> tuple[TimePoint, ...]:
-        return (self.start, self.end) if self.durative else (self.start,)
-
     def at(self, timing: Timing) -> TimePoint:
         """The time point at which an AT_START or AT_END condition or effect happens."""
         return self.end if timing is Timing.AT_END else self.start
-
-    def __str__(self) -> str:
-        return f"({' '.join((self.action, *self.arguments))})"
 
     def label(self, part: TimedCondition | DurationConstraint) -> str:
         """The name of the obligation that `part` gives rise to."""
@@ -281,6 +310,13 @@ class TemporalConstraint:
     lower: Bound | None
     upper: Bound | None
     location: Location | None = field(default=None, compare=False)
+
+    def __str__(self) -> str:
+        """As plan files write it, with its line."""
+        lower = "-inf" if self.lower is None else str(self.lower)
+        upper = "inf" if self.upper is None else str(self.upper)
+        line = f" (line {self.location.line})" if self.location and self.location.line else ""
+        return f"c: {self.target} - {self.source} in [{lower}, {upper}]{line}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,15 +355,9 @@ class ParametrizedPlan:
     @cached_property
     def time_points(self) -> tuple[TimePoint, ...]:
         """Zero, the time points of all instances in the plan's order, then the timed literals' by time."""
-        return (
-            ZERO,
-            *self._points_of_instances(),
-            *sorted({literal.point for literal in self.timed_literals}, key=_time),
-        )
-
-    def _points_of_instances(self) -> Iterator[TimePoint]:
-        for instance in self.instances:
-            yield from instance.time_points
+        of_instances = [point for instance in self.instances for point in instance.time_points]
+        times = sorted({literal.time for literal in self.timed_literals})
+        return (ZERO, *of_instances, *(TimePoint(TimePointKind.TIMED_LITERAL, time=time) for time in times))
 
     @property
     def nominal(self) -> dict[str, Fraction]:
@@ -335,8 +365,25 @@ class ParametrizedPlan:
         return {parameter.name: parameter.nominal for parameter in self.parameters}
 
 
-def _time(point: TimePoint) -> Fraction:
-    return point.time or Fraction(0)
+def leaves(condition: Condition) -> Iterator[Leaf]:
+    """The atoms, comparisons and constants of a condition, from left to right."""
+    pending = [condition]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, And | Or):
+            pending.extend(reversed(node.operands))
+        else:
+            yield node
+
+
+def comparisons(condition: Condition) -> Iterator[Comparison]:
+    """The comparisons in a condition, each as often as it occurs."""
+    return (leaf for leaf in leaves(condition) if isinstance(leaf, Comparison))
+
+
+def fluents_in(expression: Expression) -> Iterator[Fluent]:
+    """The fluents that an expression mentions, each once."""
+    return (variable for variable in expression.variables if isinstance(variable, Fluent))
 
 
 def conjuncts(condition: Condition) -> Iterator[Condition]:

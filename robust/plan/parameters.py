@@ -26,7 +26,6 @@ The same as TOML, one table for each parameter (floats are read from their text,
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -37,6 +36,7 @@ from typing import assert_never
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import shorten
 from robust.plan.model import ZERO, Expression, Fluent, ParameterReference, TimePoint
+from robust.plan.pddl.forms import read_text
 from robust.plan.stn import (
     InstanceDeclaration,
     ParameterDeclaration,
@@ -138,8 +138,6 @@ def parse_parameter_file(text: str, file: str = "<parameters>") -> tuple[Paramet
 
 def read_parameter_file(path: str | PathLike[str]) -> tuple[ParameterSpec, ...]:
     """The specifications in a TOML file; InputError if it cannot be read or is wrong."""
-    from robust.plan.pddl.forms import read_text  # noqa: PLC0415 - keeps the grammar of PDDL out of this import
-
     return parse_parameter_file(read_text(path), str(path))
 
 
@@ -151,6 +149,8 @@ class _Decimal:
 
 
 def _toml(text: str, file: str) -> dict[str, object]:
+    import tomllib  # noqa: PLC0415 - only for parameter files
+
     as_text: Callable[[str], _Decimal] = _Decimal
     try:
         return tomllib.loads(text, parse_float=as_text)

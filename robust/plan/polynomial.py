@@ -46,11 +46,11 @@ class Polynomial(Generic[V_co]):
             other = Polynomial.constant(other)
         terms = dict(self.terms)
         for monomial, coefficient in other.terms.items():
-            terms[monomial] = terms.get(monomial, Fraction(0)) + coefficient
+            _add(terms, monomial, coefficient)
         return Polynomial(terms)
 
     def __neg__(self) -> Polynomial[V_co]:
-        return self.scaled(Fraction(-1))
+        return Polynomial({monomial: -coefficient for monomial, coefficient in self.terms.items()})
 
     def __sub__(self, other: Polynomial[V_co] | Fraction | int) -> Polynomial[V_co]:
         return self + (-other)
@@ -60,7 +60,7 @@ class Polynomial(Generic[V_co]):
         for left, a in self.terms.items():
             for right, b in other.terms.items():
                 monomial = tuple(sorted(left + right, key=_order)) if left and right else left + right
-                terms[monomial] = terms.get(monomial, Fraction(0)) + a * b
+                _add(terms, monomial, a * b)
         return Polynomial(terms)
 
     def scaled(self, factor: Fraction | int) -> Polynomial[V_co]:
@@ -97,9 +97,11 @@ class Polynomial(Generic[V_co]):
         if self.is_linear:
             terms: dict[Monomial[W], Fraction] = {}
             for monomial, coefficient in self.terms.items():
-                image = value(monomial[0]).terms if monomial else {(): Fraction(1)}
-                for inner, factor in image.items():
-                    terms[inner] = terms.get(inner, Fraction(0)) + coefficient * factor
+                if not monomial:
+                    _add(terms, (), coefficient)
+                    continue
+                for inner, factor in value(monomial[0]).terms.items():
+                    _add(terms, inner, coefficient * factor)
             return Polynomial(terms)
         total: Polynomial[W] = Polynomial({})
         for monomial, coefficient in self.terms.items():
@@ -131,6 +133,11 @@ class Polynomial(Generic[V_co]):
 
     def __repr__(self) -> str:
         return f"Polynomial({self})"
+
+
+def _add(terms: dict[Monomial[W], Fraction], monomial: Monomial[W], coefficient: Fraction) -> None:
+    known = terms.get(monomial)
+    terms[monomial] = coefficient if known is None else known + coefficient
 
 
 def _order(variable: object) -> tuple[str, str]:

@@ -1,7 +1,8 @@
-"""Which time points of a plan are mutex: the no-moving-targets rule of PDDL 2.1, for the simulator [docs/semantics.md].
+"""The concrete simulator: what becomes of one schedule of a plan, exactly, and why [docs/semantics.md].
 
-Reads are syntactic on the ground conditions. Over-all conditions do not count. A continuous effect increases its fluent
-at both ends of its action and its rate is read there. A time point that adds and deletes the same atom does both.
+Mutex pairs follow PDDL 2.1's rule of no moving targets. Reads are syntactic on the ground conditions; over-all
+conditions do not count. A continuous effect increases its fluent at both ends of its action and its rate is read
+there. A time point that adds and deletes the same atom does both.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from robust.plan.model import (
     Expression,
     Fluent,
     Holds,
+    Leaf,
     ParametrizedPlan,
     Relation,
     TemporalConstraint,
@@ -33,9 +35,11 @@ from robust.plan.model import (
     TimePointKind,
     Timing,
     Truth,
+    fluents_in,
+    leaves,
 )
 from robust.plan.polynomial import Polynomial
-from robust.plan.timeline import Execution, Happening, Leaf, Reading, State, leaves, over_time
+from robust.plan.timeline import Execution, Happening, Reading, State, over_time
 
 
 @dataclass(slots=True)
@@ -50,7 +54,7 @@ class _Footprint:
     increases: set[Fluent] = field(default_factory=set)
 
     def read_expression(self, expression: Expression) -> None:
-        self.fluents_read.update(variable for variable in expression.variables if isinstance(variable, Fluent))
+        self.fluents_read.update(fluents_in(expression))
 
     def read(self, condition: Condition) -> None:
         for leaf in leaves(condition):

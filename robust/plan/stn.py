@@ -26,7 +26,8 @@ from typing import NoReturn
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number, is_number, parse_number, shorten
-from robust.plan.model import ZERO, ParameterReference, TimePoint, TimePointKind
+from robust.plan.model import ZERO, NamedAction, ParameterReference, TimePoint
+from robust.plan.pddl.forms import read_text
 
 STNBound = Fraction | ParameterReference | None
 """A bound of a constraint; None is the infinite one: −∞ below, +∞ above."""
@@ -48,7 +49,7 @@ class ParameterDeclaration:
 
 
 @dataclass(frozen=True, slots=True)
-class InstanceDeclaration:
+class InstanceDeclaration(NamedAction):
     """An action instance as declared: nothing has been checked against the domain."""
 
     identifier: str
@@ -56,19 +57,6 @@ class InstanceDeclaration:
     arguments: tuple[str, ...]
     durative: bool
     location: Location | None = field(default=None, compare=False)
-
-    @property
-    def start(self) -> TimePoint:
-        """The start, or the only time point of an instantaneous action."""
-        return TimePoint(TimePointKind.START if self.durative else TimePointKind.INSTANT, self.identifier)
-
-    @property
-    def end(self) -> TimePoint:
-        """The end, or the only time point of an instantaneous action."""
-        return TimePoint(TimePointKind.END, self.identifier) if self.durative else self.start
-
-    def __str__(self) -> str:
-        return f"({' '.join((self.action, *self.arguments))})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,14 +87,11 @@ class STNPlan:
 
 def parse_stn(text: str, file: str = "<plan>") -> STNPlan:
     """The plan that a text describes; InputError with line and column for anything that is not a plan."""
-
-    return parse(text, file)
+    return _Parser(_Scanner(text, file)).plan()
 
 
 def read_stn(path: str | PathLike[str]) -> STNPlan:
     """The plan in a file; InputError if it cannot be read or is not a plan."""
-    from robust.plan.pddl.forms import read_text  # noqa: PLC0415 - keeps the grammar of PDDL out of this import
-
     return parse_stn(read_text(path), str(path))
 
 
@@ -186,11 +171,6 @@ _ATTRIBUTES = {"weight": "weight", "default": "default", "lb": "lower", "ub": "u
 _EXPECTED_BOUND = "a number, a fraction a/b, inf, -inf or a parameter name"
 
 
-def parse(text: str, file: str) -> STNPlan:
-    """The plan that a text describes; InputError with line and column for anything that is not a plan."""
-    return _Parser(_Scanner(text, file)).plan()
-
-
 def is_parameter_name(name: str) -> bool:
     """Whether a parameter may have this name: one that cannot be taken for a number, a bound or the zero point."""
     return _PARAMETER_NAME.fullmatch(name) is not None and name.lower() not in RESERVED_NAMES
@@ -204,25 +184,15 @@ def bad_parameter_name(name: str) -> str:
     return f"found {shorten(name)}{why}, expected {expected}"
 
 
-@dataclass(frozen=True, slots=True)
-class _Token:
-    match: re.Match[str]
-    location: Location
-
-    @property
-    def text(self) -> str:
-        return self.match.group()
-
-
 class _Scanner:
-    """A position in the text, always past blanks and comments."""
+    """A position in the text, always past blanks and comments; `taken` is where the last match began."""
 
     def __init__(self, text: str, file: str) -> None:
         self.text = text
         self.file = file
         self._line_starts = [0, *(match.end() for match in re.finditer("\n", text))]
-        self._position = 0
         self._skip(0)
+        self.taken = self.location
 
     def _skip(self, position: int) -> None:
         blank = _BLANK.match(self.text, position)
@@ -242,13 +212,13 @@ class _Scanner:
         match = pattern.match(self.text, self._position)
         return match.group() if match else ""
 
-    def take(self, pattern: re.Pattern[str], expected: str) -> _Token:
+    def take(self, pattern: re.Pattern[str], expected: str) -> re.Match[str]:
         match = pattern.match(self.text, self._position)
         if match is None:
             self.fail(expected)
-        token = _Token(match, self.location)
+        self.taken = self.location
         self._skip(match.end())
-        return token
+        return match
 
     def literal(self, text: str, alternative: str = "") -> None:
         if not self.text.startswith(text, self._position):
@@ -306,12 +276,12 @@ class _Parser:
         self.scanner.literal(";")
 
     def parameter(self) -> None:
-        token = self.scanner.take(_WORD, "a parameter name")
-        name = token.text
+        name = self.scanner.take(_WORD, "a parameter name").group()
+        place = self.scanner.taken
         if not is_parameter_name(name):
-            raise InputError(bad_parameter_name(name), token.location)
+            raise InputError(bad_parameter_name(name), place)
         if name in self.parameters:
-            raise _declared_twice("parameter", name, self.parameters[name].location, token.location)
+            raise _declared_twice("parameter", name, self.parameters[name].location, place)
         values: dict[str, Fraction | None] = {}
         while word := self.scanner.peek(_WORD):
             attribute = _ATTRIBUTES.get(word)
@@ -320,36 +290,33 @@ class _Parser:
             if attribute in values:
                 self.scanner.fail(f"{word!r} at most once in the declaration of {name!r}")
             self.scanner.keyword(word)
-            values[attribute] = self.attribute(word)
+            text = self.scanner.take(_WORD, f"the value of {word!r}").group()
+            values[attribute] = attribute_value(word, text, self.scanner.taken)
         declaration = ParameterDeclaration(
             name,
             weight=values.get("weight") or Fraction(1),
             default=values.get("default"),
             lower=values.get("lower"),
             upper=values.get("upper"),
-            location=token.location,
+            location=place,
         )
         check_range(declaration)
         self.parameters[name] = declaration
 
-    def attribute(self, word: str) -> Fraction | None:
-        token = self.scanner.take(_WORD, f"the value of {word!r}")
-        return attribute_value(word, token.text, token.location)
-
     def instance(self, *, durative: bool) -> None:
         self.scanner.keyword("instance")
-        token = self.scanner.take(_IDENTIFIER, "an instance identifier of letters, digits, '_' and '-'")
-        identifier = token.text
+        identifier = self.scanner.take(_IDENTIFIER, "an instance identifier of letters, digits, '_' and '-'").group()
+        place = self.scanner.taken
         if identifier in self.instances:
-            raise _declared_twice("instance", identifier, self.instances[identifier].location, token.location)
+            raise _declared_twice("instance", identifier, self.instances[identifier].location, place)
         self.scanner.literal(":")
         self.scanner.literal("(")
-        action = self.scanner.take(_SYMBOL, "an action name").text.lower()
+        action = self.scanner.take(_SYMBOL, "an action name").group().lower()
         arguments: list[str] = []
         while self.scanner.peek(_SYMBOL):
-            arguments.append(self.scanner.take(_SYMBOL, "an object").text.lower())
+            arguments.append(self.scanner.take(_SYMBOL, "an object").group().lower())
         self.scanner.literal(")", alternative="an object or ")
-        self.instances[identifier] = InstanceDeclaration(identifier, action, tuple(arguments), durative, token.location)
+        self.instances[identifier] = InstanceDeclaration(identifier, action, tuple(arguments), durative, place)
 
     def constraint(self, location: Location) -> None:
         self.scanner.literal(":")
@@ -369,16 +336,16 @@ class _Parser:
 
     def time_point(self) -> TimePoint:
         token = self.scanner.take(_TIME_POINT, "a time point: '.zero', 'ID.start', 'ID.end' or 'ID'")
-        if token.match["zero"]:
+        if token["zero"]:
             return ZERO
-        identifier, end = token.match["instance"], token.match["end"]
+        identifier, end = token["instance"], token["end"]
         instance = self.instances.get(identifier)
         if instance is None:
             hint = did_you_mean(identifier, self.instances)
             if "-" in identifier:
                 hint += " (a minus between time points needs blanks around it)"
-            found = f"found time point {shorten(token.text)} of an instance that is not declared above"
-            raise InputError(f"{found}, expected a declared instance{hint}", token.location)
+            found = f"found time point {shorten(token.group())} of an instance that is not declared above"
+            raise InputError(f"{found}, expected a declared instance{hint}", self.scanner.taken)
         if instance.durative and end in ("start", "end"):
             return instance.start if end == "start" else instance.end
         if not instance.durative and end is None:
@@ -387,29 +354,29 @@ class _Parser:
             expected = f"'{identifier}.start' or '{identifier}.end', since {identifier} is durative"
         else:
             expected = f"'{identifier}', since {identifier} is instantaneous"
-        raise InputError(f"found time point {shorten(token.text)}, expected {expected}", token.location)
+        raise InputError(f"found time point {shorten(token.group())}, expected {expected}", self.scanner.taken)
 
     def bound(self, *, excluded: str) -> STNBound:
-        token = self.scanner.take(_WORD, _EXPECTED_BOUND)
-        text = token.text
+        text = self.scanner.take(_WORD, _EXPECTED_BOUND).group()
         if text in ("inf", "+inf", "-inf"):
             side = "lower" if excluded == "inf" else "upper"
             if text.removeprefix("+") == excluded:
                 expected = (
                     f"a {side} bound that some time can meet (use '{'-inf' if side == 'lower' else 'inf'}' for none)"
                 )
-                raise InputError(f"found {side} bound {text!r}, expected {expected}", token.location)
+                raise InputError(f"found {side} bound {text!r}, expected {expected}", self.scanner.taken)
             return None
         if is_number(text):
-            return parse_number(text, token.location)
+            return parse_number(text, self.scanner.taken)
         if text in self.parameters:
             return ParameterReference(text)
         if _PARAMETER_NAME.fullmatch(text):
             hint = did_you_mean(text, [*self.parameters, "inf"])
             raise InputError(
-                f"found {shorten(text)}, expected a bound: no such parameter is declared above{hint}", token.location
+                f"found {shorten(text)}, expected a bound: no such parameter is declared above{hint}",
+                self.scanner.taken,
             )
-        raise InputError(f"found {shorten(text)}, expected {_EXPECTED_BOUND}", token.location)
+        raise InputError(f"found {shorten(text)}, expected {_EXPECTED_BOUND}", self.scanner.taken)
 
 
 def attribute_value(word: str, text: str, location: Location | None) -> Fraction | None:

@@ -19,6 +19,7 @@ from os import PathLike
 
 from robust.errors import InputError, Location
 from robust.numbers import format_number, is_number, parse_number, shorten
+from robust.plan.pddl.forms import read_text
 
 _STEP = re.compile(r"(?P<time>[^\s:]+)\s*:\s*\((?P<action>[^()]*)\)\s*(?:\[(?P<duration>[^\[\]]*)\])?\s*")
 _SYMBOL = re.compile(r"[A-Za-z0-9_-]+")
@@ -63,8 +64,6 @@ def parse_timed_plan(text: str, file: str = "<plan>") -> TimedPlan:
 
 def read_timed_plan(path: str | PathLike[str]) -> TimedPlan:
     """The plan in a file; InputError if it cannot be read or is not a plan."""
-    from robust.plan.pddl.forms import read_text  # noqa: PLC0415 - keeps the grammar of PDDL out of this import
-
     return parse_timed_plan(read_text(path), str(path))
 
 

@@ -24,19 +24,17 @@ from robust.plan.model import (
     Expression,
     Fluent,
     Holds,
+    Leaf,
     NumericEffect,
     NumericVariable,
     Or,
     ParameterReference,
     ParametrizedPlan,
-    Relation,
     TimePoint,
     TimePointKind,
     Truth,
 )
 from robust.plan.polynomial import Polynomial
-
-Leaf = Truth | Holds | Comparison
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +104,7 @@ class Reading:
             case Holds(atom, value):
                 return (atom in self.state.atoms) is value
             case Comparison(expression, relation):
-                return related(self.expression(expression), relation)
+                return relation.holds(self.expression(expression))
         assert_never(leaf)
 
     def failures(self, condition: Condition) -> tuple[Leaf, ...]:
@@ -137,31 +135,6 @@ def _combined(node: And | Or, parts: list[tuple[Leaf, ...]]) -> tuple[Leaf, ...]
     if not parts:
         return (Truth(False),)
     return joined if all(parts) else ()
-
-
-def related(value: Fraction, relation: Relation) -> bool:
-    """Whether `value relation 0`."""
-    match relation:
-        case Relation.AT_LEAST:
-            return value >= 0
-        case Relation.GREATER:
-            return value > 0
-        case Relation.EQUAL:
-            return value == 0
-        case Relation.DIFFERENT:
-            return value != 0
-    assert_never(relation)
-
-
-def leaves(condition: Condition) -> Iterator[Leaf]:
-    """The atoms, comparisons and constants of a condition, from left to right."""
-    pending: list[Condition] = [condition]
-    while pending:
-        node = pending.pop()
-        if isinstance(node, And | Or):
-            pending.extend(reversed(node.operands))
-        else:
-            yield node
 
 
 class Execution:

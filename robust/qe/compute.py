@@ -11,7 +11,7 @@ an obligation. How they are grouped is the splitting:
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
@@ -22,17 +22,15 @@ from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
 from robust.encode.variables import Range
 from robust.errors import InputError, did_you_mean
 from robust.plan.model import ParametrizedPlan, Relation
+from robust.qe.conjunctions import Conjunction, project_at
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import model_of, polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import (
-    Conjunction,
     Context,
     Definition,
-    Eliminator,
     Query,
     create_eliminator,
     outside,
-    project_at,
     require_eliminator,
 )
 from robust.qe.nnf import FALSE, TRUE, Junction, Nnf, Reader, conjunction, disjunction, names_in, negation
@@ -60,6 +58,12 @@ class Problem:
     bounds: Conjunction
     exists: Query
     violations: tuple[Query, ...]
+
+    @property
+    def violation(self) -> Query:
+        """The only query of a monolithic problem."""
+        nothing = Query("no obligation", self.parameters, (), FALSE)
+        return self.violations[0] if self.violations else nothing
 
 
 class ProblemBuilder:
@@ -120,12 +124,7 @@ class ProblemBuilder:
                     found[name] = formula
                 del open_[formula]
             open_ = {formula: [n for n in names if n not in found] for formula, names in open_.items()}
-        depends = {name: names_in(formula) & found.keys() - {name} for name, formula in found.items()}
-        try:
-            order = list(TopologicalSorter(depends).static_order())
-        except CycleError:
-            order = []
-        definitions = tuple(Definition(name, found[name]) for name in order)
+        definitions = _in_order([Definition(name, formula) for name, formula in found.items()]) or ()
         taken = {definition.formula for definition in definitions}
         return definitions, [formula for formula in formulas if formula not in taken]
 
@@ -175,16 +174,21 @@ def merged(name: str, kept: tuple[str, ...], queries: Iterable[Query]) -> Query:
     queries = list(queries)
     violation = disjunction(conjunction((*q.network, q.violation, q.remainder)) for q in queries)
     definitions = {d.formula: d for query in queries for d in query.definitions}
-    symbols = [definition.symbol for definition in definitions.values()]
-    if len(set(symbols)) == len(symbols):
-        depends = {d.symbol: (names_in(d.formula) & set(symbols)) - {d.symbol} for d in definitions.values()}
-        by_symbol = {d.symbol: d for d in definitions.values()}
-        try:
-            ordered = tuple(by_symbol[symbol] for symbol in TopologicalSorter(depends).static_order())
-            return Query(name, kept, (), violation, ordered)
-        except CycleError:
-            pass
-    return Query(name, kept, (), disjunction(query.formula for query in queries))
+    ordered = _in_order(list(definitions.values()))
+    if ordered is None:
+        return Query(name, kept, (), disjunction(query.formula for query in queries))
+    return Query(name, kept, (), violation, ordered)
+
+
+def _in_order(definitions: Sequence[Definition]) -> tuple[Definition, ...] | None:
+    """Each definition after those that it depends on; None if there is a circle, or a symbol has two."""
+    by_symbol = {definition.symbol: definition for definition in definitions}
+    depends = {symbol: names_in(one.formula) & by_symbol.keys() - {symbol} for symbol, one in by_symbol.items()}
+    try:
+        order = [by_symbol[symbol] for symbol in TopologicalSorter(depends).static_order()]
+    except CycleError:
+        return None
+    return tuple(order) if len(order) == len(definitions) else None
 
 
 def _inequalities(formulas: Iterable[Nnf]) -> tuple[Conjunction, Nnf]:
@@ -318,6 +322,11 @@ class RegionResult:
         return self.status is RegionStatus.COMPLETE
 
     @property
+    def cut_short(self) -> bool:
+        """Whether something ended the enumeration before it was done."""
+        return not self.is_exact
+
+    @property
     def meaning(self) -> str:
         """What the region is, in a sentence."""
         if self.is_exact:
@@ -326,19 +335,8 @@ class RegionResult:
         return f"an outer bound of the robustness envelope: {reason} ended the enumeration of bad parameter values"
 
 
-def region(
-    plan: ParametrizedPlan,
-    *,
-    backend: str = "project",
-    splitting: str = "full",
-    learning: bool = True,
-    epsilon: Fraction = EPSILON,
-    solver: str = "z3",
-    encoding: str = "relational",
-    timeout: float | None = None,
-    on_piece: Callable[[Polyhedron], None] | None = None,
-) -> RegionResult:
-    """All parameter values under which the plan is valid, exactly.
+class RegionSearch:
+    """All parameter values under which a plan is valid, exactly.
 
     Args:
         plan: the plan, see :func:`robust.plan.load.load_plan`.
@@ -351,129 +349,119 @@ def region(
         timeout: seconds after which what has been found is returned with status TIMEOUT; None never.
         on_piece: called with each polyhedron of bad parameter values when it is found.
 
-    Returns:
-        The envelope, or, out of time or after Ctrl-C, an outer bound of it.
-
     Raises:
         InputError: wrong options.
-        UnsupportedError: an expression that is not linear, or one that the back end cannot handle.
-        SolverError: a solver is not installed.
     """
-    require_eliminator(backend)
-    splittings = [one.value for one in Splitting]
-    if splitting not in splittings:
-        raise InputError(f"unknown splitting {splitting!r}{did_you_mean(splitting, splittings)}")
-    started = time.perf_counter()
-    deadline = Deadline.after(timeout)
-    statistics = Statistics()
-    parameters = tuple(parameter.name for parameter in plan.parameters)
-    found = _Found(parameters, declared_bounds(plan), on_piece)
-    status = RegionStatus.COMPLETE
-    try:
-        formulas = create_encoding(encoding, plan, epsilon, deadline)
-        context = Context(formulas.terms, Reader(formulas.terms), solver, statistics)
-        computation = _Computation(formulas, context, create_eliminator(backend, context), learning, found)
-        computation.run(Splitting(splitting), deadline)
-    except OutOfTimeError:
-        status = RegionStatus.TIMEOUT
-    except KeyboardInterrupt:
-        status = RegionStatus.INTERRUPTED
-    return RegionResult(
-        status,
-        found.region(),
-        backend,
-        splitting,
-        learning,
-        encoding,
-        solver,
-        time.perf_counter() - started,
-        len(found.pieces),
-        statistics,
-    )
-
-
-class _Found:
-    """The bad set so far."""
 
     def __init__(
-        self, parameters: tuple[str, ...], bounds: Conjunction, on_piece: Callable[[Polyhedron], None] | None
+        self,
+        plan: ParametrizedPlan,
+        *,
+        backend: str = "project",
+        splitting: str = "full",
+        learning: bool = True,
+        epsilon: Fraction = EPSILON,
+        solver: str = "z3",
+        encoding: str = "relational",
+        timeout: float | None = None,
+        on_piece: Callable[[Polyhedron], None] | None = None,
     ) -> None:
-        self._parameters = parameters
-        self._on_piece = on_piece
-        self.bounds = bounds
-        self.pieces: list[Conjunction] = []
-
-    def add(self, piece: Conjunction) -> None:
-        self.pieces.append(piece)
-        if self._on_piece is not None:
-            self._on_piece(Polyhedron(self._parameters, piece))
-
-    def region(self) -> Region:
-        """The bounds without the pieces; half-spaces among these become sides of the polyhedron to subtract from."""
-        others = [piece for piece in self.pieces if len(piece) != 1 or piece[0].is_equality]
-        sides = [piece[0].negation()[0] for piece in self.pieces if len(piece) == 1 and not piece[0].is_equality]
-        base = Polyhedron(self._parameters, (*self.bounds, *sides)).simplified()
-        return Region.difference(base, (Polyhedron(self._parameters, piece) for piece in others))
-
-
-class _Computation:
-    """One run over the problems of a plan."""
-
-    def __init__(
-        self, encoding: Encoding, context: Context, eliminator: Eliminator, learning: bool, found: _Found
-    ) -> None:
-        self._encoding = encoding
-        self._context = context
-        self._eliminator = eliminator
+        require_eliminator(backend)
+        splittings = [one.value for one in Splitting]
+        if splitting not in splittings:
+            raise InputError(f"unknown splitting {splitting!r}{did_you_mean(splitting, splittings)}")
+        self._plan = plan
+        self._epsilon = epsilon
+        self._names = (backend, splitting, learning, encoding, solver)
         self._learning = learning
-        self._found = found
+        self._on_piece = on_piece
+        self._started = time.perf_counter()
+        self._deadline = Deadline.after(timeout)
+        self._statistics = Statistics()
+        self._parameters = tuple(parameter.name for parameter in plan.parameters)
+        self._bounds = declared_bounds(plan)
+        self._pieces: list[Conjunction] = []
+        """The bad set so far."""
+        self._region: Region | None = None
 
-    def run(self, splitting: Splitting, deadline: Deadline) -> None:
-        builder = ProblemBuilder(self._encoding, self._context.reader, self._context.session())
-        problem = builder.build(splitting)
-        if splitting is Splitting.MONOLITHIC:
-            self._run_monolithic(problem, deadline)
+    def run(self) -> RegionResult:
+        """The envelope, or, out of time or after Ctrl-C, an outer bound of it.
+
+        Raises:
+            UnsupportedError: an expression that is not linear, or one that the back end cannot handle.
+            SolverError: a solver is not installed.
+        """
+        status = RegionStatus.COMPLETE
+        try:
+            self._search()
+        except OutOfTimeError:
+            status = RegionStatus.TIMEOUT
+        except KeyboardInterrupt:
+            status = RegionStatus.INTERRUPTED
+        # Half-spaces become sides of the polyhedron to subtract from.
+        half_spaces = [piece[0] for piece in self._pieces if len(piece) == 1 and not piece[0].is_equality]
+        others = [piece for piece in self._pieces if len(piece) != 1 or piece[0].is_equality]
+        sides = [side.negation()[0] for side in half_spaces]
+        self._region = self._without(Polyhedron(self._parameters, (*self._bounds, *sides)).simplified(), others)
+        return self._result(status, self._region)
+
+    def so_far(self, *, timed_out: bool) -> RegionResult:
+        """What the pieces leave that are known by now, if the search is given up: out of time, or interrupted."""
+        status = RegionStatus.TIMEOUT if timed_out else RegionStatus.INTERRUPTED
+        plain = self._without(Polyhedron(self._parameters, self._bounds), list(self._pieces))
+        return self._result(status, self._region or plain)
+
+    def _without(self, base: Polyhedron, pieces: Iterable[Conjunction]) -> Region:
+        return Region.difference(base, (Polyhedron(self._parameters, piece) for piece in pieces))
+
+    def _result(self, status: RegionStatus, found: Region) -> RegionResult:
+        seconds = time.perf_counter() - self._started
+        return RegionResult(status, found, *self._names, seconds, len(self._pieces), self._statistics)
+
+    def _search(self) -> None:
+        backend, splitting, _, name, solver = self._names
+        encoding = create_encoding(name, self._plan, self._epsilon, self._deadline)
+        context = Context(encoding.terms, Reader(encoding.terms), solver, self._statistics)
+        eliminator = create_eliminator(backend, context)
+        builder = ProblemBuilder(encoding, context.reader, context.session())
+        problem = builder.build(Splitting(splitting))
+        if splitting == Splitting.MONOLITHIC.value and eliminator.alternation:
+            self._add(eliminator.eliminate_nested(problem.violation, problem.exists, self._deadline))
             return
-        self._add(self._existence(problem, deadline))
+        if backend == "project":
+            existence = Existence(encoding, context, problem.exists, problem.bounds).pieces(self._deadline)
+        else:
+            existence = self._complement(eliminator.eliminate(problem.exists, (), self._deadline), context)
+        if splitting == Splitting.MONOLITHIC.value:
+            # Only one quantifier at a time: the inner one goes first, and its result becomes part of the outer formula.
+            self._add(eliminator.eliminate(_with_existence(problem, existence), self._known(), self._deadline))
+            return
+        self._add(existence)
         for query in problem.violations:
-            self._add(self._eliminator.eliminate(query, self._known(), deadline))
+            self._add(eliminator.eliminate(query, self._known(), self._deadline))
 
-    def _run_monolithic(self, problem: Problem, deadline: Deadline) -> None:
-        nothing = Query("no obligation", problem.parameters, (), FALSE)
-        query = problem.violations[0] if problem.violations else nothing
-        if self._eliminator.alternation:
-            self._add(self._eliminator.eliminate_nested(query, problem.exists, deadline))
-            return
-        # Only one quantifier at a time: the inner one goes first, and its result becomes part of the outer formula.
-        beyond = disjunction(conjunction(piece) for piece in self._existence(problem, deadline))
-        whole = Query(
-            "the whole envelope",
-            query.kept,
-            query.network,
-            disjunction((beyond, conjunction((query.violation, query.remainder)))),
-            query.definitions,
-        )
-        self._add(self._eliminator.eliminate(whole, self._known(), deadline))
-
-    def _existence(self, problem: Problem, deadline: Deadline) -> Iterator[Conjunction]:
-        """The bad values that leave no schedule."""
-        if self._eliminator.name == "project":
-            return Existence(self._encoding, self._context, problem.exists, problem.bounds).pieces(deadline)
-        return self._complement(self._eliminator.eliminate(problem.exists, (), deadline), deadline)
-
-    def _complement(self, pieces: Iterable[Conjunction], deadline: Deadline) -> Iterator[Conjunction]:
+    def _complement(self, pieces: Iterable[Conjunction], context: Context) -> Iterator[Conjunction]:
         """What none of the pieces covers, within the declared bounds."""
-        covered = list(pieces)
-        rest = conjunction(outside(piece) for piece in covered)
-        return polyhedra_of(rest, self._context.session, self._context.reader, deadline, self._beyond_bounds())
+        rest = conjunction([outside(piece) for piece in pieces])
+        return polyhedra_of(rest, context.session, context.reader, self._deadline, self._beyond_bounds())
 
     def _known(self) -> list[Conjunction]:
         """What a problem need not describe again."""
-        return [*self._beyond_bounds(), *self._found.pieces] if self._learning else []
+        return [*self._beyond_bounds(), *self._pieces] if self._learning else []
 
     def _beyond_bounds(self) -> list[Conjunction]:
-        return [(half,) for bound in self._found.bounds for half in bound.negation()]
+        return [(half,) for bound in self._bounds for half in bound.negation()]
 
     def _add(self, pieces: Iterable[Conjunction]) -> None:
         for piece in pieces:
-            self._found.add(piece)
+            self._pieces.append(piece)
+            if self._on_piece is not None:
+                self._on_piece(Polyhedron(self._parameters, piece))
+
+
+def _with_existence(problem: Problem, existence: Iterable[Conjunction]) -> Query:
+    """All violations, and what leaves no schedule, as one query."""
+    query = problem.violation
+    beyond = disjunction(conjunction(piece) for piece in existence)
+    violation = disjunction((beyond, conjunction((query.violation, query.remainder))))
+    return Query("the whole envelope", query.kept, query.network, violation, query.definitions)

@@ -179,11 +179,6 @@ class LinearConstraint:
         fixed = sum((factor * values[name] for name, factor in self.coefficients if name in values), ZERO)
         return LinearConstraint(rest, self.relation, self.constant - fixed)
 
-    def rename(self, names: Mapping[str, str]) -> LinearConstraint:
-        """The constraint with parameters renamed; names that are not in the mapping stay."""
-        pairs = tuple((names.get(name, name), factor) for name, factor in self.coefficients)
-        return LinearConstraint(pairs, self.relation, self.constant)
-
     def as_polynomial(self) -> Polynomial[ParameterReference]:
         """`constant − form`: the constraint says that it is ≥ 0, > 0 or = 0."""
         terms: dict[tuple[ParameterReference, ...], Fraction] = {(): self.constant}
@@ -265,3 +260,23 @@ def trim(constraints: Iterable[LinearConstraint]) -> tuple[LinearConstraint, ...
         elif constraint.is_equality and constraint.constant != known.constant:
             return (LinearConstraint.false(),)
     return tuple(tightest.values())
+
+
+def combine(
+    left: LinearConstraint, left_weight: Fraction, right: LinearConstraint, right_weight: Fraction, relation: Sense
+) -> LinearConstraint:
+    """`left_weight · left + right_weight · right  relation  …`."""
+    total = {name: left_weight * factor for name, factor in left.coefficients}
+    for name, factor in right.coefficients:
+        total[name] = total.get(name, Fraction(0)) + right_weight * factor
+    constant = left_weight * left.constant + right_weight * right.constant
+    return LinearConstraint(tuple(total.items()), relation, constant)
+
+
+def substitute_equality(constraint: LinearConstraint, equality: LinearConstraint, name: str) -> LinearConstraint:
+    """The constraint without `name`, which the equality determines."""
+    factor = dict(constraint.coefficients).get(name)
+    if not factor:
+        return constraint
+    weight = -factor / dict(equality.coefficients)[name]
+    return combine(constraint, Fraction(1), equality, weight, constraint.relation)

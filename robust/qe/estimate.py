@@ -9,8 +9,9 @@ from heapq import heappop, heappush
 from math import factorial, floor, prod
 from random import Random
 
+from robust.qe.conjunctions import NormalForm
 from robust.qe.constraint import Coefficients, LinearConstraint, Sense
-from robust.qe.polyhedron import NormalForm, Polyhedron
+from robust.qe.polyhedron import Polyhedron
 
 Cell = tuple[tuple[str, Fraction, Fraction], ...]
 """A closed box: parameter, lower and upper end."""

@@ -6,16 +6,22 @@ constraints, whether they are parameters, time points or auxiliaries.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any, assert_never
+from itertools import chain, repeat
+from math import prod
+from typing import Any, TypeVar, assert_never
+
+from pysmt import operators
 
 from robust.errors import UnsupportedError
 from robust.qe.constraint import LinearConstraint, Sense, trim
 from robust.smt.terms import Formula, Terms
 
+Image = TypeVar("Image")
 Model = Mapping[str, Fraction | bool]
 """A value for every symbol that matters, by name."""
 
@@ -26,6 +32,14 @@ class Literal:
 
     name: str
     value: bool
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The symbol, as of a constraint."""
+        return (self.name,)
+
+
+Leaf = LinearConstraint | Literal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,50 +135,46 @@ def postorder(root: Nnf) -> Iterator[Nnf]:
             stack.extend((operand, False) for operand in reversed(node.operands) if operand not in done)
 
 
-def rebuild(root: Nnf, leaf: Callable[[LinearConstraint | Literal], Nnf]) -> Nnf:
-    """Replace every leaf."""
-    images: dict[Nnf, Nnf] = {}
-    for node in postorder(root):
-        if isinstance(node, Junction):
-            operands = [images[operand] for operand in node.operands]
-            if all(new is old for new, old in zip(operands, node.operands, strict=True)):
-                images[node] = node
-            else:
-                images[node] = conjunction(operands) if node.conjunctive else disjunction(operands)
-        else:
-            images[node] = leaf(node)
+def fold(
+    root: Nnf,
+    leaf: Callable[[Leaf], Image],
+    junction: Callable[[Junction, list[Image]], Image],
+    images: dict[Nnf, Image] | None = None,
+) -> Image:
+    """What a formula becomes, from what its leaves and its junctions become; `images` remembers it between calls."""
+    images = {} if images is None else images
+    if root not in images:
+        for node in postorder(root):
+            if node not in images:
+                operands = [images[operand] for operand in node.operands] if isinstance(node, Junction) else []
+                images[node] = junction(node, operands) if isinstance(node, Junction) else leaf(node)
     return images[root]
+
+
+def rebuild(root: Nnf, leaf: Callable[[Leaf], Nnf]) -> Nnf:
+    """Replace every leaf."""
+
+    def junction(node: Junction, operands: list[Nnf]) -> Nnf:
+        if all(new is old for new, old in zip(operands, node.operands, strict=True)):
+            return node
+        return conjunction(operands) if node.conjunctive else disjunction(operands)
+
+    return fold(root, leaf, junction)
 
 
 def negation(root: Nnf) -> Nnf:
     """The negation, in negation normal form again."""
-    images: dict[Nnf, Nnf] = {}
-    for node in postorder(root):
-        match node:
-            case Junction(conjunctive, operands):
-                parts = [images[operand] for operand in operands]
-                images[node] = disjunction(parts) if conjunctive else conjunction(parts)
-            case LinearConstraint():
-                images[node] = disjunction(node.negation())
-            case Literal(name, value):
-                images[node] = Literal(name, not value)
-            case _:
-                assert_never(node)
-    return images[root]
+
+    def leaf(node: Leaf) -> Nnf:
+        return Literal(node.name, not node.value) if isinstance(node, Literal) else disjunction(node.negation())
+
+    return fold(root, leaf, lambda node, parts: disjunction(parts) if node.conjunctive else conjunction(parts))
 
 
 def names_in(root: Nnf) -> frozenset[str]:
     """Names of all symbols that occur."""
-    names: set[str] = set()
-    for node in postorder(root):
-        match node:
-            case LinearConstraint():
-                names.update(node.parameters)
-            case Literal(name):
-                names.add(name)
-            case Junction():
-                pass
-    return frozenset(names)
+    leaves = (node for node in postorder(root) if not isinstance(node, Junction))
+    return frozenset(name for leaf in leaves for name in leaf.parameters)
 
 
 def booleans_in(root: Nnf) -> frozenset[str]:
@@ -208,7 +218,7 @@ def layout(root: Nnf) -> Layout:
     return Layout(nodes, operands, names_in(root))
 
 
-def implicant(root: Nnf, model: Model, chosen: dict[LinearConstraint | Literal, None]) -> bool:
+def implicant(root: Nnf, model: Model, chosen: dict[Leaf, None]) -> bool:
     """Add leaves that are true in the model and entail the formula to `chosen`; False if the formula is false there.
 
     Of the disjuncts that are true one is taken that needs few leaves besides those chosen already.
@@ -240,130 +250,195 @@ def implicant(root: Nnf, model: Model, chosen: dict[LinearConstraint | Literal, 
     return True
 
 
-class Reader:
-    """Translates between the formulas of one `Terms` and their normal forms; remembers what it has read."""
+Operator = Enum(
+    "Operator",
+    "AND OR NOT IMPLIES IFF CHOICE AT_MOST LESS AT_LEAST GREATER EQUAL DIFFERENT SUM DIFFERENCE PRODUCT NUMBER SYMBOL",
+)
+"""What the nodes of a solver's expressions can be: Boolean, relations, arithmetic, and what stands alone.
 
-    def __init__(self, terms: Terms) -> None:
-        self._terms = terms
-        self._read: dict[tuple[Formula, bool], Nnf] = {}
-        self._forms: dict[Formula, tuple[dict[str, Fraction], Fraction]] = {}
-        self._written: dict[Nnf, Formula] = {}
-        self._outside: dict[int, tuple[tuple[LinearConstraint, ...], Formula]] = {}
+Constants are conjunctions or disjunctions of nothing; NUMBER and SYMBOL have a fraction or a name as operand.
+"""
+Shape = tuple[Operator, Sequence[Any]]
+"""What a node is, and its operands."""
 
-    def read(self, formula: Formula) -> Nnf:
-        """The negation normal form of a quantifier-free formula of linear real arithmetic.
+_RELATIONS = {
+    Operator.AT_MOST: (Sense.AT_MOST, 1),
+    Operator.LESS: (Sense.LESS, 1),
+    Operator.AT_LEAST: (Sense.AT_MOST, -1),
+    Operator.GREATER: (Sense.LESS, -1),
+    Operator.EQUAL: (Sense.EQUAL, 1),
+    Operator.DIFFERENT: (Sense.EQUAL, 1),
+}
+_Form = tuple[dict[str, Fraction], Fraction]
+"""Coefficients and constant of a linear term."""
+
+
+class ExpressionReader:
+    """Reads quantifier-free formulas of linear real arithmetic; remembers what it has read.
+
+    Args:
+        shape: what a node is; raises UnsupportedError for anything else. A negated term is a difference of one operand.
+        key: what identifies a node for as long as its formula lives.
+    """
+
+    def __init__(self, shape: Callable[[Any], Shape], key: Callable[[Any], Hashable] = lambda node: node) -> None:
+        self._shape = shape
+        self._key = key
+        self._read: dict[tuple[Hashable, bool], Nnf] = {}
+        self._forms: dict[Hashable, _Form] = {}
+
+    def read(self, root: Any) -> Nnf:
+        """The negation normal form of a formula.
 
         Raises:
-            UnsupportedError: if it contains anything else.
+            UnsupportedError: if it is anything but quantifier-free linear real arithmetic.
         """
-        stack = [(formula, True)]
+        stack = [(root, True)]
         while stack:
-            key = stack[-1]
+            node, positive = stack[-1]
+            key = self._key(node), positive
             if key in self._read:
                 stack.pop()
                 continue
-            missing = [part for part in self._parts(*key) if part not in self._read]
+            shape = self._shape(node)
+            parts = _parts(shape, positive)
+            missing = [(part, sign) for part, sign in parts if (self._key(part), sign) not in self._read]
             if missing:
                 stack += missing
             else:
-                self._read[key] = self._node(*key)
+                images = [self._read[self._key(part), sign] for part, sign in parts]
+                self._read[key] = self._image(node, shape, images, positive)
                 stack.pop()
-        return self._read[formula, True]
+        return self._read[self._key(root), True]
 
-    def _parts(self, node: Formula, positive: bool) -> list[tuple[Formula, bool]]:
-        if node.is_not():
-            return [(node.arg(0), not positive)]
-        if node.is_and() or node.is_or():
-            return [(argument, positive) for argument in node.args()]
-        if node.is_implies():
-            return [(node.arg(0), not positive), (node.arg(1), positive)]
-        if node.is_iff():
-            return [(argument, sign) for argument in node.args() for sign in (True, False)]
-        return []
-
-    def _node(self, node: Formula, positive: bool) -> Nnf:
-        parts = [self._read[part] for part in self._parts(node, positive)]
-        if node.is_not():
-            return parts[0]
-        if node.is_and() or node.is_or() or node.is_implies():
-            return conjunction(parts) if node.is_and() is positive else disjunction(parts)
-        if node.is_iff():
-            left, not_left, right, not_right = parts
-            if not positive:
-                right, not_right = not_right, right
-            return conjunction((disjunction((not_left, right)), disjunction((left, not_right))))
-        if node.is_bool_constant():
-            return TRUE if node.constant_value() is positive else FALSE
-        if node.is_symbol() and node.symbol_type().is_bool_type():
-            return Literal(node.symbol_name(), positive)
-        constraint = self._constraint(node)
-        return constraint if positive else disjunction(constraint.negation())
-
-    def _constraint(self, node: Formula) -> LinearConstraint:
-        senses = ((node.is_le(), Sense.AT_MOST), (node.is_lt(), Sense.LESS), (node.is_equals(), Sense.EQUAL))
-        sense = next((sense for applies, sense in senses if applies), None)
-        if sense is None:
+    def _image(self, node: Any, shape: Shape, parts: list[Nnf], positive: bool) -> Nnf:
+        operator, operands = shape
+        match operator:
+            case Operator.NOT:
+                return parts[0]
+            case Operator.AND | Operator.OR | Operator.IMPLIES:
+                return conjunction(parts) if (operator is Operator.AND) is positive else disjunction(parts)
+            case Operator.IFF | Operator.CHOICE:
+                condition, otherwise, first, second = parts
+                return conjunction((disjunction((otherwise, first)), disjunction((condition, second))))
+            case Operator.SYMBOL:
+                return Literal(operands[0], positive)
+        if operator not in _RELATIONS:
             raise UnsupportedError(f"found {node}, expected a comparison of linear real terms")
-        left, right = self._form(node.arg(0)), self._form(node.arg(1))
-        total = dict(left[0])
-        for name, factor in right[0].items():
-            total[name] = total.get(name, Fraction(0)) - factor
-        return LinearConstraint(tuple(total.items()), sense, right[1] - left[1])
+        sense, sign = _RELATIONS[operator]
+        form, constant = _added([self._form(operands[0]), self._form(operands[1])], (sign, -sign))
+        constraint = LinearConstraint(tuple(form.items()), sense, -constant)
+        return constraint if positive is not (operator is Operator.DIFFERENT) else negation(constraint)
 
-    def _form(self, term: Formula) -> tuple[dict[str, Fraction], Fraction]:
+    def _form(self, term: Any) -> _Form:
         """Coefficients and constant of a term; terms are sums of products, never deep."""
-        if term not in self._forms:
-            self._forms[term] = self._new_form(term)
-        return self._forms[term]
+        key = self._key(term)
+        if key not in self._forms:
+            self._forms[key] = self._new_form(term)
+        return self._forms[key]
 
-    def _new_form(self, term: Formula) -> tuple[dict[str, Fraction], Fraction]:
-        if term.is_constant():
-            value = term.constant_value()
-            return {}, Fraction(value.numerator, value.denominator)
-        if term.is_symbol():
-            return {term.symbol_name(): Fraction(1)}, Fraction(0)
-        parts = [self._form(argument) for argument in term.args()]
-        if term.is_times():
-            scale = Fraction(1)
-            form: tuple[dict[str, Fraction], Fraction] = ({}, Fraction(1))
-            for part in parts:
-                if part[0] and form[0]:
+    def _new_form(self, term: Any) -> _Form:
+        operator, operands = self._shape(term)
+        match operator:
+            case Operator.NUMBER:
+                return {}, operands[0]
+            case Operator.SYMBOL:
+                return {operands[0]: Fraction(1)}, Fraction(0)
+            case Operator.SUM:
+                return _added(map(self._form, operands), repeat(1))
+            case Operator.DIFFERENCE:
+                signs = chain((1,), repeat(-1)) if len(operands) > 1 else (-1,)
+                return _added(map(self._form, operands), signs)
+            case Operator.PRODUCT:
+                forms = [self._form(operand) for operand in operands]
+                scale = prod((constant for form, constant in forms if not form), start=Fraction(1))
+                linear = [form for form in forms if form[0]] or [({}, Fraction(1))]
+                if len(linear) > 1:
                     raise UnsupportedError(f"found {term}, expected a product with at most one factor not constant")
-                if part[0]:
-                    form = (part[0], part[1])
-                else:
-                    scale *= part[1]
-            return {name: factor * scale for name, factor in form[0].items()}, form[1] * scale
-        if term.is_plus() or term.is_minus():
-            total: dict[str, Fraction] = {}
-            constant = Fraction(0)
-            for index, part in enumerate(parts):
-                sign = -1 if index and term.is_minus() else 1
-                constant += sign * part[1]
-                for name, factor in part[0].items():
-                    total[name] = total.get(name, Fraction(0)) + sign * factor
-            return total, constant
+                return _added(linear, (scale,))
         raise UnsupportedError(f"found {term}, expected a linear real term")
+
+
+def _parts(shape: Shape, positive: bool) -> list[tuple[Any, bool]]:
+    """The Boolean operands of a node, each with whether it or its negation is needed."""
+    operator, operands = shape
+    match operator:
+        case Operator.NOT:
+            return [(operands[0], not positive)]
+        case Operator.AND | Operator.OR:
+            return [(operand, positive) for operand in operands]
+        case Operator.IMPLIES:
+            return [(operands[0], not positive), (operands[1], positive)]
+        case Operator.IFF:
+            return [(operands[0], True), (operands[0], False), (operands[1], positive), (operands[1], not positive)]
+        case Operator.CHOICE:
+            return [(operands[0], True), (operands[0], False), (operands[1], positive), (operands[2], positive)]
+    return []
+
+
+def _added(forms: Iterable[_Form], factors: Iterable[Fraction | int]) -> _Form:
+    """The sum of linear forms, each times its factor."""
+    total: dict[str, Fraction] = {}
+    constant = Fraction(0)
+    for (form, number), factor in zip(forms, factors, strict=False):
+        constant += factor * number
+        for name, coefficient in form.items():
+            total[name] = total.get(name, Fraction(0)) + factor * coefficient
+    return total, constant
+
+
+_SHAPES = {
+    operators.AND: Operator.AND,
+    operators.OR: Operator.OR,
+    operators.NOT: Operator.NOT,
+    operators.IMPLIES: Operator.IMPLIES,
+    operators.IFF: Operator.IFF,
+    operators.ITE: Operator.CHOICE,
+    operators.LE: Operator.AT_MOST,
+    operators.LT: Operator.LESS,
+    operators.EQUALS: Operator.EQUAL,
+    operators.PLUS: Operator.SUM,
+    operators.MINUS: Operator.DIFFERENCE,
+    operators.TIMES: Operator.PRODUCT,
+}
+
+
+def _shape(node: Formula) -> Shape:
+    if node.is_symbol():
+        return Operator.SYMBOL, (node.symbol_name(),)
+    if node.is_bool_constant():
+        return (Operator.AND if node.constant_value() else Operator.OR), ()
+    if node.is_constant():
+        value = node.constant_value()
+        return Operator.NUMBER, (Fraction(value.numerator, value.denominator),)
+    if node.node_type() not in _SHAPES:
+        raise UnsupportedError(f"found {node}, expected a formula of linear real arithmetic")
+    return _SHAPES[node.node_type()], node.args()
+
+
+class Reader(ExpressionReader):
+    """Translates between the formulas of one `Terms` and their normal forms."""
+
+    def __init__(self, terms: Terms) -> None:
+        super().__init__(_shape)
+        self._terms = terms
+        self._written: dict[Nnf, Formula] = {}
+        self._outside: dict[int, tuple[tuple[LinearConstraint, ...], Formula]] = {}
 
     def write(self, root: Nnf) -> Formula:
         """The formula of a normal form."""
-        if root in self._written:
-            return self._written[root]
-        for node in postorder(root):
-            if node in self._written:
-                continue
-            match node:
-                case LinearConstraint():
-                    self._written[node] = node.to_formula(self._terms)
-                case Literal(name, value):
-                    symbol = self._terms.manager.Symbol(name)
-                    self._written[node] = symbol if value else self._terms.negation(symbol)
-                case Junction(conjunctive, operands):
-                    build = self._terms.conjunction if conjunctive else self._terms.disjunction
-                    self._written[node] = build(self._written[operand] for operand in operands)
-                case _:
-                    assert_never(node)
-        return self._written[root]
+        terms = self._terms
+
+        def leaf(node: Leaf) -> Formula:
+            if isinstance(node, LinearConstraint):
+                return node.to_formula(terms)
+            symbol = terms.manager.Symbol(node.name)
+            return symbol if node.value else terms.negation(symbol)
+
+        def junction(node: Junction, operands: list[Formula]) -> Formula:
+            return terms.conjunction(operands) if node.conjunctive else terms.disjunction(operands)
+
+        return fold(root, leaf, junction, self._written)
 
     def symbols(self, names: Iterable[str]) -> list[Formula]:
         """The symbols of these names that formulas have been made of."""

@@ -1,4 +1,4 @@
-"""Exact projection of polyhedra by Fourier–Motzkin elimination."""
+"""Polyhedra: conjunctions of linear constraints as sets of points, strict sides included."""
 
 from __future__ import annotations
 
@@ -7,311 +7,15 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from itertools import combinations
-from math import lcm
-from typing import Protocol
 
 from robust.errors import InputError, UnsupportedError, did_you_mean
-from robust.qe.constraint import LinearConstraint, Sense, trim
-from robust.qe.simplex import IntegerForm, Optimum, Supremum, Tableau, extend, integer_form, supremum, tableau, violates
+from robust.qe.box import Box, Interval
+from robust.qe.conjunctions import NormalForm, normal_form, project
+from robust.qe.constraint import LinearConstraint, Sense, substitute_equality, trim
+from robust.qe.simplex import Supremum, Tableau, extend, integer_form, supremum, tableau, violates
 from robust.smt.terms import Formula, Terms
 
-
-def eliminate(
-    parameters: Sequence[str], constraints: Iterable[LinearConstraint], names: Iterable[str]
-) -> tuple[LinearConstraint, ...]:
-    """Constraints on the other parameters that hold exactly where some values of `names` satisfy all constraints.
-
-    Equalities are used as substitutions; of the inequalities, redundant ones are removed after every parameter, which
-    keeps the doubly exponential growth of the plain method away.
-    """
-    remaining = [name for name in parameters if name not in set(names)]
-    doomed = [name for name in parameters if name not in remaining]
-    current = tuple(constraints)
-    left = list(parameters)
-    while doomed:
-        form = normal_form(left, current)
-        if form is None:
-            return (LinearConstraint.false(),)
-        current, doomed, left = _without_equalities(form.constraints, doomed, left)
-        if doomed:
-            name = min(doomed, key=lambda name: _growth(current, name))
-            current = _combined(current, name)
-            doomed.remove(name)
-            left.remove(name)
-    return trim(current)
-
-
-def _without_equalities(
-    constraints: Iterable[LinearConstraint], doomed: Sequence[str], left: Sequence[str]
-) -> tuple[tuple[LinearConstraint, ...], list[str], list[str]]:
-    """Use up equalities that determine a parameter to be eliminated."""
-    current = list(constraints)
-    doomed, left = list(doomed), list(left)
-    while True:
-        usable = ((c, n) for c in current if c.is_equality for n in c.parameters if n in doomed)
-        equality, name = next(usable, (None, ""))
-        if equality is None:
-            return trim(current), doomed, left
-        current.remove(equality)
-        current = [substitute_equality(constraint, equality, name) for constraint in current]
-        doomed.remove(name)
-        left.remove(name)
-
-
-def _growth(constraints: Iterable[LinearConstraint], name: str) -> int:
-    """By how many constraints the elimination of a parameter changes their number, at most."""
-    factors = [dict(constraint.coefficients).get(name, 0) for constraint in constraints]
-    above, below = sum(factor > 0 for factor in factors), sum(factor < 0 for factor in factors)
-    return above * below - above - below
-
-
-def _combined(constraints: Iterable[LinearConstraint], name: str) -> tuple[LinearConstraint, ...]:
-    """Every upper bound of a parameter, which no equality mentions, paired with every lower bound."""
-    result: list[LinearConstraint] = []
-    above: list[tuple[LinearConstraint, Fraction]] = []
-    below: list[tuple[LinearConstraint, Fraction]] = []
-    for constraint in constraints:
-        factor = dict(constraint.coefficients).get(name)
-        if not factor:
-            result.append(constraint)
-        else:
-            (above if factor > 0 else below).append((constraint, abs(factor)))
-    for upper, high in above:
-        for lower, low in below:
-            relation = Sense.LESS if upper.is_strict or lower.is_strict else Sense.AT_MOST
-            result.append(combine(upper, 1 / high, lower, 1 / low, relation))
-    return trim(result)
-
-
-@dataclass(frozen=True, slots=True)
-class NormalForm:
-    """A polyhedron that is not empty.
-
-    Each of `equalities` determines one parameter (`pivots`, in the same order) that occurs nowhere else. `inequalities`
-    are over the other parameters, in which the polyhedron is full-dimensional, and none of them can be left out.
-    `interior` is a point that satisfies all of them strictly.
-    """
-
-    parameters: tuple[str, ...]
-    equalities: tuple[LinearConstraint, ...]
-    pivots: tuple[str, ...]
-    inequalities: tuple[LinearConstraint, ...]
-    interior: dict[str, Fraction]
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """The parameters that the equalities do not determine."""
-        return tuple(name for name in self.parameters if name not in self.pivots)
-
-    @property
-    def constraints(self) -> tuple[LinearConstraint, ...]:
-        return self.equalities + self.inequalities
-
-    def complete(self, free: dict[str, Fraction]) -> dict[str, Fraction]:
-        """The point of the affine hull with these values of the free parameters."""
-        values = dict(free)
-        for name, equality in zip(self.pivots, self.equalities, strict=True):
-            rest = equality.substitute(free)
-            values[name] = rest.constant / dict(rest.coefficients)[name]
-        return {name: values[name] for name in self.parameters}
-
-
-def normal_form(parameters: Sequence[str], constraints: Iterable[LinearConstraint]) -> NormalForm | None:
-    """The normal form of a polyhedron; None if it is empty."""
-    solved = _Equalities()
-    pending = list(trim(constraints))
-    while True:
-        solved.absorb(constraint for constraint in pending if constraint.is_equality)
-        inequalities = trim(solved.reduce(constraint) for constraint in pending if not constraint.is_equality)
-        if solved.contradictory or any(constraint.is_false for constraint in inequalities):
-            return None
-        free = [name for name in parameters if name not in solved.by_pivot]
-        attempt = Tableau(len(free))
-        slacks = extend(attempt, free, (constraint.with_relation(Sense.LESS) for constraint in inequalities))
-        if attempt.restore():
-            interior = attempt.point()
-            break
-        tight = [c for slack, c in zip(slacks, inequalities, strict=True) if slack in attempt.conflict]
-        if not attempt.only_strictly or any(constraint.is_strict for constraint in tight):
-            return None
-        # A combination of these with positive weights says 0 ≤ 0, so each of them holds with equality.
-        pending = [c.with_relation(Sense.EQUAL) if c in tight else c for c in inequalities]
-    kept = irredundant(free, inequalities, interior)
-    pivots = tuple(name for name in parameters if name in solved.by_pivot)
-    equalities = tuple(solved.by_pivot[name] for name in pivots)
-    form = NormalForm(tuple(parameters), equalities, pivots, kept, {})
-    completed = form.complete(dict(zip(free, interior, strict=True)))
-    return NormalForm(tuple(parameters), equalities, pivots, kept, completed)
-
-
-def combine(
-    left: LinearConstraint, left_weight: Fraction, right: LinearConstraint, right_weight: Fraction, relation: Sense
-) -> LinearConstraint:
-    """`left_weight · left + right_weight · right  relation  …`."""
-    total = {name: left_weight * factor for name, factor in left.coefficients}
-    for name, factor in right.coefficients:
-        total[name] = total.get(name, Fraction(0)) + right_weight * factor
-    constant = left_weight * left.constant + right_weight * right.constant
-    return LinearConstraint(tuple(total.items()), relation, constant)
-
-
-def substitute_equality(constraint: LinearConstraint, equality: LinearConstraint, name: str) -> LinearConstraint:
-    """The constraint without `name`, which the equality determines."""
-    factor = dict(constraint.coefficients).get(name)
-    if not factor:
-        return constraint
-    weight = -factor / dict(equality.coefficients)[name]
-    return combine(constraint, Fraction(1), equality, weight, constraint.relation)
-
-
-class _Equalities:
-    """A system of equalities in reduced form: each determines one parameter, which no other mentions."""
-
-    def __init__(self) -> None:
-        self.by_pivot: dict[str, LinearConstraint] = {}
-        self.contradictory = False
-
-    def absorb(self, equalities: Iterable[LinearConstraint]) -> None:
-        for equality in equalities:
-            new = self.reduce(equality)
-            self.contradictory = self.contradictory or new.is_false
-            if new.coefficients:
-                pivot = new.coefficients[0][0]
-                self.by_pivot = {n: substitute_equality(old, new, pivot) for n, old in self.by_pivot.items()}
-                self.by_pivot[pivot] = new
-
-    def reduce(self, constraint: LinearConstraint) -> LinearConstraint:
-        """The constraint without the parameters that are determined."""
-        for name in constraint.parameters:
-            if name in self.by_pivot:
-                constraint = substitute_equality(constraint, self.by_pivot[name], name)
-        return constraint
-
-
-def irredundant(
-    parameters: Sequence[str], inequalities: Sequence[LinearConstraint], interior: Sequence[Fraction]
-) -> tuple[LinearConstraint, ...]:
-    """The inequalities that are needed, of a full-dimensional polyhedron without parallel duplicates.
-
-    The facets of the closure are found first. A strict inequality without a facet of its own may still cut off a lower
-    face; those that do are kept as well.
-    """
-    facets = _facets(parameters, inequalities, interior)
-    if len(facets) == len(inequalities):
-        return tuple(inequalities)
-    candidates = [c for i, c in enumerate(inequalities) if i not in facets and c.is_strict]
-    kept = [inequalities[i] for i in sorted(facets)]
-    for candidate in list(candidates):
-        others = [other for other in candidates if other is not candidate]
-        if not _cuts(parameters, [*kept, *others], candidate):
-            candidates = others
-    return tuple(c for i, c in enumerate(inequalities) if i in facets or c in candidates)
-
-
-def _cuts(parameters: Sequence[str], others: Iterable[LinearConstraint], candidate: LinearConstraint) -> bool:
-    """Whether some point satisfies the others but not the candidate."""
-    solved = tableau(parameters, others)
-    form, _ = integer_form(candidate, parameters)
-    return solved.restore() and violates(solved.maximize(form), candidate)
-
-
-def _facets(
-    parameters: Sequence[str], inequalities: Sequence[LinearConstraint], interior: Sequence[Fraction]
-) -> set[int]:
-    """Indices of the inequalities that define facets, by Clarkson's method.
-
-    Each inequality is only compared with the facets known so far. If those do not imply it, a point that they allow and
-    it does not lies beyond some facet, which is the first that the segment from the interior point crosses.
-    """
-    forms = [integer_form(constraint, parameters) for constraint in inequalities]
-    centre = _homogeneous(interior)
-    known = Tableau(len(parameters))
-    facets: set[int] = set()
-    unknown = dict.fromkeys(range(len(forms)))
-    while unknown:
-        index = next(iter(unknown))
-        form, constant = forms[index]
-        optimum = known.maximize(form, above=Fraction(constant))
-        if optimum.value is not None and optimum.value <= constant:
-            del unknown[index]
-            continue
-        beyond = _homogeneous(_beyond(optimum, form, constant))
-        found = min(
-            (i for i in unknown if _distance(forms[i], beyond) < 0), key=lambda i: _crossing(forms[i], centre, beyond)
-        )
-        facets.add(found)
-        del unknown[found]
-        known.add(*_as_row(forms[found]))
-        known.restore()
-    return facets
-
-
-def _as_row(form: IntegerForm) -> tuple[tuple[int, ...], Sense, int]:
-    return form[0], Sense.AT_MOST, form[1]
-
-
-def _beyond(optimum: Optimum, form: Sequence[int], constant: int) -> Sequence[Fraction]:
-    """A point that the optimum shows to violate `form ≤ constant`."""
-    if optimum.ray is None:
-        return optimum.point
-    start = sum((c * x for c, x in zip(form, optimum.point, strict=True)), Fraction(0))
-    speed = sum((c * x for c, x in zip(form, optimum.ray, strict=True)), Fraction(0))
-    steps = max(Fraction(0), (constant - start) / speed) + 1
-    return [x + steps * d for x, d in zip(optimum.point, optimum.ray, strict=True)]
-
-
-def _homogeneous(point: Sequence[Fraction]) -> tuple[list[int], int]:
-    """Numerators over one common denominator."""
-    scale = lcm(*(value.denominator for value in point))
-    return [int(value * scale) for value in point], scale
-
-
-def _distance(form: IntegerForm, point: tuple[list[int], int]) -> int:
-    """`constant − form · point`, times the point's denominator."""
-    return form[1] * point[1] - sum(c * x for c, x in zip(form[0], point[0], strict=True))
-
-
-def _crossing(form: IntegerForm, centre: tuple[list[int], int], beyond: tuple[list[int], int]) -> list[Fraction]:
-    """How soon the segment from the centre crosses the hyperplane, as a key.
-
-    The centre is moved by a symbolic (ε, ε², …), so that no two hyperplanes are crossed together: what is crossed first
-    is a facet, never a hyperplane that only touches.
-    """
-    weight = -_distance(form, beyond)
-    return [Fraction(_distance(form, centre), weight), *(Fraction(-factor, weight) for factor in form[0])]
-
-
 Point = Mapping[str, Fraction]
-
-
-class IntervalLike(Protocol):
-    """An interval of a box; None is an infinite end."""
-
-    @property
-    def lower(self) -> Fraction | None: ...
-    @property
-    def upper(self) -> Fraction | None: ...
-    @property
-    def lower_closed(self) -> bool: ...
-    @property
-    def upper_closed(self) -> bool: ...
-
-
-class BoxLike(Protocol):
-    """An interval for each parameter, as the boxes of :mod:`robust.irr` (which this package does not import)."""
-
-    @property
-    def intervals(self) -> Mapping[str, IntervalLike]: ...
-
-
-@dataclass(frozen=True, slots=True)
-class Extent:
-    """The values that one parameter takes; None is an infinite end, which is open."""
-
-    lower: Fraction | None
-    upper: Fraction | None
-    lower_closed: bool
-    upper_closed: bool
 
 
 @dataclass(frozen=True)
@@ -353,9 +57,9 @@ class Polyhedron:
         return Polyhedron(tuple(parameters), (LinearConstraint.false(),))
 
     @staticmethod
-    def of_box(parameters: Iterable[str], box: BoxLike) -> Polyhedron:
+    def of_box(parameters: Iterable[str], box: Box) -> Polyhedron:
         """The points of a box; parameters that the box does not name are unbounded."""
-        return Polyhedron(tuple(parameters), tuple(interval_constraints(box)))
+        return Polyhedron(tuple(parameters), tuple(box.constraints()))
 
     def __contains__(self, point: Point) -> bool:
         return all(constraint.evaluate(point) for constraint in self.constraints)
@@ -468,14 +172,14 @@ class Polyhedron:
         """The least upper bound of a linear form; None if the polyhedron is empty."""
         return None if self._solved is None else supremum(self._solved.copy(), self.parameters, objective)
 
-    def extent(self, name: str) -> Extent | None:
+    def extent(self, name: str) -> Interval | None:
         """The interval of values that a parameter takes; None if the polyhedron is empty."""
         high, low = self.maximize({name: Fraction(1)}), self.maximize({name: Fraction(-1)})
         if high is None or low is None:
             return None
-        return Extent(None if low.value is None else -low.value, high.value, low.attained, high.attained)
+        return Interval(None if low.value is None else -low.value, high.value, low.attained, high.attained)
 
-    def bounding_box(self) -> dict[str, Extent] | None:
+    def bounding_box(self) -> dict[str, Interval] | None:
         """The smallest box around the polyhedron, with open, closed and infinite ends; None if empty."""
         extents = {name: self.extent(name) for name in self.parameters}
         if self.is_empty:
@@ -517,8 +221,8 @@ class Polyhedron:
         """
         kept = tuple(names)
         check_known(kept, self.parameters)
-        others = [name for name in self.parameters if name not in kept]
-        return Polyhedron(kept, eliminate(self.parameters, self.constraints, others)).simplified()
+        projected = project(self.constraints, set(self.parameters).difference(kept))
+        return Polyhedron.nothing(kept) if projected is None else Polyhedron(kept, projected).simplified()
 
     def slice(self, values: Point) -> Polyhedron:
         """Fix parameters at values; the polyhedron over the rest.
@@ -545,17 +249,6 @@ class Polyhedron:
 
     def __str__(self) -> str:
         return " ∧ ".join(str(constraint) for constraint in self.constraints) or "true"
-
-
-def interval_constraints(box: BoxLike) -> Iterable[LinearConstraint]:
-    """The constraints of a box."""
-    for name, interval in box.intervals.items():
-        if interval.lower is not None:
-            relation = Sense.AT_MOST if interval.lower_closed else Sense.LESS
-            yield LinearConstraint(((name, Fraction(-1)),), relation, -interval.lower)
-        if interval.upper is not None:
-            relation = Sense.AT_MOST if interval.upper_closed else Sense.LESS
-            yield LinearConstraint(((name, Fraction(1)),), relation, interval.upper)
 
 
 def check_names(names: tuple[str, ...]) -> None:

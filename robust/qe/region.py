@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from robust.errors import SolverError
 from robust.plan.model import ParameterReference
 from robust.qe import render
+from robust.qe.box import Box
 from robust.qe.constraint import LinearConstraint
 from robust.qe.estimate import VolumeBounds, sample, volume_bounds
-from robust.qe.polyhedron import BoxLike, Point, Polyhedron, check_known, check_names, check_same, union_volume
+from robust.qe.polyhedron import Point, Polyhedron, check_known, check_names, check_same, union_volume
 from robust.qe.render import read_region, write_region
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
@@ -263,7 +264,7 @@ class Region:
         return Region(tuple(parameters), ())
 
     @staticmethod
-    def of_box(parameters: Iterable[str], box: BoxLike) -> Region:
+    def of_box(parameters: Iterable[str], box: Box) -> Region:
         """The points of a box; parameters that it does not name are unbounded."""
         names = tuple(parameters)
         return Region(names, (Polyhedron.of_box(names, box),))
@@ -343,7 +344,7 @@ class Region:
         """Whether both have the same points."""
         return self.is_subset_of(other) and other.is_subset_of(self)
 
-    def contains_box(self, box: BoxLike) -> bool:
+    def contains_box(self, box: Box) -> bool:
         """Whether every point of the box is in the region; open, closed and infinite ends are respected."""
         return Region.of_box(self.parameters, box).is_subset_of(self)
 

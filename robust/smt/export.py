@@ -63,42 +63,9 @@ def smtlib(terms: Terms, assertions: Iterable[Formula], question: str, answer: s
     return "\n".join([*lines, "(check-sat)", ""])
 
 
-RESERVED = frozenset(
-    [
-        "_",
-        "!",
-        "as",
-        "let",
-        "exists",
-        "forall",
-        "match",
-        "par",
-        "true",
-        "false",
-        "not",
-        "and",
-        "or",
-        "xor",
-        "ite",
-        "distinct",
-        "div",
-        "mod",
-        "abs",
-        "to_real",
-        "to_int",
-        "is_int",
-        "Bool",
-        "Int",
-        "Real",
-        "String",
-        "BINARY",
-        "DECIMAL",
-        "HEXADECIMAL",
-        "NUMERAL",
-        "STRING",
-        "assert",
-        "check-sat",
-        "declare-fun",
-    ]
+_RESERVED = (
+    "_ ! as let exists forall match par true false not and or xor ite distinct div mod abs to_real to_int is_int "
+    "Bool Int Real String BINARY DECIMAL HEXADECIMAL NUMERAL STRING assert check-sat declare-fun"
 )
+RESERVED = frozenset(_RESERVED.split())
 """Words of SMT-LIB and of its theories that quoting does not turn into ordinary symbols for every solver."""

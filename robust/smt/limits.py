@@ -10,12 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
+from typing import Final
 
 from robust.errors import InputError
 
 LONGEST = 4_000_000
 """Seconds; z3 counts milliseconds in 32 bits."""
-
 
 GLANCE = 0.2
 """Seconds between two looks for a lost Ctrl-C."""
@@ -39,7 +39,7 @@ class Deadline:
             InputError: if `seconds` is negative or not a number.
         """
         if seconds is None or seconds > LONGEST:
-            return Deadline()
+            return NEVER
         if not seconds >= 0:
             raise InputError(f"time limit is {seconds}; expected seconds, at least 0")
         return Deadline(time.monotonic() + seconds)
@@ -63,6 +63,10 @@ class Deadline:
         raise_if_interrupted()
         if self.passed:
             raise OutOfTimeError
+
+
+NEVER: Final = Deadline()
+"""No limit."""
 
 
 def has_input(reader: int, deadline: Deadline) -> bool:

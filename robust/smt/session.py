@@ -1,4 +1,4 @@
-"""What the solvers were asked, and what it cost."""
+"""Incremental sessions with a solver: frames of assertions, time limits, models, and what was asked at what cost."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import Enum
 from fractions import Fraction
+from importlib import import_module
 from typing import Any
 
-from pysmt.exceptions import NoSolverAvailableError, SolverReturnedUnknownResultError
+from pysmt.exceptions import SolverAPINotFound, SolverReturnedUnknownResultError
+from pysmt.logics import QF_LRA
 
 from robust.errors import SolverError, did_you_mean
 from robust.smt.export import Exporter
-from robust.smt.limits import Deadline, has_input, raise_if_interrupted
+from robust.smt.limits import NEVER, Deadline, has_input, raise_if_interrupted
 from robust.smt.terms import Formula, Terms
 
 
@@ -35,17 +37,11 @@ class Statistics:
     nodes: int = 0
 
     def as_dict(self) -> dict[str, float | int]:
-        return {
-            "queries": self.queries,
-            "satisfiable": self.satisfiable,
-            "unsatisfiable": self.unsatisfiable,
-            "unknown": self.unknown,
-            "seconds": round(self.seconds, 6),
-            "nodes": self.nodes,
-        }
+        return {**asdict(self), "seconds": round(self.seconds, 6)}
 
 
 Value = Fraction | bool
+log = logging.getLogger(__name__)
 
 
 class Verdict(Enum):
@@ -92,7 +88,7 @@ class Z3(Backend):
     name = "z3"
 
     def _create(self, terms: Terms) -> Any:
-        solver = _pysmt_solver(terms, self.name)
+        solver = _pysmt_solver(terms, self.name, "z3", "Z3Solver")
         # All sessions of one environment share what has been translated already.
         solver.converter = terms.translations.setdefault(self.name, solver.converter)
         return solver
@@ -140,7 +136,7 @@ class Cvc5(Backend):
 
     def _create(self, terms: Terms) -> Any:
         self._copied_values: Mapping[str, Value] | None = None
-        return _pysmt_solver(terms, self.name)
+        return _pysmt_solver(terms, self.name, "cvcfive", "CVC5Solver")
 
     def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
         self._copied_values = None
@@ -201,11 +197,13 @@ def create_backend(name: str, terms: Terms) -> Backend:
     return BACKENDS[name](terms)
 
 
-def _pysmt_solver(terms: Terms, name: str) -> Any:
+def _pysmt_solver(terms: Terms, name: str, module: str, solver_class: str) -> Any:
+    """pySMT's adapter, taken directly: its factory would import every solver that is installed."""
     try:
-        solver = terms.environment.factory.Solver(name=name, logic="QF_LRA", incremental=True)
-    except NoSolverAvailableError as error:
+        adapter = getattr(import_module(f"pysmt.solvers.{module}"), solver_class)
+    except (ImportError, SolverAPINotFound) as error:
         raise SolverError(f"solver {name!r} is not installed; expected the Python package of that solver") from error
+    solver = adapter(environment=terms.environment, logic=QF_LRA, incremental=True)
     # pySMT checks the type of every assertion in its global environment, which then keeps all formulas for good. Terms
     # are of the right type by construction.
     solver._assert_is_boolean = lambda _formula: None
@@ -234,11 +232,6 @@ def _read_until(reader: int, deadline: Deadline) -> bytes:
         if not chunk:
             return b"".join(chunks)
         chunks.append(chunk)
-
-
-log = logging.getLogger(__name__)
-
-__all__ = ["Session", "Value", "Verdict"]
 
 
 class Session:
@@ -304,7 +297,7 @@ class Session:
     def assertions(self) -> list[Formula]:
         return [formula for frame in self._frames for formula in frame]
 
-    def check(self, question: str, deadline: Deadline = Deadline()) -> Verdict:  # noqa: B008 - immutable
+    def check(self, question: str, deadline: Deadline = NEVER) -> Verdict:
         """Whether the assertions have a model; `question` names the query in logs and exported files."""
         raise_if_interrupted()
         if deadline.passed:

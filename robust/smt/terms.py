@@ -24,6 +24,8 @@ class Terms:
     def __init__(self) -> None:
         self.environment = Environment()
         self.manager = self.environment.formula_manager
+        # Terms are of the right type by construction; checking every node takes longer than making it.
+        self.manager._do_type_check = lambda _node: None
         self.true: Formula = self.manager.TRUE()
         self.false: Formula = self.manager.FALSE()
         self._symbols: dict[Hashable, Formula] = {}
@@ -102,7 +104,7 @@ class Terms:
     def compare(self, expression: Polynomial[Hashable], relation: Relation) -> Formula:
         """`expression relation 0`; a constant expression is decided here."""
         if expression.is_constant:
-            return self.truth(holds(expression.constant_term, relation))
+            return self.truth(relation.holds(expression.constant_term))
         key = (expression, relation)
         if key not in self._comparisons:
             self._comparisons[key] = self._compare(expression, relation)
@@ -146,16 +148,3 @@ class Terms:
         if formula not in self._variables:
             self._variables[formula] = frozenset(self.environment.fvo.get_free_variables(formula))
         return self._variables[formula]
-
-
-def holds(value: Fraction, relation: Relation) -> bool:
-    """Whether `value relation 0`."""
-    match relation:
-        case Relation.AT_LEAST:
-            return value >= 0
-        case Relation.GREATER:
-            return value > 0
-        case Relation.EQUAL:
-            return value == 0
-        case Relation.DIFFERENT:
-            return value != 0

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-from benchmarks.generate import generator_instance, main, write_instance
+from benchmarks.generators.sizes import generator_instance, main, write_instance
 from robust.plan.load import load_plan
 from robust.plan.model import TimePoint, TimePointKind
 from robust.plan.simulate import Simulation, simulate

@@ -12,8 +12,8 @@ from robust.certify.ground import GroundPlan
 from robust.certify.witness import Witnesses
 from robust.encode import create_encoding
 from robust.errors import UnsupportedError
-from robust.irr.box import Box, Interval
 from robust.irr.check import Answer
+from robust.qe.box import Box, Interval
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region

@@ -5,14 +5,14 @@ from fractions import Fraction
 
 import pytest
 
-from robust.bench.suite import read_suite
+from benchmarks.suite import read_suite
 from robust.certify.document import mismatch
 from robust.certify.ground import GroundPlan
 from robust.certify.produce import schedule_over
 from robust.errors import RefutedError, UnsupportedError
-from robust.irr.box import Interval
 from robust.plan.load import load_plan
 from robust.plan.simulate import simulate
+from robust.qe.box import Interval
 from robust.smt.limits import Deadline
 from tests.certify import tools
 
@@ -34,7 +34,7 @@ def named(files):
 
 def accepted(files, kind, path):
     plan, _ = tools.certificate(files, path, kind=kind)
-    given = {name: str(file) for name, file in zip(("domain", "problem", "plan"), files, strict=True)}
+    given = {name: str(file) for name, file in tools.by_name(files).items()}
     assert tools.rejection(path, given) is None
     assert mismatch(path, plan, Deadline()) is None
     assert path.stat().st_size < LARGEST

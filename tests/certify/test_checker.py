@@ -10,17 +10,21 @@ from fractions import Fraction
 import pytest
 
 from robust.certify.verify import checker_path
-from robust.irr.box import Interval
+from robust.qe.box import Interval
 from tests.certify import tools
 
 HEADER = {"format": "robust/certificate/1", "kind": "knowledge", "inputs": {}}
 FALSE = [["g", []], ["obligation", "correct execution"], ["root", -1, "t"], ["qed", [[1, 0], 0]], ["end"]]
 
 
-def rejected(tmp_path, *lines, header=HEADER):
+def written(tmp_path, *lines, header=HEADER):
     path = tmp_path / "made.cert"
     tools.write_lines(path, [header, *lines])
-    return tools.rejection(path)
+    return path
+
+
+def rejected(tmp_path, *lines, header=HEADER):
+    return tools.rejection(written(tmp_path, *lines, header=header))
 
 
 def test_it_is_one_short_file_that_needs_the_standard_library_only():
@@ -35,15 +39,14 @@ def test_it_is_one_short_file_that_needs_the_standard_library_only():
 
 
 def test_it_runs_alone(tmp_path):
-    path = tmp_path / "made.cert"
-    tools.write_lines(path, [HEADER, *FALSE])
+    path = written(tmp_path, *FALSE)
     words = [sys.executable, "-I", str(checker_path()), str(path)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("established: the formula of the certificate has no model\n")
-    assert subprocess.run([*words, "--network", str(path)], capture_output=True, check=False).returncode == 1
-    assert subprocess.run([*words, "--network", "/no"], capture_output=True, check=False).returncode == 2
-    assert subprocess.run([*words[:-1], "/no"], capture_output=True, check=False).returncode == 2
+    wrong = (([*words, "--network", str(path)], 1), ([*words, "--network", "/no"], 2), ([*words[:-1], "/no"], 2))
+    for others, code in wrong:
+        assert subprocess.run(others, capture_output=True, check=False).returncode == code
 
 
 @pytest.mark.parametrize(

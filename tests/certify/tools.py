@@ -8,15 +8,15 @@ import json
 import zlib
 from pathlib import Path
 
+from benchmarks.generators.pike import sat_plan
 from robust.api import envelope, region
 from robust.certify.produce import FormulaCertificate, PlanCertificate, digests
 from robust.certify.verify import checker_path
 from robust.encode import create_encoding
-from robust.irr.box import Box
 from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.generators.sat_reduction import sat_plan
 from robust.pike_bridge.semantics import Semantics
 from robust.plan.load import load_plan
+from robust.qe.box import Box
 from robust.smt.limits import Deadline
 
 EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"

@@ -1,5 +1,6 @@
 """Running the command line: in this process, or as a process of its own."""
 
+import json
 import os
 import signal
 import subprocess
@@ -9,12 +10,18 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
+from typing import Any
+
+import jsonschema
 
 from robust.cli import run
+from robust.show.schemas import schema
 
 REPOSITORY = Path(__file__).parents[2]
 EXAMPLES = REPOSITORY / "robust" / "examples"
 NAVIGATION = EXAMPLES / "two_sample_navigation"
+LOAD = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+"""How many processes share a processor now: everything takes that much longer."""
 COMMAND = (sys.executable, "-m", "robust")
 
 
@@ -27,6 +34,22 @@ class Ended:
     err: str
     seconds: float = 0.0
     """For a process that was sent a signal: from then to its end."""
+
+
+def answer_of(ended: Ended, name: str | None = None) -> dict[str, Any]:
+    """The JSON object that was printed, which is valid by its schema."""
+    answer = json.loads(ended.out)
+    assert name in (None, answer["schema"])
+    jsonschema.validate(answer, schema(answer["schema"]), cls=jsonschema.Draft202012Validator)
+    return answer
+
+
+def assert_one_line(ended: Ended, code: int = 2) -> None:
+    """A message of one line, and nothing else."""
+    assert (ended.code, ended.out) == (code, ""), ended
+    assert ended.err.startswith("robust: error: ")
+    assert ended.err.count("\n") == 1
+    assert ended.err.endswith("\n")
 
 
 def example(plan: str = "plan.stn", directory: Path = NAVIGATION) -> list[str]:

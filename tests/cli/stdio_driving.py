@@ -10,7 +10,7 @@ from heapq import heappop, heappush
 
 import jsonschema
 
-from robust.report.schemas import schema
+from robust.show.schemas import schema
 from tests.cli.running import COMMAND, environment
 
 CLOSING = {"wake", "end", "possible", "state", "why", "error"}

@@ -9,17 +9,9 @@ from matplotlib.figure import Figure
 import robust.api
 from tests.cli import inputs
 from tests.cli.bad_inputs import BAD_INPUTS, BadInput
-from tests.cli.running import COMMAND, Ended, command, environment, example, process
+from tests.cli.running import COMMAND, assert_one_line, command, environment, example, process
 
 TEXTS = {"domain": inputs.DOMAIN, "problem": inputs.PROBLEM, "plan": inputs.PLAN}
-
-
-def assert_one_line(ended: Ended, code: int = 2) -> None:
-    assert ended.code == code, ended
-    assert ended.out == ""
-    assert ended.err.startswith("robust: error: ")
-    assert ended.err.count("\n") == 1
-    assert ended.err.endswith("\n")
 
 
 def test_the_unchanged_input_is_right(tmp_path):
@@ -91,65 +83,6 @@ def test_file_name_with_line_break(tmp_path):
     assert_one_line(command("check", domain, problem, tmp_path / "a\nb.stn"))
 
 
-BAD_OPTIONS = [
-    (["--epsilon", "tiny"], "--epsilon: found 'tiny', expected a number"),
-    (["--epsilon", "-1/1000"], "--epsilon: found '-1/1000', expected a number of at least 0"),
-    (["--epsilon", "1/0"], "--epsilon: found '1/0', expected a fraction whose denominator is not 0"),
-    (["--timeout", "0"], "--timeout: found '0', expected a number above 0"),
-    (["--timeout", "nan"], "--timeout: found 'nan', expected a number"),
-    (["--solver", "z4"], "'z4' is not one of 'z3', 'cvc5'"),
-    (["--parameters", "nowhere.toml"], "nowhere.toml: found no such file"),
-    (["--parameter", "duration:nothing"], "nothing"),
-    (["--parameter", "=="], "--parameter"),
-    (["--nothing"], "No such option: --nothing"),
-    (["surplus"], "Got unexpected extra argument"),
-]
-BAD_CHECK_OPTIONS = [
-    (["--at", "to_rigde=3"], "found unknown parameter 'to_rigde'; did you mean 'to_ridge'?"),
-    (["--at", "to_ridge"], "expected NAME=VALUE or NAME=LOW:HIGH"),
-    (["--at", "=3"], "expected NAME=VALUE or NAME=LOW:HIGH"),
-    (["--at", "to_ridge=x"], "found 'x', expected a number"),
-    (["--at", "to_ridge=5:4"], "expected LOW:HIGH with LOW not above HIGH"),
-    (["--at", "to_ridge=5:"], "found an empty end of an interval"),
-    (["--at", "to_ridge=inf:5"], "expected LOW:HIGH with LOW not above HIGH"),
-    (["--at", "to_ridge=5", "--at", "to_ridge=6"], "found a second value for 'to_ridge'"),
-]
-BAD_ENVELOPE_OPTIONS = [
-    (["--method", "irr", "--beta", "0"], "--beta: found '0', expected a number above 0"),
-    (["--method", "irr", "--beta", "-1"], "--beta: found '-1', expected a number above 0"),
-    (["--method", "irr", "--beta", "one"], "--beta: found 'one', expected a number"),
-    (["--method", "magic"], "'magic' is not"),
-    (["--encoding", "positional"], "'positional' is not"),
-    (["--order", "to_ridge,,to_crater"], "--order: found 'to_ridge,,to_crater', expected names such as a,b,c"),
-    (["--order", "to_rigde"], "did you mean 'to_ridge'?"),
-    (["--order", "to_ridge,to_ridge"], "more than once"),
-    (["--plot", "box.gif"], "--plot: found 'box.gif', expected a name that ends in .svg, .png, .pdf"),
-    (["--plot", "nowhere/box.svg"], "--plot: found no directory 'nowhere'"),
-]
-
-
-@pytest.mark.parametrize("verb", ["check", "envelope"])
-@pytest.mark.parametrize(("options", "says"), BAD_OPTIONS, ids=lambda value: str(value)[:30])
-def test_bad_option(verb, options, says):
-    ended = command(verb, *example(), *options)
-    assert_one_line(ended)
-    assert says in ended.err
-
-
-@pytest.mark.parametrize(("options", "says"), BAD_CHECK_OPTIONS, ids=lambda value: str(value)[:30])
-def test_bad_option_of_check(options, says):
-    ended = command("check", *example(), *options)
-    assert_one_line(ended)
-    assert says in ended.err
-
-
-@pytest.mark.parametrize(("options", "says"), BAD_ENVELOPE_OPTIONS, ids=lambda value: str(value)[:30])
-def test_bad_option_of_envelope(options, says):
-    ended = command("envelope", *example(), *options)
-    assert_one_line(ended)
-    assert says in ended.err
-
-
 def test_missing_argument():
     ended = command("check", "domain.pddl")
     assert_one_line(ended)
@@ -168,11 +101,6 @@ def test_smt2_directory_that_is_a_file(tmp_path):
     ended = command("check", *example(), "--smt2", tmp_path / "file")
     assert_one_line(ended)
     assert "expected a directory" in ended.err
-
-
-def test_plot_is_checked_before_the_input_is_read():
-    ended = command("envelope", "no-domain", "no-problem", "no-plan", "--plot", "box.gif")
-    assert "--plot" in ended.err
 
 
 def test_plot_that_is_a_directory(tmp_path):
@@ -197,7 +125,7 @@ def test_internal_errors_are_one_line_and_the_traceback_is_on_request(monkeypatc
     def fail(*_arguments, **_options):
         raise ZeroDivisionError("first\nsecond")
 
-    monkeypatch.setattr(robust.api, "check", fail)
+    monkeypatch.setattr(robust.api, "searching_check", fail)
     ended = command("check", *example())
     assert ended.code == 3
     assert ended.err == (

@@ -1,20 +1,11 @@
 """`robust check`: verdicts, counterexamples as text and JSON."""
 
-import json
 from fractions import Fraction
 
-import jsonschema
 import pytest
 
-from robust.report.schemas import schema
 from tests.cli import inputs
-from tests.cli.running import command, example
-
-
-def answer_of(ended):
-    answer = json.loads(ended.out)
-    jsonschema.validate(answer, schema("robust/check/1"), cls=jsonschema.Draft202012Validator)
-    return answer
+from tests.cli.running import answer_of, command, example
 
 
 def test_proved():

@@ -1,25 +1,16 @@
 """`robust compare`: shares, gaps and witnesses of all methods."""
 
-import json
 from fractions import Fraction
 
-import jsonschema
 import pytest
 
 from robust.api import check
 from robust.irr.check import Answer
 from robust.plan.load import load_plan
-from robust.report.schemas import schema
 from tests.cli import inputs
-from tests.cli.running import EXAMPLES, command, example
+from tests.cli.running import EXAMPLES, answer_of, command, example
 
 GENERATOR = example(directory=EXAMPLES / "generator")
-
-
-def answer_of(ended):
-    answer = json.loads(ended.out)
-    jsonschema.validate(answer, schema("robust/compare/1"), cls=jsonschema.Draft202012Validator)
-    return answer
 
 
 def boxes_of(answer):

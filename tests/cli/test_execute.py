@@ -1,15 +1,11 @@
 """`robust execute`: timelines, tables, JSON, drawings, and what is wrong with the input."""
 
-import json
 import signal
 import sys
 
-import jsonschema
 import pytest
 
-from robust.report.schemas import schema
-from tests.cli.running import NAVIGATION, command, example, stopped
-from tests.cli.test_bad_input import assert_one_line
+from tests.cli.running import NAVIGATION, answer_of, command, example, stopped
 
 WORLD = """
 [[draw]]
@@ -37,12 +33,6 @@ def planner(tmp_path):
     program = tmp_path / "planner.py"
     program.write_text(PLANNER, encoding="utf-8")
     return f"command:{sys.executable} {program} {NAVIGATION / 'steps.plan'} {{domain}} {{problem}}"
-
-
-def answer_of(ended):
-    answer = json.loads(ended.out)
-    jsonschema.validate(answer, schema("robust/execute/1"), cls=jsonschema.Draft202012Validator)
-    return answer
 
 
 def test_a_timeline(world):
@@ -134,34 +124,6 @@ def test_a_gantt_chart(world, tmp_path, suffix):
     assert content.startswith({"svg": b"<?xml", "png": b"\x89PNG", "pdf": b"%PDF"}[suffix])
     if suffix == "svg":
         assert b"drive base ridge" in content
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--executor", "drex"], "expected dreex or blex:PER_CENT; did you mean 'dreex'"),
-        (["--executor", "blex:x"], "--executor: found 'blex:x', expected a number of per cent"),
-        (["--runs", "0"], "--runs: found 0, expected at least 1 run"),
-        (["--replans", "-1"], "--replans: found -1"),
-        (["--planner", "arees"], "found planner 'arees'"),
-        (["--planner-limit", "0"], "--planner-limit"),
-        (["--planning-time", "-3"], "--planning-time"),
-        (["--plot", "run.jpg"], "--plot: found 'run.jpg'"),
-        (["--world", "absent.toml"], "absent.toml"),
-        (["--parametrize", "duration:fly"], "expected an instance of the plan or an action"),
-    ],
-)
-def test_wrong_options_are_one_line(arguments, message):
-    ended = command("execute", *example(), *arguments)
-    assert ended.code == 2
-    assert_one_line(ended)
-    assert message in ended.err
-
-
-def test_a_plan_must_come_from_somewhere():
-    ended = command("execute", *example()[:2])
-    assert ended.code == 2
-    assert "found neither PLAN nor --planner" in ended.err
 
 
 def test_a_rule_that_has_no_say_is_refused(world):

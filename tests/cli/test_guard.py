@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from robust.report.guard import STOPS, Cause, Guard
+from robust.cli.guard import STOPS, Cause, Guard
 from tests.cli.running import environment
 
 
@@ -107,7 +107,7 @@ def test_does_nothing_in_another_thread():
 
 STUCK = """
 import signal, time
-from robust.report.guard import Guard
+from robust.cli.guard import Guard
 with Guard() as guard, guard.working({limit}, lambda: print("best so far", flush=True) is None):
     end = time.monotonic() + 20
     while time.monotonic() < end:

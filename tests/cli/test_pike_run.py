@@ -3,10 +3,9 @@
 import json
 
 import jsonschema
-import pytest
 
 from robust.cli import run as robust
-from robust.report.schemas import schema
+from robust.show.schemas import schema
 from tests.pike_bridge.online.examples import KITCHEN
 
 
@@ -77,31 +76,6 @@ def test_a_chart_is_drawn(capsys, tmp_path):
     text = picture.read_text(encoding="utf-8")
     assert "(make-coffee human)" in text
     assert "xA3 must be cereal" in text
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--outcome", "xA1"], "expected NAME=VALUE or NAME=VALUE@TIME"),
-        (["--outcome", "xA1=bucket"], "'bucket' is not a value of xA1"),
-        (["--outcome", "xB=mug"], "there is no choice 'xB'"),
-        (["--outcome", "xR1=juice"], "xR1 is for the executive to choose"),
-        (["--outcome", "xA1=mug@soon"], "soon"),
-        (["--outcome", "xA1=mug@-1"], "expected 0 or later"),
-        (["--disturb", "working toaster@1"], "expected '(atom)@TIME' or '(not (atom))@TIME'"),
-        (["--disturb", "(not (working toaster))"], "expected '(atom)@TIME' or '(not (atom))@TIME'"),
-        (["--disturb", "(working toster)@1"], "nothing in the plan is about (working toster); did you mean"),
-        (["--delay", "x"], "--delay"),
-        (["--backend", "smtt"], "--backend: found unknown back end 'smtt'; did you mean 'smt'?"),
-        (["--plot", "run.txt"], "expected a name that ends in"),
-    ],
-)
-def test_bad_options_are_one_line(capsys, arguments, said):
-    code, out, err = run(capsys, *arguments)
-    assert code == 2
-    assert out == ""
-    assert said in err
-    assert len(err.strip().splitlines()) == 1
 
 
 def test_a_time_out_says_what_has_happened(capsys):

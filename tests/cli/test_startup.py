@@ -8,7 +8,7 @@ import pytest
 import robust
 from tests.cli.running import command, environment, process
 
-HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "lark", "joblib", "rich")
+HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "joblib", "rich")
 
 HELP = """\
 Usage: robust [OPTIONS] COMMAND [ARGS]...

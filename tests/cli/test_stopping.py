@@ -1,6 +1,5 @@
 """Ctrl-C, SIGTERM, time limits and readers that leave: an answer within a second, and no traceback."""
 
-import json
 import os
 import pty
 import signal
@@ -10,15 +9,11 @@ import time
 from fractions import Fraction
 from pathlib import Path
 
-import jsonschema
 import pytest
 
-from robust.bench.generator import write_instance
-from robust.report.schemas import schema
-from tests.cli.running import COMMAND, environment, example, process, stopped
+from benchmarks.generators.sizes import write_instance
+from tests.cli.running import COMMAND, LOAD, answer_of, environment, example, process, stopped
 
-LOAD = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
-"""How many processes share a processor now: everything takes that much longer."""
 WITHIN = 3 * LOAD
 STARTED = 3 * LOAD
 """Seconds until a process has read a small plan and decided its nominal point, generously."""
@@ -45,13 +40,7 @@ def assert_prompt(ended):
     assert ended.seconds < WITHIN
 
 
-def answer_of(ended):
-    answer = json.loads(ended.out)
-    jsonschema.validate(answer, schema(answer["schema"]), cls=jsonschema.Draft202012Validator)
-    return answer
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_the_best_box_so_far(long, number):
     ended = stopped("envelope", *long, *ENDLESS, "--verbose", after="check 9:", number=number)
     assert_prompt(ended)

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from robust.api import check
 from robust.encode.encoding import RelationalEncoding, Stage
 from robust.errors import InputError, UnsupportedError
-from robust.irr.box import Interval
 from robust.irr.check import Answer, CheckResult
 from robust.plan.model import (
     ZERO,
@@ -36,6 +35,7 @@ from robust.plan.model import (
 )
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
+from robust.qe.box import Interval
 from tests.plan.building import ALL, END, START, TRUE, F, G, P, action, flow, number, plan_of, value
 from tests.sampling import Network, sample_parameters, sample_schedules
 from tests.strategies import plans

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from robust.api import check, envelope
+from robust.backends import ENCODINGS
 from robust.encode import create_encoding
-from robust.encode.interface import ENCODINGS
 from robust.errors import InputError
-from robust.irr.box import Status
 from robust.irr.check import Answer
+from robust.irr.search import Status
 from robust.plan.model import Holds
 from tests.plan.building import ALL, START, P, Q, action, add, plan_of
 

@@ -1,30 +1,37 @@
-"""The temporal network: solved equalities, what is left to assert, mutex pairs, and independent parts."""
+"""The temporal network: solved equalities, what is left to assert, mutex pairs, independent parts, and known orders."""
 
 from __future__ import annotations
 
 from collections import Counter
 from fractions import Fraction
+from itertools import product
 
-from hypothesis import HealthCheck, given, settings
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from robust.encode.conditions import duration_rules
 from robust.encode.mutex import mutex_pairs
-from robust.encode.network import Slices, TemporalNetwork
+from robust.encode.network import Orders, Slices, TemporalNetwork, common_scale
 from robust.encode.variables import Auxiliary, TimeVariable, constant, least, parameters_in, variable
 from robust.plan.model import (
     ZERO,
     Atom,
+    Comparison,
+    DurationConstraint,
     Parameter,
     ParameterReference,
+    Relation,
     TemporalConstraint,
     TimedLiteral,
+    TimePoint,
     TimePointKind,
 )
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs as simulated_mutex_pairs
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Terms
-from tests.plan.building import action, instant, number, plan_of
+from tests.plan.building import DURATION, START, above, action, at_least, at_most, different, instant, number, plan_of
 from tests.sampling import Network, sample_parameters, sample_schedules
 from tests.strategies import plans
 
@@ -59,6 +66,16 @@ def test_time_points_are_tied_along_equalities() -> None:
     assert network.position(j.start) == variable(TimeVariable(j.start))
     assert network.position(free.start) == variable(TimeVariable(j.end)) + 1
     assert network.position(ZERO) == constant(0)
+
+
+def test_what_is_unsaid_comes_last_and_says_of_which_time_point() -> None:
+    i, j = instant("i"), instant("j")
+    network = TemporalNetwork(plan_of(i, j, constraints=(TemporalConstraint(i.start, j.start, number(1), None),)))
+    assert [(one.not_before_zero, one.expression) for one in network.inequalities] == [
+        (None, variable(TimeVariable(j.start)) - variable(TimeVariable(i.start)) - 1),
+        (i.start, variable(TimeVariable(i.start))),
+        (j.start, variable(TimeVariable(j.start))),
+    ]
 
 
 def test_equalities_are_followed_backwards_and_through_timed_literals() -> None:
@@ -183,3 +200,105 @@ def test_what_a_slice_leaves_out_shares_nothing_with_it(rows, question) -> None:
     inside = terms.variables(terms.conjunction([asked, *kept]))
     assert inside.isdisjoint(terms.variables(terms.conjunction(left_out)))
     assert {terms.at_least(e) for e in expressions if not e.variables and e.constant_term < 0} <= set(kept)
+
+
+POINTS = [TimePoint(TimePointKind.INSTANT, name) for name in "abcde"]
+A, B, C = POINTS[:3]
+WEIGHTS = st.fractions(-3, 2, max_denominator=6)
+EDGES = st.lists(st.tuples(st.sampled_from(POINTS), st.sampled_from(POINTS), WEIGHTS), max_size=12)
+Known = dict[tuple[TimePoint, TimePoint], Fraction]
+
+
+def longest(edges: list[tuple[TimePoint, TimePoint, Fraction]]) -> Known | None:
+    """Longest paths; None if there is a positive cycle."""
+    known: Known = {(point, point): Fraction(0) for point in POINTS}
+    for a, b, weight in edges:
+        known[a, b] = max(weight, known.get((a, b), weight))
+    for middle, a, b in product(POINTS, POINTS, POINTS):
+        if (a, middle) in known and (middle, b) in known:
+            through = known[a, middle] + known[middle, b]
+            known[a, b] = max(through, known.get((a, b), through))
+    return None if any(known[point, point] > 0 for point in POINTS) else known
+
+
+def orders_of(edges, *more) -> Orders:
+    return Orders(POINTS, edges, common_scale(weight for _, _, weight in (*edges, *more)))
+
+
+def assert_same(orders: Orders, known: Known) -> None:
+    for a, b in product(POINTS, POINTS):
+        assert orders.least(a, b) == known.get((a, b))
+        assert orders.surely_before(a, b) == (known.get((a, b), Fraction(-1)) > 0)
+        assert orders.surely_not_after(a, b) == (known.get((a, b), Fraction(-1)) >= 0)
+
+
+@settings(max_examples=80, deadline=None, derandomize=True)
+@given(EDGES)
+def test_bounds_are_longest_paths(edges) -> None:
+    known = longest(edges)
+    orders = orders_of(edges)
+    assert orders.consistent == (known is not None)
+    if known is not None:
+        assert_same(orders, known)
+
+
+@settings(max_examples=80, deadline=None, derandomize=True)
+@given(EDGES, st.lists(st.tuples(st.sampled_from(POINTS), st.sampled_from(POINTS), WEIGHTS), min_size=1, max_size=5))
+def test_learning_is_the_same_as_having_known(edges, lessons) -> None:
+    known = longest(edges)
+    assume(known is not None)
+    orders = orders_of(edges, *lessons)
+    for lesson in lessons:
+        first, second, weight = lesson
+        together = longest([*edges, lesson])
+        is_new = known.get((first, second)) is None or known[first, second] < weight
+        assert orders.learn(*lesson) == (is_new and together is not None)
+        if together is not None:
+            known, edges = together, [*edges, lesson]
+        assert_same(orders, known)
+
+
+def test_equal_times_are_not_before_each_other() -> None:
+    orders = orders_of([(A, B, Fraction(0)), (B, A, Fraction(0))])
+    assert orders.surely_not_after(A, B)
+    assert orders.surely_not_after(B, A)
+    assert not orders.surely_before(A, B)
+    assert orders.surely_not_after(C, C)
+    assert orders.least(A, C) is None
+
+
+def test_a_contradiction_is_told_and_not_learnt() -> None:
+    assert not orders_of([(A, B, Fraction(1)), (B, A, Fraction(-1, 2))]).consistent
+    orders = orders_of([(A, B, Fraction(1))])
+    assert not orders.learn(B, A, Fraction(0))
+    assert orders.least(B, A) is None
+    assert orders.least(A, B) == 1
+
+
+@pytest.mark.parametrize(("numbers", "scale"), [([], 1), ([Fraction(1, 4), Fraction(5, 6)], 12), ([Fraction(-3)], 1)])
+def test_common_scale(numbers, scale) -> None:
+    assert common_scale(numbers) == scale
+
+
+@pytest.mark.parametrize(
+    ("condition", "bounds", "exact"),
+    [
+        (at_least(DURATION, 4), [(False, 4)], True),
+        (at_least(DURATION.scaled(Fraction(2)), 8), [(False, 4)], True),
+        (above(DURATION, 4), [(False, 4)], False),
+        (at_most(DURATION, 4), [(True, -4)], True),
+        (above(number(4), DURATION), [(True, -4)], False),
+        (Comparison(DURATION - 4, Relation.EQUAL), [(False, 4), (True, -4)], True),
+        (different(DURATION, 4), [], False),
+        (at_least(DURATION * DURATION, 4), [], False),
+        (at_least(number(4), 4), [], False),
+    ],
+)
+def test_what_duration_constraints_say_of_start_and_end(condition, bounds, exact) -> None:
+    a = action("a", DurationConstraint(START, condition, "d"))
+    not_negative, rule = duration_rules(plan_of(a))
+    assert [(d.source, d.target, d.weight) for d in not_negative.bounds] == [(a.start, a.end, constant(0))]
+    assert (not_negative.exact, not_negative.name) == (True, "a act: non-negative duration")
+    assert [(d.source == a.end, d.weight) for d in rule.bounds] == [(back, constant(weight)) for back, weight in bounds]
+    assert all({d.source, d.target} == {a.start, a.end} for d in rule.bounds)
+    assert rule.exact is exact

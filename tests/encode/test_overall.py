@@ -359,6 +359,23 @@ def test_what_changes_with_the_schedule_is_seen(condition) -> None:
         assert verdict(Fraction(51, 10)) is Answer.REFUTED
 
 
+@pytest.mark.parametrize("encoding", ["relational", "positions"])
+@pytest.mark.parametrize(("time", "answer"), [(3, Answer.PROVED), (1, Answer.REFUTED)])
+def test_timed_literals_of_fluents_assign(time, answer, encoding) -> None:
+    a = instant("a", (START, at_least(f, 7)))
+    at = TemporalConstraint(ZERO, a.start, number(time), number(time))
+    plan = plan_of(a, literals=(TimedLiteral(Fraction(2), F, Fraction(7)),), constraints=(at,))
+    assert check(plan, encoding=encoding).answer is answer
+
+
+@pytest.mark.parametrize("encoding", ["relational", "positions"])
+def test_conditions_are_examined_where_what_is_in_known_order_is_separated(encoding) -> None:
+    a, b = instant("a", add(P)), instant("b", (START, Holds(P)))
+    later = TemporalConstraint(a.start, b.start, number(0), number(2))
+    result = check(plan_of(a, b, constraints=(later,)), every=True, encoding=encoding)
+    assert result.obligations == {"separation: a, b": Answer.REFUTED, "b act: c0": Answer.PROVED}
+
+
 def test_fixed_schedules_break_exactly_what_the_simulator_says() -> None:
     outcomes: Counter[str] = Counter()
 

@@ -294,3 +294,19 @@ def test_a_plan_without_parameters_has_facets_without_variables() -> None:
     assert isinstance(facet, Facet)
     assert facet.expression.is_constant
     assert facet.expression.constant_term == -1
+
+
+def test_the_statements_that_contradict_each_other_at_a_point() -> None:
+    i = instant("i")
+    k = Polynomial.variable(ParameterReference("k"))
+    constraints = (TemporalConstraint(ZERO, i.start, k, None), TemporalConstraint(ZERO, i.start, None, number(3)))
+    plan = plan_of(i, constraints=constraints, parameters=(Parameter("k", Fraction(1), upper=Fraction(9)),))
+    validity = RelationalEncoding(plan).validity
+    assert validity.contradiction({"k": Fraction(3)}) is None
+    facet = validity.contradiction({"k": Fraction(5)})
+    assert facet is not None
+    assert len(facet.origins) == 2
+    assert value_at(facet, {"k": Fraction(5)}) == -2
+    beyond = validity.contradiction({"k": Fraction(10)})
+    assert beyond is not None
+    assert len(beyond.origins) == 1

@@ -4,7 +4,7 @@ from fractions import Fraction
 from functools import cache
 from itertools import chain, combinations, product
 
-from robust.execute.controllability.stnu import ContingentLink, RequirementLink, Stnu
+from robust.execute.controllability.dynamic import ContingentLink, RequirementLink, Stnu
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 
 
@@ -44,17 +44,26 @@ def random_network(rng, executable, contingents, requirements, size, *, unbounde
     return network(bounds, links)
 
 
+def bound(edges, source, target, lower, upper):
+    """Add lower <= target - source <= upper to the edges of a distance graph."""
+    for key, weight in (((source, target), upper), ((target, source), None if lower is None else -lower)):
+        if weight is not None:
+            edges[key] = min(weight, edges.get(key, weight))
+
+
+def consistent(points, edges):
+    """Whether a simple temporal network has a schedule."""
+    contradiction = any(source == target and weight < 0 for (source, target), weight in edges.items())
+    return not contradiction and earliest_schedule(points, edges) is not None
+
+
 def lengths(stnu):
     """Edges of the distance graph as {(source, target): weight}, without cased ones, and the contingent links."""
     edges = {}
     for link in stnu.links:
         fixed = isinstance(link, ContingentLink) and link.lower == link.upper
         if isinstance(link, RequirementLink) or fixed:
-            bounds = [(link.source, link.target, link.upper)]
-            bounds.append((link.target, link.source, None if link.lower is None else -link.lower))
-            for source, target, weight in bounds:
-                if weight is not None:
-                    edges[source, target] = min(weight, edges.get((source, target), weight))
+            bound(edges, link.source, link.target, link.lower, link.upper)
     return edges, [link for link in stnu.contingents if link.lower != link.upper]
 
 
@@ -79,11 +88,8 @@ def is_consistent(stnu, chosen):
     """Whether a schedule exists if contingent links have the chosen lengths, by link."""
     edges, _ = lengths(stnu)
     for link, length in chosen.items():
-        for key, weight in (((link.source, link.target), length), ((link.target, link.source), -length)):
-            edges[key] = min(weight, edges.get(key, weight))
-    if any(source == target and weight < 0 for (source, target), weight in edges.items()):
-        return False
-    return earliest_schedule(stnu.points, edges) is not None
+        bound(edges, link.source, link.target, length, length)
+    return consistent(stnu.points, edges)
 
 
 def weak_by_corners(stnu):
@@ -113,10 +119,8 @@ def dynamic_by_reductions(stnu):
 def _all_max_consistent(stnu, ordinary, upper):
     edges = dict(ordinary)
     for (source, target, _), weight in upper.items():
-        edges[source, target] = min(weight, edges.get((source, target), weight))
-    if any(source == target and weight < 0 for (source, target), weight in edges.items()):
-        return False
-    return earliest_schedule(stnu.points, edges) is not None
+        bound(edges, source, target, None, weight)
+    return consistent(stnu.points, edges)
 
 
 def _reduce(ordinary, upper, links):

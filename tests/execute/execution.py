@@ -9,14 +9,14 @@ from pathlib import Path
 from random import Random
 
 from robust.api import envelope
-from robust.execute.dispatch.prepare import Dispatchable, make_dispatchable
+from robust.execute.dispatch.network import Dispatchable, make_dispatchable
 from robust.execute.worlds.rules import Rule, Rules, Subject
-from robust.irr.box import Box, Interval
 from robust.plan.load import assemble, load_plan
 from robust.plan.model import ParametrizedPlan
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import parse_stn
+from robust.qe.box import Box, Interval
 
 ROOT = Path(__file__).parents[2]
 DOMAINS = ROOT / "benchmarks" / "domains"
@@ -82,6 +82,12 @@ def tasks_dispatchable(box: Mapping[str, tuple[int, int]] | None = None, plan: s
     return make_dispatchable(tasks(plan, *specs), Box(intervals))
 
 
+def interval(text: str) -> Interval:
+    """An interval as people write it."""
+    lower, upper = (None if end == "inf" else Fraction(end) for end in text[1:-1].split(", "))
+    return Interval(lower, upper, text[0] == "[", text[-1] == "]")
+
+
 @cache
 def with_box(folder: str, domain: str, problem: str, plan: str) -> Dispatchable:
     """A benchmark plan with its box by exact widening."""
@@ -106,6 +112,11 @@ def drawn(box: Box, random: Random, *, width: Fraction = Fraction(50)) -> dict[s
     return values
 
 
+def constant(subject: Subject, name: str, value: Fraction | int | str) -> Rule:
+    """The rule that something always has this value."""
+    return Rule(subject, name, "constant", {"value": Fraction(value)})
+
+
 def fixed(values: Mapping[str, Fraction]) -> Rules:
     """A world in which parameters have these values."""
-    return Rules(tuple(Rule(Subject.PARAMETER, name, "constant", {"value": value}) for name, value in values.items()))
+    return Rules(tuple(constant(Subject.PARAMETER, name, value) for name, value in values.items()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from robust.execute.delivery import PREPARATIONS
+from benchmarks.generators.delivery import PREPARATIONS
 from robust.plan.timed import TimedPlan, TimedStep, write_timed_plan
 
 _GAP = Fraction(1, 1000)

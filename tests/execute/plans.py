@@ -19,17 +19,20 @@ EPSILON = Fraction(1, 1000)
 
 
 def converted(
-    domain: str, problem: str, plan: str, *specs: str, mode: Mode = Mode.CAUSAL, epsilon: Fraction = EPSILON
+    domain: str, problem: str, plan: str, *specs: str, mode: Mode = Mode.CAUSAL, timeout: float | None = None
 ) -> Conversion:
     """The conversion of three texts."""
     parsed = parse_domain(domain)
-    return convert(
-        parsed,
-        parse_problem(problem, parsed),
-        parse_timed_plan(plan, "plan.txt"),
-        mode=mode,
-        specs=parse_specs(specs),
-        epsilon=epsilon,
+    read, steps = parse_problem(problem, parsed), parse_timed_plan(plan, "plan.txt")
+    return convert(parsed, read, steps, mode=mode, specs=parse_specs(specs), timeout=timeout)
+
+
+def durative(name: str, duration: str, conditions: str, effects: str) -> str:
+    """A durative action without parameters, as PDDL; `duration` is its length, or a comparison with it as `>= 2`."""
+    operator, length = duration.split() if " " in duration else ("=", duration)
+    return (
+        f"(:durative-action {name} :parameters () :duration ({operator} ?duration {length}) "
+        f":condition (and {conditions}) :effect (and {effects}))"
     )
 
 
@@ -52,14 +55,9 @@ def earliest(plan: ParametrizedPlan) -> dict[TimePoint, Fraction]:
 
 def timed(plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction]) -> TimedPlan:
     """The plan's instances at these times."""
-    return TimedPlan(
-        tuple(
-            TimedStep(
-                times[one.start], one.action, one.arguments, times[one.end] - times[one.start] if one.durative else None
-            )
-            for one in plan.instances
-        )
-    )
+    lengths = {one: times[one.end] - times[one.start] if one.durative else None for one in plan.instances}
+    steps = (TimedStep(times[one.start], one.action, one.arguments, length) for one, length in lengths.items())
+    return TimedPlan(tuple(steps))
 
 
 def bare(domain: Path, problem: Path, plan: Path) -> tuple[ParametrizedPlan, dict[TimePoint, Fraction]]:

@@ -10,22 +10,15 @@ import pytest
 import robust
 from robust.errors import InputError, UnsupportedError
 from robust.execute.controllability.assess import Controllability, Kind, Verdict, shrink
-from robust.execute.controllability.shrink import HORIZON, loss
-from robust.execute.controllability.stnu import ContingentLink, RequirementLink
-from robust.execute.controllability.strong import ends_of, parametric_stnu
-from robust.irr.box import Box, Interval, Side
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    TemporalConstraint,
-    TimedLiteral,
-)
+from robust.execute.controllability.boxes import HORIZON, ends_of, loss, parametric_stnu
+from robust.execute.controllability.dynamic import ContingentLink, RequirementLink
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
+from robust.qe.box import Box, Interval, Side
 from robust.smt.limits import Deadline, OutOfTimeError
-from tests.execute.controllability_oracles import dynamic_by_reductions, earliest_schedule, weak_by_corners
+from tests.execute.controllability_oracles import bound as bound_distance
+from tests.execute.controllability_oracles import consistent, dynamic_by_reductions, weak_by_corners
+from tests.execute.execution import interval
 
 NOMINAL = Fraction(4)
 
@@ -35,20 +28,20 @@ def bound(value):
     if value is None or isinstance(value, Polynomial):
         return value
     if isinstance(value, str):
-        return Polynomial.variable(ParameterReference(value))
+        return Polynomial.variable(model.ParameterReference(value))
     return Polynomial.constant(Fraction(value))
 
 
 def plan_of(parameters, instances, constraints, literals=()):
     """A plan that has nothing but a network; constraints are (source, target, lower, upper), time points by name."""
-    actions = tuple(ActionInstance(name, "do", (), durative=True) for name in instances)
-    places = {"Z": ZERO, **{str(p): p for one in actions for p in one.time_points}}
-    return ParametrizedPlan(
+    actions = tuple(model.ActionInstance(name, "do", (), durative=True) for name in instances)
+    places = {"Z": model.ZERO, **{str(p): p for one in actions for p in one.time_points}}
+    return model.ParametrizedPlan(
         name="network",
         parameters=tuple(parameters),
         instances=actions,
         constraints=tuple(
-            TemporalConstraint(places[a], places[b], bound(low), bound(high)) for a, b, low, high in constraints
+            model.TemporalConstraint(places[a], places[b], bound(low), bound(high)) for a, b, low, high in constraints
         ),
         initial_atoms=frozenset(),
         initial_fluents={},
@@ -58,7 +51,7 @@ def plan_of(parameters, instances, constraints, literals=()):
 
 
 def one_of(names):
-    return [Parameter(name, NOMINAL) for name in names]
+    return [model.Parameter(name, NOMINAL) for name in names]
 
 
 def box_of(**intervals):
@@ -119,16 +112,10 @@ def test_each_time_point_ends_one_contingent_link_and_none_goes_round():
 
 
 def test_a_timed_literal_is_no_end():
-    plan = plan_of([], "a", [], [TimedLiteral(Fraction(7), robust_atom(), value=True)])
+    plan = plan_of([], "a", [], [model.TimedLiteral(Fraction(7), model.Atom("dark"), value=True)])
     stnu = parametric_stnu(plan, Box({})).at({})
     (fixed,) = [one for one in stnu.links if isinstance(one, RequirementLink) and one.upper is not None]
-    assert (fixed.lower, fixed.upper, fixed.source) == (7, 7, ZERO)
-
-
-def robust_atom():
-    from robust.plan.model import Atom  # noqa: PLC0415
-
-    return Atom("dark")
+    assert (fixed.lower, fixed.upper, fixed.source) == (7, 7, model.ZERO)
 
 
 def test_bounds_that_are_not_linear_are_refused():
@@ -140,28 +127,37 @@ def test_bounds_that_are_not_linear_are_refused():
 # -- verdicts --------------------------------------------------------------------------------------------------------
 
 
-def test_the_kinds_differ():
-    assert verdicts(MEET, box_of(p=(4, 4), q=(1, 9))) == (YES, YES, YES)
-    assert verdicts(MEET, box_of(p=(3, 6), q=(1, 9))) == (YES, YES, YES)
-    assert verdicts(MEET, box_of(p=(3, 7), q=(1, 9))) == (YES, YES, NO)
-    before = plan_of(one_of("pq"), "ab", [*TWO, ("b.start", "a.end", 1, 3)])
-    assert verdicts(before, box_of(p=(3, 7), q=(1, 9))) == (YES, NO, NO)
-    late = plan_of(one_of("pq"), "ab", [*TWO, ("Z", "b.end", 0, 9)])
-    assert verdicts(late, box_of(p=(3, 7), q=(1, 10))) == (NO, NO, NO)
+def two(*constraints, extra=()):
+    """Two actions whose durations are parameters, with requirements."""
+    return plan_of([*one_of("pq"), *extra], "ab", [*TWO, *constraints])
 
 
-def test_a_parameter_that_is_not_in_the_network_does_not_matter():
-    plan = plan_of([*one_of("pq"), Parameter("rate", NOMINAL)], "ab", [*TWO, ("a.end", "b.start", -1, 2)])
-    assert verdicts(plan, box_of(p=(3, 7), q=(1, 9), rate=(None, None))) == (YES, YES, NO)
+BEFORE = ("b.start", "a.end", 1, 3)
+LONG_BEFORE = two(("b.start", "a.end", 1, 6))
 
 
-def test_what_may_never_end_is_no_matter_for_those_who_see_it():
-    box = box_of(p=(3, None), q=(1, None))
-    assert verdicts(MEET, box) == (YES, YES, NO)
-    before = plan_of(one_of("pq"), "ab", [*TWO, ("a.end", "b.start", -2, -1)])
-    assert verdicts(before, box) == (YES, NO, NO)
-    after = plan_of(one_of("pq"), "ab", [*TWO, ("a.end", "b.start", 0, None)])
-    assert verdicts(after, box) == (YES, YES, NO)
+@pytest.mark.parametrize(
+    ("plan", "intervals", "expected"),
+    [
+        (MEET, {"p": (4, 4), "q": (1, 9)}, (YES, YES, YES)),
+        (MEET, {"p": (3, 6), "q": (1, 9)}, (YES, YES, YES)),
+        (MEET, {"p": (3, 7), "q": (1, 9)}, (YES, YES, NO)),
+        (two(BEFORE), {"p": (3, 7), "q": (1, 9)}, (YES, NO, NO)),
+        (two(("Z", "b.end", 0, 9)), {"p": (3, 7), "q": (1, 10)}, (NO, NO, NO)),
+        # A parameter that is not in the network does not matter.
+        (
+            two(("a.end", "b.start", -1, 2), extra=[model.Parameter("rate", NOMINAL)]),
+            {"p": (3, 7), "q": (1, 9), "rate": (None, None)},
+            (YES, YES, NO),
+        ),
+        # What may never end is no matter for those who see it.
+        (MEET, {"p": (3, None), "q": (1, None)}, (YES, YES, NO)),
+        (two(("a.end", "b.start", -2, -1)), {"p": (3, None), "q": (1, None)}, (YES, NO, NO)),
+        (two(("a.end", "b.start", 0, None)), {"p": (3, None), "q": (1, None)}, (YES, YES, NO)),
+    ],
+)
+def test_verdicts(plan, intervals, expected):
+    assert verdicts(plan, box_of(**intervals)) == expected
 
 
 def test_a_shared_parameter_is_decided_as_far_as_possible():
@@ -208,7 +204,7 @@ def test_a_link_that_may_end_before_it_starts_is_left_open():
     late = plan_of(one_of("d"), "ab", [("a.start", "b.start", "d", "d")])
     assert verdicts(late, box_of(d=(-1, 2))) == (YES, YES, YES)
     chain = [("c.start", "c.end", "p", "p"), ("c.end", "a.start", 0, 0), ("a.start", "b.start", "d", "d")]
-    plan, box = plan_of([*one_of("p"), Parameter("d", Fraction(1))], "abc", chain), box_of(p=(2, 3), d=(-1, 2))
+    plan, box = plan_of([*one_of("p"), model.Parameter("d", Fraction(1))], "abc", chain), box_of(p=(2, 3), d=(-1, 2))
     finding = Controllability(plan, box).finding(Kind.DYNAMIC)
     assert finding.verdict is OPEN
     assert "may end before it starts" in finding.reason
@@ -226,14 +222,35 @@ def test_running_out_of_time_is_unknown():
 # -- shrinking -------------------------------------------------------------------------------------------------------
 
 
-def test_the_controllable_part_is_max_min_fair():
-    before = plan_of(one_of("pq"), "ab", [*TWO, ("b.start", "a.end", 1, 3)])
-    part = shrink(before, box_of(p=(1, 9), q=(1, 9)), Kind.DYNAMIC)
-    assert part == box_of(p=(3, 5), q=(1, 9))
-    assert shrink(MEET, box_of(p=(1, 9), q=(1, 9)), Kind.STRONG) == box_of(p=("5/2", "11/2"), q=(1, 9))
-    assert shrink(MEET, box_of(p=(3, 9), q=(1, 9)), Kind.STRONG) == box_of(p=(3, 6), q=(1, 9))
+@pytest.mark.parametrize(
+    ("plan", "kind", "p", "q", "expected"),
+    [
+        (two(BEFORE), Kind.DYNAMIC, "[1, 9]", "[1, 9]", "[3, 5]"),
+        (MEET, Kind.STRONG, "[1, 9]", "[1, 9]", "[5/2, 11/2]"),
+        (MEET, Kind.STRONG, "[3, 9]", "[1, 9]", "[3, 6]"),
+        # Infinite ends come back where they have to.
+        (LONG_BEFORE, Kind.DYNAMIC, "[3, inf)", "[1, inf)", "[3, 8]"),
+        (LONG_BEFORE, Kind.STRONG, "[1, inf)", "[1, inf)", "[3/2, 13/2]"),
+        # Open ends stay open.
+        (LONG_BEFORE, Kind.DYNAMIC, "(1, 9]", "[1, inf)", "[3/2, 13/2]"),
+        (LONG_BEFORE, Kind.DYNAMIC, "(3, 9]", "[1, inf)", "(3, 8]"),
+        (LONG_BEFORE, Kind.DYNAMIC, "[1, 8)", "[1, inf)", "[3/2, 13/2]"),
+        (LONG_BEFORE, Kind.DYNAMIC, "[3, 8)", "[1, inf)", "[3, 8)"),
+        # Weakly controllable is the box itself; one beside the nominal point shrinks to its middle.
+        (MEET, Kind.WEAK, "[1, 9]", "[1, 9]", "[1, 9]"),
+        (two(BEFORE), Kind.DYNAMIC, "[10, 20]", "[1, 9]", "[14, 16]"),
+    ],
+)
+def test_the_controllable_part_is_max_min_fair(plan, kind, p, q, expected):
+    part = shrink(plan, Box({"p": interval(p), "q": interval(q)}), kind)
+    assert str(part) == f"p ∈ {expected}, q ∈ {q}"
+
+
+def test_weights_and_what_is_lost():
     heavy = plan_of(
-        [Parameter("p", NOMINAL, Fraction(2)), Parameter("q", NOMINAL)], "ab", [*TWO, ("a.end", "b.end", -3, 3)]
+        [model.Parameter("p", NOMINAL, Fraction(2)), model.Parameter("q", NOMINAL)],
+        "ab",
+        [*TWO, ("a.end", "b.end", -3, 3)],
     )
     part = shrink(heavy, box_of(p=(0, 9), q=(0, 9)), Kind.STRONG)
     assert part == box_of(p=(2, 6), q=(3, 5))
@@ -241,7 +258,7 @@ def test_the_controllable_part_is_max_min_fair():
 
 
 def test_faces_that_may_be_anywhere_but_not_nowhere():
-    after = plan_of(one_of("pq"), "ab", [*TWO, ("a.end", "b.start", 0, None)])
+    after = two(("a.end", "b.start", 0, None))
     box = box_of(p=(1, None), q=(1, None))
     shrunk = Controllability(after, box).shrunk(Kind.STRONG)
     assert shrunk.box == box_of(p=(1, NOMINAL + HORIZON), q=(1, None))
@@ -252,33 +269,9 @@ def test_faces_that_may_be_anywhere_but_not_nowhere():
     assert Controllability(after, box).shrunk(Kind.DYNAMIC).box == box
 
 
-def test_infinite_ends_come_back_where_they_have_to():
-    before = plan_of(one_of("pq"), "ab", [*TWO, ("b.start", "a.end", 1, 6)])
-    assert shrink(before, box_of(p=(3, None), q=(1, None)), Kind.DYNAMIC) == box_of(p=(3, 8), q=(1, None))
-    assert shrink(before, box_of(p=(1, None), q=(1, None)), Kind.STRONG) == box_of(p=("3/2", "13/2"), q=(1, None))
-
-
-def test_open_ends_stay_open():
-    box = Box({"p": Interval(Fraction(1), Fraction(9), lower_closed=False), "q": Interval(Fraction(1), None)})
-    before = plan_of(one_of("pq"), "ab", [*TWO, ("b.start", "a.end", 1, 6)])
-    part = shrink(before, box, Kind.DYNAMIC)
-    assert str(part) == "p ∈ [3/2, 13/2], q ∈ [1, inf)"
-    part = shrink(before, box.replace("p", Interval(Fraction(3), Fraction(9), lower_closed=False)), Kind.DYNAMIC)
-    assert str(part) == "p ∈ (3, 8], q ∈ [1, inf)"
-
-
-def test_weakly_is_the_box_itself():
-    assert shrink(MEET, box_of(p=(1, 9), q=(1, 9)), Kind.WEAK) == box_of(p=(1, 9), q=(1, 9))
-
-
-def test_a_box_beside_the_nominal_point_shrinks_to_its_middle():
-    before = plan_of(one_of("pq"), "ab", [*TWO, ("b.start", "a.end", 1, 3)])
-    assert shrink(before, box_of(p=(10, 20), q=(1, 9)), Kind.DYNAMIC) == box_of(p=(14, 16), q=(1, 9))
-
-
 @pytest.mark.parametrize("kind", [Kind.DYNAMIC, Kind.STRONG])
 def test_a_network_without_a_schedule_has_no_part(kind):
-    late = plan_of(one_of("pq"), "ab", [*TWO, ("Z", "a.end", 0, 3)])
+    late = two(("Z", "a.end", 0, 3))
     with pytest.raises(InputError, match="no schedule at the nominal values"):
         shrink(late, box_of(p=(3, 7), q=(1, 9)), kind)
 
@@ -289,7 +282,7 @@ def test_a_network_without_a_schedule_has_no_part(kind):
 def random_plan(rng):
     """Three actions of uncertain length with requirements between their ends; most have schedules."""
     names = "abc"[: rng.randint(2, 3)]
-    parameters = [Parameter(f"p{name}", NOMINAL, Fraction(rng.choice([1, 1, 2]))) for name in names]
+    parameters = [model.Parameter(f"p{name}", NOMINAL, Fraction(rng.choice([1, 1, 2]))) for name in names]
     constraints = [(f"{name}.start", f"{name}.end", f"p{name}", f"p{name}") for name in names]
     points = [f"{name}.{side}" for name in names for side in ("start", "end")]
     for _ in range(rng.randint(1, 4)):
@@ -318,17 +311,9 @@ def strong_oracle(plan, box):
         for link in stnu.links:
             if isinstance(link, RequirementLink):
                 (a, before_a), (b, before_b) = place(link.source), place(link.target)
-                pairs = [((a, b), link.upper), ((b, a), None if link.lower is None else -link.lower)]
-                for (source, target), weight in pairs:
-                    if weight is not None:
-                        shift = before_a - before_b if (source, target) == (a, b) else before_b - before_a
-                        edges[source, target] = min(weight + shift, edges.get((source, target), weight + shift))
-                if a == b and link.upper is not None and before_b - before_a > link.upper:
-                    return False
-                if a == b and link.lower is not None and before_b - before_a < link.lower:
-                    return False
-    proper = {key: weight for key, weight in edges.items() if key[0] != key[1]}
-    return earliest_schedule(stnu.points, proper) is not None
+                lower, upper = (None if e is None else e + before_a - before_b for e in (link.lower, link.upper))
+                bound_distance(edges, a, b, lower, upper)
+    return consistent(stnu.points, edges)
 
 
 def widened(plan, part, box, name, side):

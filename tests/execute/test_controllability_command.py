@@ -5,31 +5,15 @@ import json
 import jsonschema
 import pytest
 
-from robust.report.schemas import schema
+from robust.show.schemas import schema
 from tests.cli import inputs
 from tests.cli.running import command, example
+from tests.execute.plans import durative
 
-DOMAIN = """\
-(define (domain visit)
-  (:requirements :durative-actions)
-  (:predicates (idle) (guest) (tea))
-  (:durative-action fetch
-    :parameters ()
-    :duration (>= ?duration 0)
-    :condition (at start (idle))
-    :effect (at end (guest)))
-  (:durative-action brew
-    :parameters ()
-    :duration (= ?duration 2)
-    :condition (at start (idle))
-    :effect (at end (tea))))
-"""
-PROBLEM = """\
-(define (problem one_guest)
-  (:domain visit)
-  (:init (idle))
-  (:goal (and (guest) (tea))))
-"""
+FETCH = durative("fetch", ">= 0", "(at start (idle))", "(at end (guest))")
+BREW = durative("brew", "2", "(at start (idle))", "(at end (tea))")
+DOMAIN = f"(define (domain visit) (:requirements :durative-actions) (:predicates (idle) (guest) (tea)) {FETCH} {BREW})"
+PROBLEM = "(define (problem one_guest) (:domain visit) (:init (idle)) (:goal (and (guest) (tea))))"
 PLAN = """\
 parameter trip default 10 lb 4 ub 20;
 durative-action instance f : (fetch);
@@ -50,9 +34,9 @@ def visit(tmp_path):
     return write
 
 
-def answer_of(*arguments):
+def answer_of(*arguments, code=0):
     ended = command("envelope", *arguments, "--json")
-    assert (ended.code, ended.err) == (0, "")
+    assert (ended.code, ended.err) == (code, "")
     answer = json.loads(ended.out)
     jsonschema.validate(answer, schema("robust/envelope/1"), cls=jsonschema.Draft202012Validator)
     return answer
@@ -114,12 +98,10 @@ def test_nothing_is_said_unless_asked():
 
 
 def test_an_invalid_plan_has_no_verdict():
-    ended = command("envelope", *example("plan-flexible-wait.stn"), "--controllability", "dynamic", "--json")
-    answer = json.loads(ended.out)
-    jsonschema.validate(answer, schema("robust/envelope/1"), cls=jsonschema.Draft202012Validator)
-    assert (ended.code, answer["status"], answer["controllability"]) == (1, "invalid", None)
-    ended = command("envelope", *example("plan-flexible-wait.stn"), "--controllability", "dynamic")
-    assert "controllable" not in ended.out
+    asked = (*example("plan-flexible-wait.stn"), "--controllability", "dynamic")
+    answer = answer_of(*asked, code=1)
+    assert (answer["status"], answer["controllability"]) == ("invalid", None)
+    assert "controllable" not in command("envelope", *asked).out
 
 
 def test_an_unknown_kind_is_refused():

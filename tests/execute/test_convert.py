@@ -10,23 +10,28 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from robust.errors import InputError, SolverError
-from robust.execute.convert import Mode, convert
+from robust.execute.convert import Conversion, Mode, convert
 from robust.execute.distances import InvalidPlanError, Original
 from robust.execute.esterel import esterel_edges
 from robust.irr.check import Answer
 from robust.plan.load import load_plan
-from robust.plan.model import ZERO, ParametrizedPlan
-from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
+from robust.plan.model import ZERO, ParameterReference, ParametrizedPlan
+from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.simulate import simulate
 from robust.plan.stn import parse_stn, write_stn
-from robust.plan.timed import parse_timed_plan
 from tests.cli.running import EXAMPLES, REPOSITORY
-from tests.execute.plans import allows, bare, converted, lines, timed
+from tests.execute.plans import allows, bare, converted, durative, lines, timed
 from tests.pddl_text import pddl_text
 from tests.sampling import sample_schedules
 from tests.strategies import plans
 
-DOMAIN = """
+TIMED = (
+    durative("heat", "10", "", "(at end (warm))"),
+    durative("bathe", "5", "(at start (warm)) (over all (>= (water) 3))", "(at end (done))"),
+    durative("draw", ">= 1", "", "(decrease (water) (* #t 1))"),
+    durative("rest", "6", "(over all (or (lit) (open)))", "(at end (done))"),
+)
+DOMAIN = f"""
 (define (domain house)
   (:requirements :typing :durative-actions :fluents :timed-initial-literals :duration-inequalities)
   (:predicates (lit) (open) (warm) (done))
@@ -34,15 +39,9 @@ DOMAIN = """
   (:action switch-on :parameters () :precondition () :effect (lit))
   (:action press :parameters () :precondition () :effect (lit))
   (:action switch-off :parameters () :precondition () :effect (not (lit)))
-  (:durative-action heat :parameters () :duration (= ?duration 10) :condition (and) :effect (at end (warm)))
   (:durative-action read :parameters () :duration (and (>= ?duration 2) (<= ?duration 9))
     :condition (over all (lit)) :effect (at end (done)))
-  (:durative-action bathe :parameters () :duration (= ?duration 5)
-    :condition (and (at start (warm)) (over all (>= (water) 3))) :effect (at end (done)))
-  (:durative-action draw :parameters () :duration (>= ?duration 1) :condition (and)
-    :effect (decrease (water) (* #t 1)))
-  (:durative-action rest :parameters () :duration (= ?duration 6) :condition (over all (or (lit) (open)))
-    :effect (at end (done)))
+  {" ".join(TIMED)}
   (:action unlock :parameters () :precondition () :effect (open))
   (:action fill :parameters () :precondition () :effect (increase (water) 2))
   (:action drink :parameters () :precondition (>= (water) 13) :effect (done))
@@ -54,50 +53,97 @@ def problem(init: str = "", goal: str = "(done)") -> str:
     return f"(define (problem evening) (:domain house) (:init (= (water) 10) {init}) (:goal {goal}))"
 
 
-# -- the causal network ----------------------------------------------------------------------------------------------
+def house(steps: str, *specs: str, init: str = "", domain: str = DOMAIN, **options) -> Conversion:
+    return converted(domain, problem(init), steps, *specs, **options)
 
 
-def test_a_condition_follows_its_achiever():
-    found = converted(DOMAIN, problem(), "0: (heat) [10]\n20: (bathe) [5]")
+BATH = "0: (heat) [10]\n20: (bathe) [5]"
+READING = "1: (switch-on)\n2: (read) [5]\n9: (switch-off)"
+EITHER = DOMAIN.replace("(over all (or (lit) (open)))", "(over all (or (lit) (not (lit))))")
+LITERALS = "(at 4 (open)) (at 8 (not (open))) (at 30 (not (lit))) "
+WITHIN = "n0 - .zero in [4001/1000, 7999/1000]"
+
+
+# -- networks ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("steps", "init", "mode", "expected"),
+    [
+        pytest.param(BATH, "", Mode.CAUSAL, {"n1.start - n0.end in [1/1000, None]"}, id="after the achiever"),
+        pytest.param(
+            READING, "", Mode.CAUSAL, {"n1.start - n0 in [0, None]", "n2 - n1.end in [0, None]"}, id="protected"
+        ),
+        pytest.param("1: (switch-on)\n2: (read) [5]", "(lit)", Mode.CAUSAL, set(), id="true from the beginning"),
+        pytest.param(
+            "1: (switch-on)\n2: (press)\n3: (read) [5]",
+            "",
+            Mode.CAUSAL,
+            {"n2.start - n1 in [0, None]"},
+            id="recent",
+        ),
+        pytest.param(
+            "6: (wait)\n7: (read) [5]",
+            LITERALS + "(at 1 (lit))",
+            Mode.CAUSAL,
+            {WITHIN, "n1.start - .zero in [1, None]", "n1.end - .zero in [None, 30]"},
+            id="timed literals are bounds from zero",
+        ),
+        pytest.param(
+            "1: (switch-on)\n2: (rest) [6]\n9: (switch-off)",
+            "(open)",
+            Mode.CAUSAL,
+            {"n2 - n0 in [1/1000, None]"},
+            id="one literal keeps a disjunction true",
+        ),
+        pytest.param(
+            "1: (fill)\n2: (fill)\n3: (drink)",
+            "",
+            Mode.CAUSAL,
+            {"n2 - n0 in [1/1000, None]", "n2 - n1 in [1/1000, None]"},
+            id="numbers",
+        ),
+        pytest.param(
+            READING,
+            "",
+            Mode.ESTEREL,
+            {
+                "n0 - .zero in [1/1000, None]",
+                "n1.start - n0 in [1/1000, None]",
+                "n1.end - .zero in [1/1000, None]",
+                "n2 - n0 in [1/1000, None]",
+                "n2 - n1.end in [1/1000, None]",
+            },
+            id="the transformer's supporters and contradictions",
+        ),
+        pytest.param(
+            "6: (wait)\n7: (read) [5]",
+            LITERALS + "(lit)",
+            Mode.ESTEREL,
+            {WITHIN, "n1.start - .zero in [1/1000, None]", "n1.end - .zero in [1/1000, 30]"},
+            id="the transformer's deadlines",
+        ),
+    ],
+)
+def test_networks(steps, init, mode, expected):
+    found = house(steps, init=init, mode=mode)
+    assert lines(found) == expected
     assert found.check.answer is Answer.PROVED
-    assert lines(found) == {"n1.start - n0.end in [1/1000, None]"}
-    assert {str(one.lower) for one in found.plan.constraints} == {"1/1000", "10", "5"}
 
 
-def test_an_over_all_condition_is_protected():
-    found = converted(DOMAIN, problem(), "1: (switch-on)\n2: (read) [5]\n9: (switch-off)")
-    assert lines(found) == {"n1.start - n0 in [0, None]", "n2 - n1.end in [0, None]"}
-    [duration] = [one for one in found.plan.constraints if one.source.instance == one.target.instance]
+def test_durations_keep_their_bounds():
+    assert {str(one.lower) for one in house(BATH).plan.constraints} == {"1/1000", "10", "5"}
+    [duration] = [one for one in house(READING).plan.constraints if one.source.instance == one.target.instance]
     assert (str(duration.lower), str(duration.upper)) == ("2", "9")
 
 
-def test_the_initial_state_costs_no_edge():
-    assert lines(converted(DOMAIN, problem("(lit)"), "1: (switch-on)\n2: (read) [5]")) == set()
-
-
-def test_of_several_achievers_the_most_recent_is_taken():
-    found = converted(DOMAIN, problem(), "1: (switch-on)\n2: (press)\n3: (read) [5]")
-    assert lines(found) == {"n2.start - n1 in [0, None]"}
-
-
 def test_an_achiever_before_the_last_threat_is_none():
-    found = converted(DOMAIN, problem(), "1: (switch-on)\n2: (switch-off)\n3: (press)\n4: (read) [5]")
-    assert "n3.start - n2 in [0, None]" in lines(found)
-    assert {"n1 - n0 in [1/1000, None]", "n2 - n1 in [1/1000, None]"} <= lines(found)
-
-
-def test_timed_literals_become_bounds_from_zero():
-    init = "(at 4 (open)) (at 8 (not (open))) (at 1 (lit)) (at 30 (not (lit)))"
-    found = converted(DOMAIN, problem(init), "6: (wait)\n7: (read) [5]")
-    assert lines(found) == {
-        "n0 - .zero in [4001/1000, 7999/1000]",
-        "n1.start - .zero in [1, None]",
-        "n1.end - .zero in [None, 30]",
-    }
+    found = lines(house("1: (switch-on)\n2: (switch-off)\n3: (press)\n4: (read) [5]"))
+    assert {"n3.start - n2 in [0, None]", "n1 - n0 in [1/1000, None]", "n2 - n1 in [1/1000, None]"} <= found
 
 
 def test_bounds_that_numbers_need_are_found_and_loosened():
-    found = converted(DOMAIN, problem(), "0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]")
+    found = house("0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]")
     [needed] = found.tightened
     # 10 - d >= 3 as long as bathe may overlap or follow.
     assert needed.obligation == "n2 bathe: over all (>= (water) 3)"
@@ -105,13 +151,8 @@ def test_bounds_that_numbers_need_are_found_and_loosened():
     assert found.check.answer is Answer.PROVED
 
 
-def test_a_disjunction_that_one_literal_keeps_true_is_protected_by_it():
-    found = converted(DOMAIN, problem("(open)"), "1: (switch-on)\n2: (rest) [6]\n9: (switch-off)")
-    assert lines(found) == {"n2 - n0 in [1/1000, None]"}
-
-
 def test_a_disjunction_whose_literals_take_turns_needs_bounds():
-    found = converted(DOMAIN, problem("(lit)"), "2: (rest) [6]\n3: (unlock)\n4: (switch-off)")
+    found = house("2: (rest) [6]\n3: (unlock)\n4: (switch-off)", init="(lit)")
     assert {one.obligation for one in found.tightened} == {"n0 rest: over all (or (lit) (open))"}
     # The light goes out either after unlocking or not before the rest is over; the plan does the former.
     [needed] = found.tightened
@@ -120,20 +161,16 @@ def test_a_disjunction_whose_literals_take_turns_needs_bounds():
 
 
 def test_what_others_imply_is_left_out():
-    found = converted(
-        DOMAIN,
-        problem(),
-        "0: (switch-on)\n1: (switch-off)\n2: (switch-on)\n3: (switch-off)\n4: (heat) [10]\n15: (bathe) [5]",
-    )
+    steps = "0: (switch-on)\n1: (switch-off)\n2: (switch-on)\n3: (switch-off)\n4: (heat) [10]\n15: (bathe) [5]"
+    found = house(steps)
     assert "n3 - n0 in [1/1000, None]" not in lines(found)
     assert found.redundant > 0
 
 
 def test_what_durations_imply_is_left_out_unless_they_are_parameters():
     # By the duration of at least 2, the light goes out more than ε after it was switched on.
-    steps = "1: (switch-on)\n2: (read) [5]\n9: (switch-off)"
-    assert "n2 - n0 in [1/1000, None]" not in lines(converted(DOMAIN, problem(), steps))
-    assert "n2 - n0 in [1/1000, None]" in lines(converted(DOMAIN, problem(), steps, "duration:read"))
+    assert "n2 - n0 in [1/1000, None]" not in lines(house(READING))
+    assert "n2 - n0 in [1/1000, None]" in lines(house(READING, "duration:read"))
 
 
 def test_a_least_duration_that_others_imply_is_left_out():
@@ -141,70 +178,39 @@ def test_a_least_duration_that_others_imply_is_left_out():
     domain = DOMAIN.replace("(<= ?duration 9)", "(<= ?duration 90)").replace(
         ":condition (over all (lit)) :effect", ":condition (and (at start (open)) (at end (open))) :effect"
     )
-    initial = problem("(open) (at 4 (not (open))) (at 30 (open))")
-    found = converted(domain, initial, "1: (read) [40]")
+    initial = "(open) (at 4 (not (open))) (at 30 (open))"
+    found = house("1: (read) [40]", init=initial, domain=domain)
     assert {(str(one.lower), str(one.upper)) for one in found.plan.constraints} == {
         ("None", "90"),
         ("None", "3999/1000"),
         ("30001/1000", "None"),
     }
     assert found.check.answer is Answer.PROVED
-    with_parameter = converted(domain, initial, "1: (read) [40]", "fluent:(water)")
+    with_parameter = house("1: (read) [40]", "fluent:(water)", init=initial, domain=domain)
     assert "2" in {str(one.lower) for one in with_parameter.plan.constraints}
 
 
 def test_what_is_true_anyway_is_not_protected():
-    domain = DOMAIN.replace("(over all (or (lit) (open)))", "(over all (or (lit) (not (lit))))")
-    assert domain != DOMAIN
-    steps = "1: (switch-on)\n2: (rest) [6]\n9: (switch-off)"
-    found = converted(domain, problem(), steps)
+    assert EITHER != DOMAIN
+    found = house("1: (switch-on)\n2: (rest) [6]\n9: (switch-off)", domain=EITHER)
     assert lines(found) == {"n2 - n0 in [1/1000, None]"}
     assert found.check.answer is Answer.PROVED
 
 
-# -- the transformer's network ---------------------------------------------------------------------------------------
-
-
-def test_the_transformer_follows_supporters_and_contradictions():
-    found = converted(DOMAIN, problem(), "1: (switch-on)\n2: (read) [5]\n9: (switch-off)", mode=Mode.ESTEREL)
-    assert lines(found) == {
-        "n0 - .zero in [1/1000, None]",
-        "n1.start - n0 in [1/1000, None]",
-        "n1.end - .zero in [1/1000, None]",
-        "n2 - n0 in [1/1000, None]",
-        "n2 - n1.end in [1/1000, None]",
-    }
-    assert found.check.answer is Answer.PROVED
-
-
-def test_the_transformer_knows_deadlines():
-    init = "(at 4 (open)) (at 8 (not (open))) (lit) (at 30 (not (lit)))"
-    found = converted(DOMAIN, problem(init), "6: (wait)\n7: (read) [5]", mode=Mode.ESTEREL)
-    assert lines(found) == {
-        "n0 - .zero in [4001/1000, 7999/1000]",
-        "n1.start - .zero in [1/1000, None]",
-        "n1.end - .zero in [1/1000, 30]",
-    }
-
-
 def test_the_transformer_never_excludes_the_plan():
-    found = converted(DOMAIN, problem(), "0: (switch-on)\n0: (read) [5]", mode=Mode.ESTEREL)
-    assert "n1.start - n0 in [0, None]" in lines(found)
-    assert "n0 - .zero in [0, None]" in lines(found)
+    found = house("0: (switch-on)\n0: (read) [5]", mode=Mode.ESTEREL)
+    assert {"n1.start - n0 in [0, None]", "n0 - .zero in [0, None]"} <= lines(found)
 
 
 def test_the_transformer_may_miss_what_numbers_need():
-    steps = "1: (fill)\n2: (fill)\n3: (drink)"
-    assert converted(DOMAIN, problem(), steps, mode=Mode.ESTEREL).check.answer is Answer.REFUTED
-    causal = converted(DOMAIN, problem(), steps)
-    assert lines(causal) == {"n2 - n0 in [1/1000, None]", "n2 - n1 in [1/1000, None]"}
+    assert house("1: (fill)\n2: (fill)\n3: (drink)", mode=Mode.ESTEREL).check.answer is Answer.REFUTED
 
 
 # -- parameters ------------------------------------------------------------------------------------------------------
 
 
 def test_durations_of_all_instances_of_an_action():
-    found = converted(DOMAIN, problem("(lit)"), "0: (read) [5]\n6: (read) [4]", "duration:read,weight=2")
+    found = house("0: (read) [5]\n6: (read) [4]", "duration:read,weight=2", init="(lit)")
     assert [(one.name, one.weight, one.nominal) for one in found.plan.parameters] == [
         ("dur_n0", 2, 5),
         ("dur_n1", 2, 4),
@@ -214,14 +220,12 @@ def test_durations_of_all_instances_of_an_action():
 
 
 def test_start_times():
-    found = converted(DOMAIN, problem(), "0: (heat) [10]\n20: (bathe) [5]", "start:n1,ub=25")
+    found = house(BATH, "start:n1,ub=25")
     assert "c: n1.start - .zero in [start_n1, start_n1];" in write_stn(found.stn)
 
 
-def test_what_a_plan_file_cannot_hold_is_said_beside_it(tmp_path):
-    found = converted(
-        DOMAIN, problem(), "0: (heat) [10]\n20: (bathe) [5]", "duration:heat", "tank=fluent:(water),lb=1/3"
-    )
+def test_what_a_plan_file_cannot_hold_is_said_beside_it():
+    found = house(BATH, "duration:heat", "tank=fluent:(water),lb=1/3")
     assert [(one.name, one.target.value, one.subject) for one in found.beside] == [
         ("tank", "fluent", "(water)"),
         ("dur_n0", "duration", "n0"),
@@ -233,9 +237,7 @@ def test_what_a_plan_file_cannot_hold_is_said_beside_it(tmp_path):
 def test_a_duration_named_again_reads_back(tmp_path):
     from robust.execute.parametrization import option_of, write_specs  # noqa: PLC0415
 
-    found = converted(
-        DOMAIN, problem(), "0: (heat) [10]\n20: (bathe) [5]", "duration:heat", "tank=fluent:(water),lb=1/3"
-    )
+    found = house(BATH, "duration:heat", "tank=fluent:(water),lb=1/3")
     files = [tmp_path / name for name in ("domain.pddl", "problem.pddl", "plan.stn", "parameters.toml")]
     for path, text in zip(files, (DOMAIN, problem(), write_stn(found.stn), write_specs(found.beside)), strict=True):
         path.write_text(text)
@@ -245,47 +247,37 @@ def test_a_duration_named_again_reads_back(tmp_path):
         assert again.instances == found.plan.instances
 
 
-def test_a_nominal_value_is_that_of_the_plan():
-    with pytest.raises(InputError, match="found default 7 for parameter 'dur_n0', expected the plan's own 10"):
-        converted(DOMAIN, problem(), "0: (heat) [10]\n20: (bathe) [5]", "duration:heat,default=7")
+# -- wrong plans -------------------------------------------------------------------------------------------------------
 
 
-# -- wrong plans -----------------------------------------------------------------------------------------------------
-
-
-def test_an_invalid_plan_names_line_obligation_and_time():
-    with pytest.raises(
-        InvalidPlanError, match=r"^plan.txt:2:1: invalid plan: .*'n1 bathe: at start \(warm\)' broken at time 3"
-    ):
-        converted(DOMAIN, problem(), "0: (heat) [10]\n3: (bathe) [5]")
-
-
-def test_a_missed_goal():
-    with pytest.raises(InvalidPlanError, match=r"^plan.txt: invalid plan: found 'goal: \(done\)' broken"):
-        converted(DOMAIN, problem(), "0: (heat) [10]")
-
-
-def test_an_unknown_action():
-    with pytest.raises(InputError, match=r"^plan.txt:1:1: found action 'cool'"):
-        converted(DOMAIN, problem(), "0: (cool) [10]")
-
-
-def test_a_durative_action_without_duration():
-    with pytest.raises(InputError, match="found 'heat' used as an instantaneous action"):
-        converted(DOMAIN, problem(), "0: (heat)")
+@pytest.mark.parametrize(
+    ("steps", "specs", "kind", "message"),
+    [
+        (BATH, ["duration:heat,default=7"], InputError, "default 7 for parameter 'dur_n0', expected the plan's own 10"),
+        (
+            "0: (heat) [10]\n3: (bathe) [5]",
+            [],
+            InvalidPlanError,
+            r"^plan.txt:2:1: invalid plan: .*'n1 bathe: at start \(warm\)' broken at time 3",
+        ),
+        ("0: (heat) [10]", [], InvalidPlanError, r"^plan.txt: invalid plan: found 'goal: \(done\)' broken"),
+        ("0: (cool) [10]", [], InputError, r"^plan.txt:1:1: found action 'cool'"),
+        ("0: (heat)", [], InputError, "found 'heat' used as an instantaneous action"),
+        ("0: (unlock)\n1: (wait) [1]", [], InputError, "found 'wait' used as a durative action"),
+    ],
+)
+def test_wrong_plans_and_specifications(steps, specs, kind, message):
+    with pytest.raises(kind, match=message):
+        house(steps, *specs)
 
 
 def test_the_epsilon_after_an_instantaneous_action_is_passed_over():
-    assert not converted(DOMAIN, problem("(open)"), "0: (wait) [0.001]").stn.instances[0].durative
-    with pytest.raises(InputError, match="found 'wait' used as a durative action"):
-        converted(DOMAIN, problem("(open)"), "0: (wait) [1]")
+    assert not house("0: (wait) [0.001]", init="(open)").stn.instances[0].durative
 
 
 def test_without_time_there_is_no_proof():
-    parsed = parse_domain(DOMAIN)
-    plan = parse_timed_plan("0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]")
     with pytest.raises(SolverError, match=r"undecided, expected a proof"):
-        convert(parsed, parse_problem(problem(), parsed), plan, timeout=1e-9)
+        house("0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]", timeout=1e-9)
 
 
 # -- drawn plans -----------------------------------------------------------------------------------------------------
@@ -358,16 +350,13 @@ def test_recorded_networks_are_those_of_the_transformer(dataset):
     recorded = sorted(directory.glob("plan_*.stn"))
     assert recorded
     for path in recorded:
-        files = (
-            directory / "domain.pddl",
-            directory / path.name.replace("plan", "problem").replace(".stn", ".pddl"),
-            path,
-        )
+        problem_file = path.name.replace("plan", "problem").replace(".stn", ".pddl")
+        files = directory / "domain.pddl", directory / problem_file, path
         plan = load_plan(*files)
         unbound, times = bare(*files)
         edges = esterel_edges(Original(unbound, times, Fraction(1, 1000)))
         made = Counter((one.source, one.target, one.weight) for one in edges if one.target != ZERO)
-        nominal = {one.name: one.nominal for one in plan.parameters}
+        nominal = {ParameterReference(one.name): one.nominal for one in plan.parameters}
         wanted = Counter(chain.from_iterable(_bounds(one, nominal) for one in plan.constraints))
         assert set(made) == set(wanted), path.name
         deadlines = {one.source for one in edges if one.target == ZERO}
@@ -376,14 +365,8 @@ def test_recorded_networks_are_those_of_the_transformer(dataset):
 
 def _bounds(constraint, nominal):
     """Both bounds at nominal values, without deadlines."""
-    lower, upper = (
-        None
-        if bound is None
-        else sum(
-            (factor * (nominal[names[0].name] if names else 1) for names, factor in bound.terms.items()), Fraction(0)
-        )
-        for bound in (constraint.lower, constraint.upper)
-    )
+    bounds = (constraint.lower, constraint.upper)
+    lower, upper = (None if bound is None else bound.evaluate(nominal) for bound in bounds)
     yield constraint.source, constraint.target, lower
     if upper is not None and constraint.source != ZERO:
         yield constraint.target, constraint.source, -upper

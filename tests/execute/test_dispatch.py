@@ -1,35 +1,37 @@
 """The dispatcher: what it decides, what reveals parameters, and every way in which observations can go wrong."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import pytest
 
 from robust.errors import InputError
-from robust.execute.dispatch.dispatcher import Dispatcher, Phase
-from robust.execute.dispatch.messages import (
+from robust.execute.dispatch.dispatcher import (
     Completed,
     Contradicted,
     Dispatch,
+    Dispatcher,
     Failed,
     Finish,
     LeftBox,
     Missed,
     Observed,
+    Phase,
     Rejected,
     Started,
     StateEstimate,
     Succeeded,
     Unobserved,
 )
-from robust.execute.dispatch.network import Blex, Dreex, Guarantee, parse_executor
-from robust.execute.dispatch.prepare import make_dispatchable
+from robust.execute.dispatch.network import Blex, Dreex, Guarantee, make_dispatchable, parse_executor
 from robust.execute.drive import run_in_world
 from robust.execute.worlds.rules import Luck
 from robust.execute.worlds.world import Setting, SimulatedWorld
-from robust.irr.box import Box, Interval
-from robust.plan.model import Atom, Fluent
+from robust.plan.model import Atom, Fluent, Parameter, ParameterReference
+from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
-from tests.execute.execution import PLAN, PLANS, fixed, tasks, tasks_dispatchable, with_box
+from robust.qe.box import Box, Interval
+from tests.execute.execution import PLAN, PLANS, fixed, interval, tasks, tasks_dispatchable, with_box
 
 F = Fraction
 EPSILON = F(1, 1000)
@@ -39,6 +41,23 @@ def told(dispatcher, now, *messages):
     """The decisions of one step as texts; rejections and endings as they are."""
     plain = Dispatch | Finish | Succeeded
     return [str(one) if isinstance(one, plain) else one for one in dispatcher.step(F(now), messages)]
+
+
+def after(dispatcher, *steps):
+    """The decisions of the last of these steps: each is a time with the messages that arrive then."""
+    return [told(dispatcher, now, *messages) for now, *messages in steps][-1]
+
+
+WORKED = Completed("w1", F(7))
+FETCHED = ((7, WORKED), (8,), (10, Completed("f", F(10))))
+
+
+def with_need(**options):
+    """A dispatcher that waits for what `f` reveals, too."""
+    dispatchable = tasks_dispatchable({"first": (4, 20), "need": (1, 6)}, PLAN, "need=fluent:(need b)")
+    dispatcher = Dispatcher(dispatchable, **options)
+    told(dispatcher, 0)
+    return dispatcher
 
 
 def begun(**options):
@@ -105,15 +124,11 @@ def test_what_cannot_be_revealed_is_said_at_the_beginning():
 
 
 def test_observed_levels_are_waited_for():
-    dispatchable = tasks_dispatchable({"first": (4, 20), "need": (1, 6)}, PLAN, "need=fluent:(need b)")
-    dispatcher = Dispatcher(dispatchable)
-    told(dispatcher, 0)
-    told(dispatcher, 7, Completed("w1", F(7)))
-    told(dispatcher, 7 + EPSILON)
-    told(dispatcher, 9 + EPSILON, Completed("f", 9 + EPSILON), Observed("need", F(5), "f"))
+    dispatcher = with_need()
+    seen = Completed("f", 9 + EPSILON), Observed("need", F(5), "f")
+    after(dispatcher, (7, WORKED), (7 + EPSILON,), (9 + EPSILON, *seen))
     assert dispatcher.observed == {"first": 7, "need": 5}
-    told(dispatcher, 9 + 2 * EPSILON)
-    assert told(dispatcher, 14 + 2 * EPSILON)[-1] == "all done"
+    assert after(dispatcher, (9 + 2 * EPSILON,), (14 + 2 * EPSILON,))[-1] == "all done"
 
 
 # -- what leaves the box, and faults -------------------------------------------------------------------------------
@@ -131,11 +146,18 @@ def test_an_observation_above_the_box_ends_the_plan_when_it_is_overdue():
     assert [(one.value, one.inside) for one in dispatcher.observations] == [(31, False)]
 
 
-def test_an_observation_below_the_box_ends_the_plan_at_once():
-    dispatcher = begun()
-    (left,) = told(dispatcher, 3, Completed("w1", F(3)))
-    assert str(left) == "first = 3 is outside [4, 20]"
-    assert dispatcher.ended
+@pytest.mark.parametrize(
+    ("now", "message", "text"),
+    [
+        (3, Completed("w1", F(3)), "first = 3 is outside [4, 20]"),
+        (1, Observed("need", F(7)), "need = 7 is outside [1, 6]"),
+    ],
+)
+def test_an_observation_outside_of_the_box_ends_the_plan_at_once(now, message, text):
+    dispatcher = with_need()
+    (left,) = told(dispatcher, now, message)
+    assert str(left) == text
+    assert dispatcher.ended is isinstance(message, Completed)  # else w1 is running
 
 
 def test_stopping_does_not_wait():
@@ -146,11 +168,7 @@ def test_stopping_does_not_wait():
 
 def test_running_actions_are_waited_for_and_those_of_ours_ended():
     dispatcher = begun()
-    told(dispatcher, 7, Completed("w1", F(7)))
-    told(dispatcher, 8)
-    told(dispatcher, 10, Completed("f", F(10)))
-    told(dispatcher, 11)
-    (failed,) = told(dispatcher, 12, Failed("c", F(12), "nobody answers"))
+    (failed,) = after(dispatcher, *FETCHED, (11,), (12, Failed("c", F(12), "nobody answers")))
     assert str(failed) == "c failed: nobody answers"
     assert dispatcher.wake == 16  # w2 began at 11 and lasts for 5 at least
     assert told(dispatcher, 16) == ["end w2"]
@@ -164,24 +182,31 @@ def test_a_late_message_counts_from_when_it_was_sent():
     assert dispatcher.times[dispatcher.dispatchable.plan.instance["f"].start] == 12
 
 
-def test_a_missing_level_ends_the_plan():
-    dispatchable = tasks_dispatchable({"first": (4, 20), "need": (1, 6)}, PLAN, "need=fluent:(need b)")
-    dispatcher = Dispatcher(dispatchable, patience=F(1, 2))
-    told(dispatcher, 0)
-    told(dispatcher, 7, Completed("w1", F(7)))
-    told(dispatcher, 8)
-    told(dispatcher, 10, Completed("f", F(10)))
-    missing = told(dispatcher, F(21, 2))
-    assert Unobserved("need", F(10), F(21, 2)) in missing
+@pytest.mark.parametrize("seen", [(), (Observed("need", F(5), "c"),)], ids=["unseen", "seen elsewhere"])
+def test_a_missing_level_ends_the_plan(seen):
+    dispatcher = with_need(patience=F(1, 2))
+    *before, fetched = FETCHED
+    assert Unobserved("need", F(10), F(21, 2)) in after(dispatcher, *before, (*fetched, *seen), (F(21, 2),))
     assert str(dispatcher.ending) == "need was not observed by 10"
 
 
-def test_a_level_outside_of_the_box_ends_the_plan():
-    dispatchable = tasks_dispatchable({"first": (4, 20), "need": (1, 6)}, PLAN, "need=fluent:(need b)")
+def test_a_value_that_is_seen_bounds_what_else_it_stands_for():
+    plan = """
+parameter first default 6;
+durative-action instance w1 : (work a);
+durative-action instance w2 : (work b);
+c: w1.end - w1.start in [first, first];
+c: w2.start - w1.end in [first, 10];
+c: w2.end - w2.start in [5, 8];
+"""
+    dispatchable = tasks_dispatchable({"first": (4, 20)}, plan)
+    assert dispatchable.guarantee is Guarantee.WEAK
     dispatcher = Dispatcher(dispatchable)
-    told(dispatcher, 0)
-    (left,) = told(dispatcher, 1, Observed("need", F(7)))
-    assert str(left) == "need = 7 is outside [1, 6]"
+    start = dispatchable.plan.instance["w2"].start
+    assert told(dispatcher, 0) == ["start w1"]
+    assert dispatcher.window(start) == (8, 30)
+    told(dispatcher, 7, Completed("w1", F(7)))
+    assert dispatcher.window(start) == (14, 17)
 
 
 @pytest.mark.parametrize(
@@ -216,17 +241,15 @@ def test_faulty_messages_are_rejected_in_one_line_and_change_nothing(message, re
 
 def test_messages_about_the_future_and_the_past_are_rejected():
     dispatcher = begun()
-    (rejected,) = told(dispatcher, 5, Completed("w1", F(6)))
-    assert rejected.reason == "found time 6, which is yet to come"
-    (rejected,) = told(dispatcher, 5, Completed("w1", F(-1)))
-    assert rejected.reason == "found time -1, expected one from 0 on"
+    for time, reason in ((6, "found time 6, which is yet to come"), (-1, "found time -1, expected one from 0 on")):
+        (rejected,) = told(dispatcher, 5, Completed("w1", F(time)))
+        assert rejected.reason == reason
 
 
 def test_the_same_message_twice_is_ignored():
     dispatcher = begun()
-    message = Completed("w1", F(7))
-    assert told(dispatcher, 7, message, message) == []
-    assert told(dispatcher, 7, message, Observed("first", F(7))) == []
+    assert told(dispatcher, 7, WORKED, WORKED) == []
+    assert told(dispatcher, 7, WORKED, Observed("first", F(7))) == []
 
 
 def test_a_duration_cannot_be_observed_before_it_is_over():
@@ -247,28 +270,20 @@ def test_a_state_that_contradicts_the_plan_ends_it():
     complete = StateEstimate(
         7 + EPSILON, frozenset({Atom("open")}), {Fluent("stock"): F(3), Fluent("need", ("b",)): F(4)}
     )
-    dispatcher = begun()
-    told(dispatcher, 7, Completed("w1", F(7)))
-    (contradicted,) = told(dispatcher, 7 + EPSILON, complete)
+    (contradicted,) = after(begun(), (7, WORKED), (7 + EPSILON, complete))
     assert contradicted == Contradicted("f", "(>= (stock) (need b)) does not hold", 7 + EPSILON)
 
 
 def test_a_state_does_not_outlast_the_next_event():
     dispatcher = Dispatcher(tasks_dispatchable())
     assert told(dispatcher, 0, StateEstimate(F(0), frozenset({Atom("ready", ("a",))}))) == ["start w1"]
-    told(dispatcher, 7, Completed("w1", F(7)))
-    assert "start f" in told(dispatcher, 7 + EPSILON)
-    dispatcher = Dispatcher(tasks_dispatchable())
-    (contradicted,) = told(dispatcher, 0, StateEstimate(F(0), frozenset()))
+    assert "start f" in after(dispatcher, (7, WORKED), (7 + EPSILON,))
+    (contradicted,) = told(Dispatcher(tasks_dispatchable()), 0, StateEstimate(F(0), frozenset()))
     assert str(contradicted) == "w1 failed: (ready a) does not hold"
 
 
 def test_a_time_point_that_is_dispatched_too_late_is_missed():
-    dispatcher = begun()
-    told(dispatcher, 7, Completed("w1", F(7)))
-    told(dispatcher, 8)
-    told(dispatcher, 10, Completed("f", F(10)))
-    (missed,) = told(dispatcher, 56)
+    (missed,) = after(begun(), *FETCHED, (56,))
     assert isinstance(missed, Missed)
     assert str(missed) == "w2.start missed: possible until 55, because of .zero"
 
@@ -285,7 +300,8 @@ def test_nothing_is_decided_after_the_end():
 def test_executors_by_name():
     assert parse_executor("dreex") == Dreex()
     assert parse_executor("BLEX:30") == Blex(F(3, 10))
-    assert parse_executor("blex:12.5").name == "blex:12.5"
+    for text in ("blex:0", "blex:12.5", "blex:100"):
+        assert parse_executor(text).name == text
     for text in ("drex", "blex", "blex:", "blex:x", "blex:101", "blex:-1", "dreex:3"):
         with pytest.raises(InputError, match="--executor"):
             parse_executor(text)
@@ -297,10 +313,8 @@ def test_blex_accepts_a_share_of_every_duration():
     assert dispatchable.box == Box({"first": Interval(F(5), F(15))})
     for ends, ending in ((3, "the time from f.start to f.end exceeds 3"), (1, None)):
         dispatcher = Dispatcher(dispatchable)
-        told(dispatcher, 0)
-        told(dispatcher, 15, Completed("w1", F(15)))
-        told(dispatcher, 16)
-        told(dispatcher, 16 + ends + EPSILON, *([Completed("f", F(16 + ends))] if ending is None else []))
+        fetched = [Completed("f", F(16 + ends))] if ending is None else []
+        after(dispatcher, (0,), (15, Completed("w1", F(15))), (16,), (16 + ends + EPSILON, *fetched))
         assert (None if dispatcher.ending is None else str(dispatcher.ending)) == ending
 
 
@@ -311,6 +325,29 @@ def test_blex_finds_out_when_it_is_too_late():
     # 56 leaves no time for the rest; DREEX would have been told by its box
     assert told(dispatcher, 56, Completed("w1", F(56))) == []
     assert "start f" in told(dispatcher, 57)
+
+
+@pytest.mark.parametrize(
+    ("factors", "constant", "intervals", "expected"),
+    [
+        ((1,), 0, ("(4, 20]",), "(4, 20]"),
+        ((1,), 0, ("[4, 20)",), "[4, 20)"),
+        ((1,), 0, ("[4, inf)",), "[4, inf)"),
+        ((-1,), 30, ("(4, 20]",), "[10, 26)"),
+        ((1, 1), 0, ("(4, 20]", "[1, 2]"), "(5, 22]"),
+        ((1, -1), 9, ("[4, 20)", "[1, 2)"), "(11, 28)"),
+    ],
+)
+def test_lengths_that_nature_may_choose_end_as_the_box_does(factors, constant, intervals, expected):
+    plan = tasks("parameter p0 default 5;\ndurative-action instance w1 : (work a);\nc: w1.end - w1.start in [p0, p0];")
+    parameters = tuple(Parameter(f"p{i}", F(5)) for i in range(len(factors)))
+    terms = (Polynomial.variable(ParameterReference(f"p{i}")).scaled(factor) for i, factor in enumerate(factors))
+    length = sum(terms, Polynomial.constant(constant))
+    (constraint,) = plan.constraints
+    plan = replace(plan, parameters=parameters, constraints=(replace(constraint, lower=length, upper=length),))
+    dispatchable = make_dispatchable(plan, Box({f"p{i}": interval(text) for i, text in enumerate(intervals)}))
+    (link,) = dispatchable.network.natural.values()
+    assert link.allowed == interval(expected)
 
 
 def test_boxes_must_be_those_of_the_plan():

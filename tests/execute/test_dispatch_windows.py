@@ -6,13 +6,21 @@ from random import Random
 import pytest
 
 from robust.errors import InputError
-from robust.execute.dispatch.dispatcher import Windows
-from robust.execute.dispatch.network import DispatchNetwork
+from robust.execute.dispatch.network import DispatchNetwork, Windows
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 
 
 def points(count):
     return (ZERO, *(TimePoint(TimePointKind.INSTANT, f"p{number}") for number in range(1, count)))
+
+
+def windows_after(count, edges, *times, waits=()):
+    """The windows of a network whose first time points happen at these times."""
+    bounds = [(source, target, Fraction(weight)) for source, target, weight in edges]
+    windows = Windows(DispatchNetwork(points(count), (), bounds, waits, closed=True))
+    for point, time in enumerate(times):
+        windows.happened(point, Fraction(time))
+    return windows
 
 
 def random_edges(random, count):
@@ -50,8 +58,7 @@ def test_windows_are_those_of_the_network_with_the_past_fixed(seed):
     random = Random(seed)  # noqa: S311 - reproducible
     count = random.randint(3, 8)
     edges, _ = random_edges(random, count)
-    network = DispatchNetwork(points(count), (), edges, (), closed=True)
-    windows = Windows(network)
+    windows = windows_after(count, edges)
     fixed = {}
     for point in (0, *random.sample(range(1, count), count - 1)):
         lower, upper = windows.window(point) if point else (Fraction(0), Fraction(0))
@@ -69,32 +76,23 @@ def test_a_tightened_network_is_the_network_with_more_edges(seed):
     random = Random(f"tighten {seed}")  # noqa: S311 - reproducible
     count = random.randint(3, 7)
     edges, hidden = random_edges(random, count)
-    network = DispatchNetwork(points(count), (), edges, (), closed=True)
     x, y = random.sample(range(count), 2)
     more = (x, y, hidden[y] - hidden[x])
-    windows = Windows(network)
-    windows.happened(0, Fraction(0))
-    tightened = windows.over(network.tightened([more]))
+    windows = windows_after(count, edges, 0)
+    tightened = windows.over(windows.network.tightened([more]))
     expected = bellman_ford(count, [*edges, more], {0: Fraction(0)})
     assert [tightened.window(other) for other in range(1, count)] == expected[1:]
 
 
 def test_times_of_any_denominator_are_exact():
-    network = DispatchNetwork(
-        points(3), (), [(1, 0, Fraction(0)), (2, 1, Fraction(-1, 3)), (1, 2, Fraction(5))], (), closed=True
-    )
-    windows = Windows(network)
-    windows.happened(0, Fraction(0))
-    windows.happened(1, Fraction(1, 7))
+    windows = windows_after(3, [(1, 0, 0), (2, 1, Fraction(-1, 3)), (1, 2, 5)], 0, Fraction(1, 7))
     assert windows.window(2) == (Fraction(1, 7) + Fraction(1, 3), Fraction(1, 7) + 5)
     assert windows.time(1) == Fraction(1, 7)
     assert windows.cause(2) == 1
 
 
 def test_who_comes_first_blocks():
-    network = DispatchNetwork(points(3), (), [(1, 0, Fraction(0)), (2, 1, Fraction(-1))], (), closed=True)
-    windows = Windows(network)
-    windows.happened(0, Fraction(0))
+    windows = windows_after(3, [(1, 0, 0), (2, 1, -1)], 0)
     assert (windows.ready(1), windows.ready(2)) == (0, None)
     windows.happened(1, Fraction(2))
     assert windows.ready(2) == 3
@@ -102,26 +100,24 @@ def test_who_comes_first_blocks():
     assert windows.first_ready([2], Fraction(3)) == 2
 
 
+def test_time_points_that_coincide_do_not_wait_for_each_other():
+    windows = windows_after(3, [(1, 0, 0), (1, 2, 0), (2, 1, 0)], 0)
+    assert (windows.ready(1), windows.ready(2)) == (0, 0)
+
+
 def test_a_wait_ends_with_what_is_waited_for_or_by_itself():
-    edges = [(1, 0, Fraction(0)), (2, 1, Fraction(0)), (3, 1, Fraction(0))]
-    network = DispatchNetwork(points(4), (), edges, [(3, 1, 2, Fraction(10))], closed=True)
+    edges = [(1, 0, 0), (2, 1, 0), (3, 1, 0)]
     for happens in (True, False):
-        windows = Windows(network)
-        windows.happened(0, Fraction(0))
+        windows = windows_after(4, edges, 0, waits=[(3, 1, 2, Fraction(10))])
         assert windows.ready(3) is None
         windows.happened(1, Fraction(1))
         assert windows.ready(3) == 11
         if happens:
             windows.happened(2, Fraction(4))
             assert windows.ready(3) == 1
-    endless = DispatchNetwork(points(4), (), edges, [(3, 1, 2, None)], closed=True)
-    windows = Windows(endless)
-    windows.happened(0, Fraction(0))
-    windows.happened(1, Fraction(1))
-    assert windows.ready(3) is None
+    assert windows_after(4, edges, 0, 1, waits=[(3, 1, 2, None)]).ready(3) is None
 
 
 def test_contradictions_have_no_network():
-    edges = [(0, 1, Fraction(3)), (1, 0, Fraction(-4))]
     with pytest.raises(InputError, match="no schedule"):
-        DispatchNetwork(points(2), (), edges, (), closed=True)
+        windows_after(2, [(0, 1, 3), (1, 0, -4)])

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
-import time
 from fractions import Fraction
 from pathlib import Path
 
@@ -14,16 +9,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.generators.delivery import DeliveryVariant, delivery_domain, table_problems
 from robust.errors import InputError, UnsupportedError
-from robust.execute.delivery import DeliveryVariant, delivery_domain, table_problems
-from robust.execute.planners import aries, kairos
+from robust.execute.planners import aries
+from robust.execute.planners import command as kairos
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check, plan_texts
-from robust.execute.planners.pddl_text import decimal, domain_text, problem_text
 from robust.execute.planners.registry import create_planner
 from robust.numbers import parse_number
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
+from robust.plan.pddl.write import decimal, domain_text, problem_text
 from robust.plan.timed import parse_timed_plan
 from robust.smt.limits import Deadline
+from tests.children import Told, interrupted_after
 from tests.execute.planner_fakes import BETTER, DOMAIN, PROBLEM, TOO_LATE, VALID, Fake, errand, errands
 
 ROOT = Path(__file__).parents[2]
@@ -37,18 +34,6 @@ def fake(tmp_path):
 
 def ask(command: str, seconds: float | None = 20) -> PlannerAnswer:
     return create_planner(command).solve(errands, errand, Deadline.after(seconds))
-
-
-def gone(pid: int) -> bool:
-    """Whether a process ends within a few seconds; one that nobody has waited for counts as ended."""
-    for _ in range(100):
-        try:
-            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
-                return True
-        except FileNotFoundError:
-            return True
-        time.sleep(0.05)
-    return False
 
 
 # -- answers -----------------------------------------------------------------------------------------------------------
@@ -109,32 +94,6 @@ def test_half_a_plan_at_the_deadline_is_no_nonsense(fake):
     assert ask(fake.printing(VALID.splitlines()[0], "time.sleep(60)"), 0.5).status is PlannerStatus.TIMEOUT
 
 
-def test_ignoring_all_signals_and_leaving_children(fake):
-    body = """
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
-    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    open(sys.argv[3] + "ids", "w").write("")
-    open(PIDS, "w").write(f"{os.getpid()} {child.pid}")
-    time.sleep(60)
-    """.replace("PIDS", repr(str(fake.folder / "pids")))
-    assert ask(fake.command(body), 1.5).status is PlannerStatus.TIMEOUT
-    assert all(gone(int(pid)) for pid in (fake.folder / "pids").read_text().split())
-
-
-def test_children_are_killed_when_the_planner_ends_by_itself(fake):
-    """Nor is a child waited for that keeps the planner's output open."""
-    pids = str(fake.folder / "pids")
-    body = f"""
-    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    open({pids!r}, "w").write(str(child.pid))
-    print({VALID!r})
-    """
-    answer = ask(fake.command(body))
-    assert (answer.status, answer.seconds < 10) == (PlannerStatus.SOLVED, True)
-    assert gone(int(Path(pids).read_text()))
-
-
 def test_crashing(fake):
     answer = ask(fake.command("raise RuntimeError('out of ideas')"))
     assert (answer.status, answer.message) == (PlannerStatus.CRASHED, "exit code 1: RuntimeError: out of ideas")
@@ -188,42 +147,19 @@ def test_an_answer_has_a_plan_exactly_when_solved():
         PlannerAnswer("p", PlannerStatus.TIMEOUT, parse_timed_plan(VALID), 1.0)
 
 
-# -- the end of whoever asked ------------------------------------------------------------------------------------------
-
-
-def test_interrupt(fake):
-    """Ctrl-C reaches the caller, once the planner is gone."""
-    pids = fake.folder / "pids"
-    command = fake.command(f"open({str(pids)!r}, 'w').write(str(os.getpid()))\ntime.sleep(60)")
-
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    usual = signal.signal(signal.SIGALRM, interrupt)
-    signal.setitimer(signal.ITIMER_REAL, 1.5)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            ask(command)
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, usual)
-    assert gone(int(pids.read_text()))
-
-
-def test_a_planner_does_not_outlive_who_asked(fake):
-    pids = fake.folder / "pids"
-    command = fake.command(f"open({str(pids)!r}, 'w').write(str(os.getpid()))\ntime.sleep(60)")
-    code = f"from tests.execute.test_planners import ask; ask({command!r}, 50)"
-    asking = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
-    try:
-        for _ in range(200):
-            if pids.exists() and pids.read_text():
-                break
-            time.sleep(0.05)
-    finally:
-        os.kill(asking.pid, signal.SIGKILL)
-        asking.wait()
-    assert gone(int(pids.read_text()))
+def test_ending_with_whoever_asked(fake):
+    """All that a planner has started is gone at the deadline and on Ctrl-C, whatever it does about signals."""
+    told = Told(fake.folder)
+    body = f"""
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    subprocess.run([sys.executable, "-c", {told.code!r}])
+    """
+    assert ask(fake.command(body), 1.5).status is PlannerStatus.TIMEOUT
+    assert told.gone()
+    with pytest.raises(KeyboardInterrupt), interrupted_after(1.5):
+        ask(fake.command(body))
+    assert told.gone()
 
 
 # -- names and templates -----------------------------------------------------------------------------------------------

@@ -5,17 +5,16 @@ from random import Random
 
 import pytest
 
+from benchmarks.irr.figure4 import recorded_instances
 from robust.api import envelope
-from robust.bench.figure4_instances import recorded_instances
 from robust.execute.dispatch.dispatcher import Dispatcher
-from robust.execute.dispatch.network import Guarantee
-from robust.execute.dispatch.prepare import make_dispatchable
+from robust.execute.dispatch.network import Guarantee, make_dispatchable
 from robust.execute.drive import run_in_world
 from robust.execute.worlds.rules import Luck
 from robust.execute.worlds.world import Setting, SimulatedWorld
-from robust.irr.box import Box, Interval
 from robust.plan.load import load_plan
 from robust.plan.simulate import simulate
+from robust.qe.box import Box, Interval
 from tests.execute.execution import PLANS, drawn, fixed, tasks, with_box
 
 

@@ -8,13 +8,12 @@ from random import Random
 
 import pytest
 
-from robust.bench.conversion_plans import drawn_plan
-from robust.execute.delivery import DeliveryVariant, delivery_domain, table_problems
-from robust.execute.planners import relaxed
-from robust.execute.planners.earliest import EarliestTimes, ReachabilityFirst, unreachable
+from benchmarks.generators.delivery import DeliveryVariant, delivery_domain, table_problems
+from benchmarks.generators.plans import drawn_plan
+from robust.execute.planners import reachability as relaxed
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, RememberingPlanner, check
+from robust.execute.planners.reachability import EarliestTimes, ReachabilityFirst, relaxed_problem, unreachable
 from robust.execute.planners.registry import PLANNERS, create_planner
-from robust.execute.planners.relaxed import relaxed_problem
 from robust.plan.load import assemble
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.simulate import simulate
@@ -23,6 +22,7 @@ from robust.plan.timed import parse_timed_plan
 from robust.smt.limits import Deadline
 from tests.execute.planner_delivery import FIRST_ORDER, SECOND_ORDER
 from tests.execute.planner_fakes import DOMAIN, PROBLEM, VALID, Fake, errand, errands
+from tests.execute.plans import durative
 
 F = Fraction
 EPSILON = F(1, 1000)
@@ -41,9 +41,24 @@ class Silent:
         return PlannerAnswer(self.name, PlannerStatus.TIMEOUT, None, 0.0, "no idea")
 
 
-def proof(domain_text: str, problem_text: str, deadline: Deadline = Deadline()) -> str | None:  # noqa: B008 - immutable
+def parsed(domain_text: str, problem_text: str):
     domain = parse_domain(domain_text)
-    return unreachable(domain, parse_problem(problem_text, domain), deadline)
+    return domain, parse_problem(problem_text, domain)
+
+
+def proof(domain_text: str, problem_text: str, deadline: Deadline = Deadline()) -> str | None:  # noqa: B008 - immutable
+    return unreachable(*parsed(domain_text, problem_text), deadline)
+
+
+def bound_of_goal(domain, problem) -> Fraction | None:
+    """When the goal can be reached, in the problem's unit; None if never."""
+    found = relaxed_problem(domain, problem, Deadline())
+    bound = EarliestTimes(found, Deadline()).condition(found.goal)
+    return None if bound == inf else F(bound, found.ticks)
+
+
+def closing_at(time: str):
+    return parse_problem(PROBLEM.replace("at 20", f"at {time}"), errands)
 
 
 # -- before a planner --------------------------------------------------------------------------------------------------
@@ -56,7 +71,7 @@ def test_a_planner_is_only_asked_where_there_is_no_proof():
     assert planner.name == "silent"
     assert planner.solve(errands, errand, deadline).message == "no idea"
     assert silent.asked == [(errand, deadline)]
-    early = parse_problem(PROBLEM.replace("at 20", "at 9.499"), errands)
+    early = closing_at("9.499")
     answer = planner.solve(errands, early, deadline)
     assert (answer.planner, answer.status, answer.plan) == ("reachability", PlannerStatus.NO_PLAN, None)
     assert answer.message == (
@@ -64,13 +79,13 @@ def test_a_planner_is_only_asked_where_there_is_no_proof():
     )
     assert 0 < answer.seconds < 10
     assert len(silent.asked) == 1
-    assert planner.solve(errands, parse_problem(PROBLEM.replace("at 20", "at 9.5"), errands), deadline).plan is None
+    assert planner.solve(errands, closing_at("9.5"), deadline).plan is None
     assert len(silent.asked) == 2
 
 
 def test_every_planner_comes_after_the_proof(tmp_path):
     fake = Fake(tmp_path)
-    early = parse_problem(PROBLEM.replace("at 20", "at 9"), errands)
+    early = closing_at("9")
     assert create_planner(fake.printing(VALID)).solve(errands, early, Deadline.after(20)).planner == "reachability"
     assert create_planner(fake.printing(VALID)).solve(errands, errand, Deadline.after(20)).plan is not None
     for name in PLANNERS:
@@ -79,7 +94,7 @@ def test_every_planner_comes_after_the_proof(tmp_path):
 
 def test_no_time_no_proof():
     late = Deadline.after(0)
-    assert unreachable(errands, parse_problem(PROBLEM.replace("at 20", "at 9"), errands), late) is None
+    assert unreachable(errands, closing_at("9"), late) is None
     assert proof(DOMAIN, PROBLEM.replace("at 20", "at 9")) is not None
 
 
@@ -112,11 +127,9 @@ def test_what_cannot_be_made_ground_is_left_to_the_planner():
 )
 def test_bounds_by_hand(condition, shortest):
     """When the robot can be at the market, if going there needs this."""
-    domain = parse_domain(DOMAIN.replace("(at start (at ?a))", f"(and (at start (at ?a)) {condition})"))
-    problem = parse_problem(PROBLEM.replace("(done market)", "(at market)"), domain)
-    found = relaxed_problem(domain, problem, Deadline())
-    bound = EarliestTimes(found, Deadline()).condition(found.goal)
-    assert (None if bound == inf else F(bound, found.ticks)) == (None if shortest is None else F(shortest))
+    domain = DOMAIN.replace("(at start (at ?a))", f"(and (at start (at ?a)) {condition})")
+    bound = bound_of_goal(*parsed(domain, PROBLEM.replace("(done market)", "(at market)")))
+    assert bound == (None if shortest is None else F(shortest))
 
 
 def test_the_same_question_has_the_same_answer():
@@ -164,31 +177,21 @@ def test_the_bound_of_a_delivery_is_what_it_takes():
 
 @pytest.mark.parametrize("variant", DeliveryVariant)
 def test_problems_with_plans_are_not_refused(variant):
-    domain = parse_domain(delivery_domain(variant))
     for one in table_problems(variant)[::11]:
-        assert unreachable(domain, parse_problem(one.text, domain), Deadline()) is None
+        assert proof(delivery_domain(variant), one.text) is None
 
 
 def test_plans_of_deliveries_keep_to_the_bounds():
     for text, order in ((FIRST_ORDER, "order1"), (SECOND_ORDER, "order2")):
         domain_text, problem_text = delivery_until("416", "731")
-        domain = parse_domain(domain_text)
-        problem = parse_problem(problem_text.replace("some_fulfilled)))", f"fulfilled {order})))"), domain)
+        domain, problem = parsed(domain_text, problem_text.replace("some_fulfilled)))", f"fulfilled {order})))"))
         plan = parse_timed_plan(text)
         check(plan, domain, problem, EPSILON)
         end = max(step.time + step.duration for step in plan.steps)
-        found = relaxed_problem(domain, problem, Deadline())
-        assert 400 < EarliestTimes(found, Deadline()).condition(found.goal) / found.ticks <= end
+        assert 400 < bound_of_goal(domain, problem) <= end
 
 
 # -- corners of the semantics ------------------------------------------------------------------------------------------
-
-
-def durative(name: str, duration: str, conditions: str, effects: str) -> str:
-    return (
-        f"(:durative-action {name} :parameters () :duration (= ?duration {duration}) "
-        f":condition (and {conditions}) :effect (and {effects}))"
-    )
 
 
 CORNERS = {
@@ -244,22 +247,21 @@ CORNERS = {
 @pytest.mark.parametrize("corner", CORNERS)
 def test_corners_of_the_semantics(corner):
     actions, initial, steps = CORNERS[corner]
-    domain = parse_domain(f"(define (domain c) (:predicates (p) (q) (x) (y)) {actions})")
-    problem = parse_problem(f"(define (problem c) (:domain c) (:init {initial}) (:goal (and (x) (y))))", domain)
+    domain, problem = parsed(
+        f"(define (domain c) (:predicates (p) (q) (x) (y)) {actions})",
+        f"(define (problem c) (:domain c) (:init {initial}) (:goal (and (x) (y))))",
+    )
     plan = parse_timed_plan(steps)
     check(plan, domain, problem, EPSILON)  # it is a plan
     assert unreachable(domain, problem, Deadline()) is None
-    found = relaxed_problem(domain, problem, Deadline())
-    end = max(step.time + (step.duration or 0) for step in plan.steps)
-    assert EarliestTimes(found, Deadline()).condition(found.goal) <= end * found.ticks
+    assert bound_of_goal(domain, problem) <= max(step.time + (step.duration or 0) for step in plan.steps)
 
 
 @pytest.mark.parametrize("seed", range(0, 60, 4))
 def test_drawn_plans_are_not_refused(seed):
     """Of domains with parameters, numbers and continuous effects."""
     drawn = drawn_plan(seed)
-    domain = parse_domain(drawn.domain)
-    assert unreachable(domain, parse_problem(drawn.problem, domain), Deadline()) is None
+    assert proof(drawn.domain, drawn.problem) is None
 
 
 # -- random worlds -----------------------------------------------------------------------------------------------------
@@ -356,9 +358,7 @@ def sweep(seeds) -> tuple[int, int, int]:
     seen = later = exact = 0
     for seed in seeds:
         random = Random(seed)  # noqa: S311 - reproducible
-        domain_text, problem_text = random_world(random)
-        domain = parse_domain(domain_text)
-        problem = parse_problem(problem_text, domain)
+        domain, problem = parsed(*random_world(random))
         found = relaxed_problem(domain, problem, Deadline())
         times = EarliestTimes(found, Deadline())
         schedules = Schedules(domain, problem, random)
@@ -397,8 +397,7 @@ def test_no_planner_solves_what_is_refused(name):
         domain_text, problem_text = random_world(random)
         if "(when" in domain_text:
             continue
-        domain = parse_domain(domain_text)
-        problem = parse_problem(problem_text, domain)
+        domain, problem = parsed(domain_text, problem_text)
         if unreachable(domain, problem, Deadline()) is not None:
             refused += 1
             assert planner.planner.solve(domain, problem, Deadline.after(2)).plan is None, seed

@@ -7,36 +7,20 @@ from fractions import Fraction
 import pytest
 
 from robust.errors import InputError, UnsupportedError
-from robust.execute.dispatch.dispatcher import Dispatcher
-from robust.execute.dispatch.messages import LeftBox, Rejected
+from robust.execute import replan
+from robust.execute.dispatch.dispatcher import Dispatcher, LeftBox, Rejected
 from robust.execute.dispatch.network import Blex
 from robust.execute.drive import drive, run_in_world
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
-from robust.execute.replan import (
-    Beginning,
-    Mission,
-    NoPlanError,
-    Options,
-    Prepared,
-    RunStatus,
-    execute,
-    first_plan,
-    fitting,
-    judged,
-    origin_after,
-    prepare_plan,
-    prepare_timed,
-    remaining_problem,
-)
 from robust.execute.worlds.rules import Luck, Rule, Rules, Subject
 from robust.execute.worlds.world import Outcome, Setting, SimulatedWorld
-from robust.irr.box import Box, Interval
 from robust.plan.model import Atom, Fluent, TimedLiteral
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.timed import parse_timed_plan
 from robust.plan.timeline import State
-from tests.execute.execution import DOMAIN, PLANS, PROBLEM, tasks, with_box
+from robust.qe.box import Box, Interval
+from tests.execute.execution import DOMAIN, PLANS, PROBLEM, constant, tasks, with_box
 
 F = Fraction
 EPSILON = F(1, 1000)
@@ -81,16 +65,21 @@ class Scripted:
         return PlannerAnswer(self.name, PlannerStatus.SOLVED, parse_timed_plan("\n".join(lines)), 0.1)
 
 
-def constant(subject, name, value):
-    return Rule(subject, name, "constant", {"value": F(value)})
+LATE = constant(Subject.DURATION, "(work a)", 45)
 
 
 def mission(*rules, planner=None, specs=SPECS, **more):
-    return Mission(DOMAIN_READ, PROBLEM_READ, planner, Rules(rules), options=Options(specs=specs), **more)
+    return replan.Mission(DOMAIN_READ, PROBLEM_READ, planner, Rules(rules), options=replan.Options(specs=specs), **more)
 
 
 def prepared(chosen):
-    return prepare_timed(DOMAIN_READ, PROBLEM_READ, parse_timed_plan(FIRST), chosen.options)
+    return replan.prepare_timed(DOMAIN_READ, PROBLEM_READ, parse_timed_plan(FIRST), chosen.options)
+
+
+def ran(*rules, **more):
+    """The run of a mission."""
+    chosen = mission(*rules, **more)
+    return replan.execute(chosen, 0, prepared(chosen))
 
 
 # -- the problem that is left ------------------------------------------------------------------------------------------
@@ -98,35 +87,34 @@ def prepared(chosen):
 
 def test_the_state_reached_is_the_new_initial_state():
     state = State(frozenset({Atom("done", ("a",)), Atom("open")}), {Fluent("stock"): F(7)})
-    left = remaining_problem(PROBLEM_READ, state, F(25))
+    left = replan.remaining_problem(PROBLEM_READ, state, F(25))
     assert left.atoms == state.atoms
     assert left.fluents == {Fluent("stock"): 7}
     assert [(one.time, one.value) for one in left.timed_literals] == [(35, False)]
     assert left.goal == PROBLEM_READ.goal
-    assert remaining_problem(PROBLEM_READ, state, F(60)).timed_literals == ()
+    assert replan.remaining_problem(PROBLEM_READ, state, F(60)).timed_literals == ()
 
 
 def test_the_next_plan_begins_after_what_has_just_happened():
     literals = [TimedLiteral(F(5), Atom("open"), True), TimedLiteral(F(5) + EPSILON / 2, Atom("open"), False)]
-    assert origin_after(F(3), literals, EPSILON) == 3 + EPSILON
-    assert origin_after(F(5) - EPSILON / 2, literals, EPSILON) == 5 + EPSILON + EPSILON / 2
-    assert origin_after(F(5) - EPSILON, literals, EPSILON) == 5 + EPSILON + EPSILON / 2
+    assert replan.origin_after(F(3), literals, EPSILON) == 3 + EPSILON
+    assert replan.origin_after(F(5) - EPSILON / 2, literals, EPSILON) == 5 + EPSILON + EPSILON / 2
+    assert replan.origin_after(F(5) - EPSILON, literals, EPSILON) == 5 + EPSILON + EPSILON / 2
 
 
 # -- runs --------------------------------------------------------------------------------------------------------------
 
 
 def test_a_run_without_surprises_succeeds_without_asking_anybody():
-    run = execute(mission(), 0, prepared(mission()))
-    assert (run.status, run.reason, run.replans, run.inside) == (RunStatus.SUCCEEDED, "", 0, True)
+    run = ran()
+    assert (run.status, run.reason, run.replans, run.inside) == (replan.RunStatus.SUCCEEDED, "", 0, True)
     assert run.end == 18 + 2 * EPSILON
 
 
 def test_a_run_re_plans_from_the_state_reached():
     planner = Scripted()
-    chosen = mission(constant(Subject.DURATION, "(work a)", 45), planner=planner)
-    run = execute(chosen, 0, prepared(chosen))
-    assert (run.status, run.reason, run.replans, run.inside) == (RunStatus.SUCCEEDED, "", 1, False)
+    run = ran(LATE, planner=planner)
+    assert (run.status, run.reason, run.replans, run.inside) == (replan.RunStatus.SUCCEEDED, "", 1, False)
     first, second = run.segments
     assert isinstance(first.ending, LeftBox)
     assert first.given_up < 45
@@ -142,17 +130,14 @@ def test_a_run_re_plans_from_the_state_reached():
 
 def test_planning_may_take_time_in_the_world():
     planner = Scripted()
-    chosen = mission(constant(Subject.DURATION, "(work a)", 45), planner=planner, planning_time=F(3))
-    run = execute(chosen, 0, prepared(chosen))
+    run = ran(LATE, planner=planner, planning_time=F(3))
     assert run.segments[1].start == 48 + EPSILON
     assert [one.time for one in planner.problems[0].timed_literals] == [12 - EPSILON]
 
 
 def test_running_actions_may_be_stopped():
     planner = Scripted(silent_after=0)
-    chosen = mission(constant(Subject.DURATION, "(work a)", 45), planner=planner, drain=False)
-    run = execute(chosen, 0, prepared(chosen))
-    (segment,) = run.segments
+    (segment,) = ran(LATE, planner=planner, drain=False).segments
     assert [one.outcome for one in segment.executed] == [Outcome.STOPPED]
     assert segment.executed[0].end == segment.given_up < 45
     assert Atom("ready", ("a",)) not in planner.problems[0].atoms  # its effect at the start has happened
@@ -164,30 +149,29 @@ def test_a_plan_that_is_given_up_when_all_is_done_has_succeeded():
     planner = Scripted()
     chosen = mission(constant(Subject.DURATION, "(work b)", 9), planner=planner)
     chosen = replace(chosen, options=replace(chosen.options, executor=Blex(F(1, 10))))
-    run = execute(chosen, 0, prepared(chosen))
-    assert (run.status, run.reason, run.replans, planner.problems) == (RunStatus.SUCCEEDED, "", 0, [])
+    run = replan.execute(chosen, 0, prepared(chosen))
+    assert (run.status, run.reason, run.replans, planner.problems) == (replan.RunStatus.SUCCEEDED, "", 0, [])
     assert (run.inside, run.segments[-1].executed[-1].outcome) == (False, Outcome.DONE)
-    stopped = execute(replace(chosen, drain=False), 0, prepared(chosen))
+    stopped = replan.execute(replace(chosen, drain=False), 0, prepared(chosen))
     assert (len(planner.problems), stopped.segments[0].executed[-1].outcome) == (1, Outcome.STOPPED)
-    late = execute(replace(chosen, rules=Rules((constant(Subject.DURATION, "(work b)", 90),))), 0, prepared(chosen))
-    assert late.status is RunStatus.FAILED  # what has to hold during the action does not
+    late = replan.execute(
+        replace(chosen, rules=Rules((constant(Subject.DURATION, "(work b)", 90),))), 0, prepared(chosen)
+    )
+    assert late.status is replan.RunStatus.FAILED  # what has to hold during the action does not
 
 
 def test_a_planner_that_finds_nothing_ends_the_run():
-    chosen = mission(constant(Subject.DURATION, "(work a)", 45), planner=Scripted(silent_after=0))
-    run = execute(chosen, 0, prepared(chosen))
-    assert run.status is RunStatus.FAILED
+    run = ran(LATE, planner=Scripted(silent_after=0))
+    assert run.status is replan.RunStatus.FAILED
     assert run.reason.endswith("; scripted: no plan: nothing to be found")
-    assert execute(replace(chosen, planner=None), 0, prepared(chosen)).reason.endswith(
-        "there is no planner to ask for another plan"
-    )
+    assert ran(LATE).reason.endswith("there is no planner to ask for another plan")
 
 
 def test_a_planner_that_cannot_read_the_problem_ends_the_run():
-    chosen = mission(constant(Subject.DURATION, "(work a)", 45), planner=Scripted(error=UnsupportedError("no numbers")))
-    assert execute(chosen, 0, prepared(chosen)).reason.endswith("; no numbers")
-    with pytest.raises(NoPlanError, match="no numbers"):
-        first_plan(chosen)
+    chosen = mission(LATE, planner=Scripted(error=UnsupportedError("no numbers")))
+    assert replan.execute(chosen, 0, prepared(chosen)).reason.endswith("; no numbers")
+    with pytest.raises(replan.NoPlanError, match="no numbers"):
+        replan.first_plan(chosen)
 
 
 def test_an_invalid_plan_is_not_executed():
@@ -195,8 +179,8 @@ def test_an_invalid_plan_is_not_executed():
         def solve(self, domain, problem, deadline):
             return PlannerAnswer("wrong", PlannerStatus.SOLVED, parse_timed_plan("0: (work b) [6]"), 0.1)
 
-    with pytest.raises(NoPlanError, match="invalid plan"):
-        first_plan(mission(planner=Wrong()))
+    with pytest.raises(replan.NoPlanError, match="invalid plan"):
+        replan.first_plan(mission(planner=Wrong()))
 
 
 def test_re_plans_are_counted_and_limited():
@@ -214,8 +198,8 @@ def test_re_plans_are_counted_and_limited():
     chosen = replace(
         mission(constant(Subject.DURATION, "fetch", 3), planner=Forgetful(), replans=4, specs=()), problem=problem
     )
-    run = execute(chosen, 0)
-    assert run.status is RunStatus.FAILED
+    run = replan.execute(chosen, 0)
+    assert run.status is replan.RunStatus.FAILED
     assert (run.replans, len(chosen.planner.problems)) == (4, 5)
     assert run.reason.endswith("; gave up after 4 re-plans")
 
@@ -225,8 +209,8 @@ def test_consumption_outside_of_the_box_leads_to_a_new_plan():
     chosen = mission(constant(Subject.CONSUMPTION, "(need b)", "9.5"), planner=planner)
     ready = prepared(chosen)
     box = Box({**ready.dispatchable.box.intervals, "need": Interval(F(1), F(9))})
-    run = execute(chosen, 0, prepare_plan(ready.dispatchable.plan, chosen.options, box=box))
-    assert (run.status, run.replans) == (RunStatus.SUCCEEDED, 1)
+    run = replan.execute(chosen, 0, replan.prepare_plan(ready.dispatchable.plan, chosen.options, box=box))
+    assert (run.status, run.replans) == (replan.RunStatus.SUCCEEDED, 1)
     assert str(run.segments[0].ending) == "need = 9.5 is outside [1, 9]"
     assert planner.problems[0].fluents[Fluent("stock")] == F("0.5")
     assert planner.problems[0].fluents[Fluent("need", ("b",))] == 4
@@ -237,8 +221,7 @@ def test_an_action_that_never_ends_is_waited_for_and_said():
         def _complete(self, identifier, time):
             pass
 
-    chosen = mission()
-    ready = prepared(chosen)
+    ready = prepared(mission())
     dispatcher = Dispatcher(ready.dispatchable)
     run_in_world(dispatcher, Endless(ready.setting, Luck(Rules(), 0)))
     assert isinstance(dispatcher.ending, LeftBox)
@@ -246,15 +229,14 @@ def test_an_action_that_never_ends_is_waited_for_and_said():
 
 
 def test_a_rule_for_a_duration_of_ours_is_an_error():
-    chosen = mission(constant(Subject.DURATION, "work", 5), specs=())
     with pytest.raises(InputError, match="the dispatcher chooses; expected one that is fixed or a parameter"):
-        execute(chosen, 0, prepared(chosen))
+        ran(constant(Subject.DURATION, "work", 5), specs=())
 
 
 def test_specifications_of_other_plans_are_passed_over():
     timed = parse_timed_plan("0: (work a) [10]\n")
     specs = parse_specs(["duration:work", "duration:fetch", "start:n0", "start:n4", "fluent:(need b)"])
-    assert [spec.subject for spec in fitting(specs, timed)] == ["work", "n0", "(need b)"]
+    assert [spec.subject for spec in replan.fitting(specs, timed)] == ["work", "n0", "(need b)"]
 
 
 # -- the same again ----------------------------------------------------------------------------------------------------
@@ -269,7 +251,7 @@ def without_seconds(run):
 def test_the_same_seed_gives_the_same_run(seed):
     rule = Rule(Subject.DURATION, "work", "normal", {"deviation": F(15), "minimum": F(1)})
     chosen = mission(rule, planner=Scripted())
-    one, other = (without_seconds(execute(chosen, seed, prepared(chosen))) for _ in range(2))
+    one, other = (without_seconds(replan.execute(chosen, seed, prepared(chosen))) for _ in range(2))
     assert one == other
 
 
@@ -277,7 +259,7 @@ def test_seeds_differ():
     rule = Rule(Subject.DURATION, "work", "normal", {"deviation": F(5), "minimum": F(1)})
     chosen = mission(rule, planner=Scripted())
     ready = prepared(chosen)
-    assert len({execute(chosen, seed, ready).end for seed in range(6)}) > 3
+    assert len({replan.execute(chosen, seed, ready).end for seed in range(6)}) > 3
 
 
 class FastClock:
@@ -328,20 +310,19 @@ def test_driving_decides_as_simulation_does(plan):
 
 
 def test_the_judge_finds_what_the_executive_does_not():
-    chosen = mission()
-    ready = prepared(chosen)
+    ready = prepared(mission())
     world = SimulatedWorld(ready.setting, Luck(Rules(), 0))
     run_in_world(Dispatcher(ready.dispatchable), world)
     executed = list(world.executed.values())
     plan = ready.dispatchable.plan
-    beginning = Beginning(plan.initial_atoms, world.initial, plan.timed_literals, plan.goal)
-    assert judged(beginning, executed, EPSILON).valid
+    beginning = replan.Beginning(plan.initial_atoms, world.initial, plan.timed_literals, plan.goal)
+    assert replan.judged(beginning, executed, EPSILON).valid
     late = replace(executed[-1], start=executed[-1].start + 50, end=executed[-1].end + 50)
-    (violation,) = judged(beginning, [*executed[:-1], late], EPSILON).violations
+    (violation,) = replan.judged(beginning, [*executed[:-1], late], EPSILON).violations
     assert "over all (open)" in violation.obligation
     poor = replace(beginning, fluents={**beginning.fluents, Fluent("stock"): F(3)})
-    assert not judged(poor, executed, EPSILON).valid
-    (missing,) = judged(beginning, executed[:-1], EPSILON).violations
+    assert not replan.judged(poor, executed, EPSILON).valid
+    (missing,) = replan.judged(beginning, executed[:-1], EPSILON).violations
     assert missing.obligation == "goal: (done b)"
 
 
@@ -351,30 +332,31 @@ def test_a_run_that_breaks_something_has_failed():
         "parameter first default 10;\ndurative-action instance w1 : (work a);\nc: w1.end - w1.start in [first, first];",
         problem=PROBLEM.replace("(and (done a) (done b))", "(and (done a) (open))"),
     )
-    chosen = Mission(
+    chosen = replan.Mission(
         DOMAIN_READ,
         parse_problem(FREE.replace("(and (done a) (done b))", "(and (done a) (open))"), DOMAIN_READ),
         rules=Rules((constant(Subject.DURATION, "w1", 30),)),
     )
-    ready = prepare_plan(plan, chosen.options, box=Box({"first": Interval(F(1), F(90))}))
-    run = execute(chosen, 0, ready)
-    assert run.status is RunStatus.FAILED
+    ready = replan.prepare_plan(plan, chosen.options, box=Box({"first": Interval(F(1), F(90))}))
+    run = replan.execute(chosen, 0, ready)
+    assert run.status is replan.RunStatus.FAILED
     assert run.reason.startswith("broke 'goal: (open)' at 60")
 
 
 def test_blex_is_not_told_beforehand():
     chosen = replace(
-        mission(constant(Subject.DURATION, "(work a)", 13)), options=Options(executor=Blex(F(3, 10)), specs=SPECS)
+        mission(constant(Subject.DURATION, "(work a)", 13)),
+        options=replan.Options(executor=Blex(F(3, 10)), specs=SPECS),
     )
     ready = prepared(chosen)
-    assert isinstance(ready, Prepared)
-    assert execute(chosen, 0, ready).status is RunStatus.SUCCEEDED
+    assert isinstance(ready, replan.Prepared)
+    assert replan.execute(chosen, 0, ready).status is replan.RunStatus.SUCCEEDED
     worse = replace(chosen, rules=Rules((constant(Subject.DURATION, "(work a)", F("13.001")),)))
-    assert "n0" in execute(worse, 0, ready).reason
+    assert "n0" in replan.execute(worse, 0, ready).reason
 
 
 @pytest.mark.parametrize("controllability", ["dynamic", "strong"])
 def test_boxes_may_be_shrunk_to_what_can_be_controlled(controllability):
-    chosen = replace(mission(), options=Options(specs=SPECS, controllability=controllability))
+    chosen = replace(mission(), options=replan.Options(specs=SPECS, controllability=controllability))
     whole, part = prepared(mission()).dispatchable.box, prepared(chosen).dispatchable.box
     assert all(part[name].is_within(whole[name]) for name in whole.intervals)

@@ -8,25 +8,12 @@ from statistics import fmean
 import pytest
 
 from robust.errors import InputError
-from robust.execute.dispatch.dispatcher import Dispatcher
-from robust.execute.dispatch.messages import Completed, Contradicted, Dispatch, Failed, Observed
+from robust.execute.dispatch.dispatcher import Completed, Contradicted, Dispatch, Dispatcher, Failed, Observed
 from robust.execute.drive import run_in_world
-from robust.execute.worlds.rules import (
-    Below,
-    Constant,
-    HalfNormal,
-    Luck,
-    Normal,
-    Rule,
-    Rules,
-    Subject,
-    Uniform,
-    draw,
-    parse_rules,
-)
+from robust.execute.worlds.rules import Below, Luck, Rule, Rules, Subject, parse_rules
 from robust.execute.worlds.world import Outcome, Setting, SimulatedWorld
 from robust.plan.model import Atom, Fluent
-from tests.execute.execution import PLAN, tasks_dispatchable
+from tests.execute.execution import PLAN, constant, tasks_dispatchable
 
 F = Fraction
 FILE = """
@@ -57,30 +44,38 @@ deviation = 3
 """
 
 
-def many(distribution, count=4000):
+def rule(distribution, below=Below.FOLD, **numbers):
+    return Rule(Subject.PARAMETER, "p", distribution, {key: F(value) for key, value in numbers.items()}, below)
+
+
+def many(rule, count=4000):
     random = Random(7)  # noqa: S311 - reproducible
-    return [draw(distribution, random) for _ in range(count)]
+    return [rule.draw(F(0), random) for _ in range(count)]
 
 
 # -- distributions -----------------------------------------------------------------------------------------------------
 
 
 def test_draws_are_exact_and_on_a_grid():
-    for distribution in (Uniform(F(1), F(2)), Normal(F(5), F(1)), HalfNormal(F(3), F(2))):
-        assert all(isinstance(value, Fraction) and 1000 % value.denominator == 0 for value in many(distribution, 50))
-    assert many(Constant(F(1, 3)), 2) == [F(1, 3), F(1, 3)]
+    for one in (
+        rule("uniform", lower=1, upper=2),
+        rule("normal", mean=5, deviation=1),
+        rule("half-normal", origin=3, deviation=2),
+    ):
+        assert all(isinstance(value, Fraction) and 1000 % value.denominator == 0 for value in many(one, 50))
+    assert many(rule("constant", value=F(1, 3)), 2) == [F(1, 3), F(1, 3)]
 
 
 def test_uniform_stays_between_its_ends_and_fills_them():
-    values = many(Uniform(F(1, 3), F(2, 3)))
+    values = many(rule("uniform", lower=F(1, 3), upper=F(2, 3)))
     assert F(1, 3) <= min(values) < F(34, 100)
     assert F(66, 100) < max(values) <= F(2, 3)
 
 
 def test_a_normal_with_a_minimum_is_folded_up_or_clipped():
-    plain = many(Normal(F(10), F(5)))
-    folded = many(Normal(F(10), F(5), F(8)))
-    clipped = many(Normal(F(10), F(5), F(8), Below.CLIP))
+    plain = many(rule("normal", mean=10, deviation=5))
+    folded = many(rule("normal", mean=10, deviation=5, minimum=8))
+    clipped = many(rule("normal", Below.CLIP, mean=10, deviation=5, minimum=8))
     for value, up, flat in zip(plain, folded, clipped, strict=True):
         assert up == (value if value >= 8 else 16 - value)
         assert flat == max(value, F(8))
@@ -88,7 +83,7 @@ def test_a_normal_with_a_minimum_is_folded_up_or_clipped():
 
 
 def test_a_half_normal_has_its_mean():
-    values = many(HalfNormal(F(2), F(3)))
+    values = many(rule("half-normal", origin=2, deviation=3))
     assert min(values) >= 2
     assert abs(fmean(map(float, values)) - (2 + 3 * math.sqrt(2 / math.pi))) < 0.15
 
@@ -99,11 +94,13 @@ def test_a_half_normal_has_its_mean():
 def test_a_world_file_is_read_exactly():
     rules = parse_rules(FILE)
     instances = tasks_dispatchable().plan.instance
-    assert rules.duration(instances["w1"]).of(F(10)) == Normal(F(10), F(5, 2), F(4), Below.CLIP)
-    assert rules.duration(instances["f"]).of(F(2)) == Uniform(F(1), F(7, 3))
+    assert rules.duration(instances["w1"]).of(F(10)) == {"mean": 10, "deviation": F(5, 2), "minimum": 4}
+    assert rules.duration(instances["w1"]).below is Below.CLIP
+    assert rules.duration(instances["f"]).of(F(2)) == {"lower": 1, "upper": F(7, 3)}
     assert rules.duration(instances["w2"]) is None
-    assert rules.consumption(Fluent("need", ("b",))).of(F(4)) == Uniform(F(2), F(6))
-    assert rules.parameter("first").of(F(10)) == HalfNormal(F(10), F(3))
+    assert rules.consumption(Fluent("need", ("b",))).of(F(4)) == {"lower": 2, "upper": 6}
+    assert rules.parameter("first").of(F(10)) == {"origin": 10, "deviation": 3}
+    assert rules.consumption(Fluent("need", ("b",))).of(F(-4)) == {"lower": -6, "upper": -2}
     assert rules.parameter("second") is None
 
 
@@ -113,7 +110,10 @@ def test_the_first_rule_that_fits_counts():
         '[[draw]]\nduration = "work"\ndistribution = "constant"\nvalue = 5\n'
     )
     instances = tasks_dispatchable().plan.instance
-    assert [both.duration(instances[name]).of(F(1)) for name in ("w1", "w2")] == [Constant(F(3)), Constant(F(5))]
+    assert [both.duration(instances[name]).of(F(1)) for name in ("w1", "w2")] == [{"value": 3}, {"value": 5}]
+
+
+DURATION, PARAMETER = ("[[draw]]\n" + what + ' = "a"\n' for what in ("duration", "parameter"))
 
 
 @pytest.mark.parametrize(
@@ -122,22 +122,19 @@ def test_the_first_rule_that_fits_counts():
         ("x = 1", "found key 'x', expected only tables \\[\\[draw\\]\\]"),
         ("draw = 1", "found a value for 'draw'"),
         ("[[draw]]", "draw 1: found none, expected one of duration, consumption and parameter"),
-        ('[[draw]]\nduration = "a"\nparameter = "b"', "found duration and parameter"),
+        (DURATION + 'parameter = "b"', "found duration and parameter"),
         ("[[draw]]\nduration = 3", "found '3' for 'duration', expected a name"),
-        ('[[draw]]\nduration = "a"\ndistribution = "gamma"', "found distribution 'gamma', expected one of constant"),
-        ('[[draw]]\nduration = "a"\ndistribution = "normal"\nminimum = 0', "found no 'deviation'"),
-        ('[[draw]]\nduration = "a"\ndistribution = "normal"\ndeviation = 1', "found no minimum of a duration"),
-        ('[[draw]]\nduration = "a"\ndistribution = "uniform"\nlower = 3\nupper = 2', "lower above upper"),
-        ('[[draw]]\nduration = "a"\ndistribution = "uniform"\nlower = -3\nupper = 2', "found lower -3 of a duration"),
-        ('[[draw]]\nduration = "a"\ndistribution = "constant"\nvale = 2', "found key 'vale'.*did you mean 'value'"),
-        ('[[draw]]\nduration = "a"\ndistribution = "constant"\nvalue = nan', "found 'nan'"),
-        ('[[draw]]\nduration = "a"\ndistribution = "constant"\nvalue = true', "expected a number"),
-        ('[[draw]]\nparameter = "a"\ndistribution = "half-normal"\ndeviation = -1', "found deviation -1"),
-        ('[[draw]]\nparameter = "a"\ndistribution = "constant"\nrelative = 1', "expected true or false"),
-        (
-            '[[draw]]\nparameter = "a"\ndistribution = "normal"\ndeviation = 1\nbelow = "drop"',
-            "expected fold or clip",
-        ),
+        (DURATION + 'distribution = "gamma"', "found distribution 'gamma', expected one of constant"),
+        (DURATION + 'distribution = "normal"\nminimum = 0', "found no 'deviation'"),
+        (DURATION + 'distribution = "normal"\ndeviation = 1', "found no minimum of a duration"),
+        (DURATION + 'distribution = "uniform"\nlower = 3\nupper = 2', "lower above upper"),
+        (DURATION + 'distribution = "uniform"\nlower = -3\nupper = 2', "found lower -3 of a duration"),
+        (DURATION + 'distribution = "constant"\nvale = 2', "found key 'vale'.*did you mean 'value'"),
+        (DURATION + 'distribution = "constant"\nvalue = nan', "found 'nan'"),
+        (DURATION + 'distribution = "constant"\nvalue = true', "expected a number"),
+        (PARAMETER + 'distribution = "half-normal"\ndeviation = -1', "found deviation -1"),
+        (PARAMETER + 'distribution = "constant"\nrelative = 1', "expected true or false"),
+        (PARAMETER + 'distribution = "normal"\ndeviation = 1\nbelow = "drop"', "expected fold or clip"),
         ("[[draw]", "found no TOML"),
     ],
 )
@@ -172,19 +169,21 @@ def test_what_is_drawn_once_stays():
 # -- worlds ------------------------------------------------------------------------------------------------------------
 
 
-def world_of(*rules, plan=PLAN, specs=(), box=None):
-    dispatchable = tasks_dispatchable(box, plan, *specs)
+def world_of(*rules, specs=(), box=None):
+    dispatchable = tasks_dispatchable(box, PLAN, *specs)
     return dispatchable, SimulatedWorld(Setting(dispatchable), Luck(Rules(rules), 0))
 
 
-def constant(subject, name, value):
-    return Rule(subject, name, "constant", {"value": F(value)})
+def executed(*rules, **options):
+    """A dispatcher that has ended, and its world."""
+    dispatchable, world = world_of(*rules, **options)
+    dispatcher = Dispatcher(dispatchable)
+    run_in_world(dispatcher, world)
+    return dispatcher, world
 
 
 def test_without_rules_nature_does_what_is_planned():
-    dispatchable, world = world_of()
-    dispatcher = Dispatcher(dispatchable)
-    run_in_world(dispatcher, world)
+    dispatcher, world = executed()
     assert dispatcher.ending is None
     assert {name: (one.outcome, one.end - one.start) for name, one in world.executed.items()} == {
         "w1": (Outcome.DONE, 10),
@@ -222,13 +221,8 @@ def test_an_action_may_end_at_the_very_moment():
 
 
 def test_consumption_is_drawn_and_shown():
-    dispatchable, world = world_of(
-        constant(Subject.CONSUMPTION, "need", 5),
-        specs=("need=fluent:(need b)",),
-        box={"first": (4, 20), "need": (1, 6)},
-    )
-    dispatcher = Dispatcher(dispatchable)
-    run_in_world(dispatcher, world)
+    rule = constant(Subject.CONSUMPTION, "need", 5)
+    dispatcher, world = executed(rule, specs=("need=fluent:(need b)",), box={"first": (4, 20), "need": (1, 6)})
     assert dispatcher.ending is None
     assert dispatcher.observed["need"] == 5
     assert world.state.fluents[Fluent("stock")] == 5
@@ -236,13 +230,8 @@ def test_consumption_is_drawn_and_shown():
 
 
 def test_what_an_action_really_needs_decides_whether_it_starts():
-    dispatchable, world = world_of(
-        constant(Subject.PARAMETER, "need", 11),
-        specs=("need=fluent:(need b)",),
-        box={"first": (4, 20), "need": (1, 12)},
-    )
-    dispatcher = Dispatcher(dispatchable)
-    run_in_world(dispatcher, world)
+    rule = constant(Subject.PARAMETER, "need", 11)
+    dispatcher, _ = executed(rule, specs=("need=fluent:(need b)",), box={"first": (4, 20), "need": (1, 12)})
     assert isinstance(dispatcher.ending, Contradicted)
     assert "(>= (stock) (need b)) does not hold" in str(dispatcher.ending)
 

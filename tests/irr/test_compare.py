@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 import robust
-from robust.irr.box import Side, Status
 from robust.irr.compare import METHODS, Comparing, Comparison
+from robust.irr.search import Status
+from robust.qe.box import Side
 from tests.cli.running import EXAMPLES, example
 
 BETA = Fraction(1)

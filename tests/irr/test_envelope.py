@@ -8,40 +8,26 @@ from itertools import pairwise, product
 from random import Random
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.api import check, envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
-from robust.irr.box import Box, EnvelopeResult, Interval, Status
 from robust.irr.check import Answer
 from robust.irr.containment import Containment
-from robust.irr.irr import accepted_boxes
+from robust.irr.search import EnvelopeResult, Status
 from robust.plan.model import ParametrizedPlan
 from robust.plan.simulate import simulate
+from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline
+from tests.irr.building import accepted_boxes, drawn, parametric
 from tests.sampling import Network, sample_schedules
-from tests.strategies import plans
 
 RANDOM = st.randoms(use_true_random=True)
 BETA = Fraction(1, 2)
 FAR = Fraction(40)
 MOST_CHECKS = 200
-
-
-def drawn(examples: int) -> settings:
-    return settings(
-        max_examples=examples,
-        deadline=None,
-        derandomize=True,
-        suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large],
-    )
-
-
-def parametric(**options) -> st.SearchStrategy[ParametrizedPlan]:
-    chosen = {"linear": True, "tame": True, "instances": 3, "infeasible": False, **options}
-    return plans(**chosen).filter(lambda plan: bool(plan.parameters))
 
 
 def run_irr(plan: ParametrizedPlan, **options) -> EnvelopeResult | None:
@@ -123,7 +109,7 @@ def judge(plan: ParametrizedPlan, random: Random, solver: str = "z3") -> str:
     assert nominal.answer is Answer.PROVED
     assert result.verified
     assert_trace_is_monotone(plan, result)
-    accepted = list(accepted_boxes(result))
+    accepted = accepted_boxes(result)
     for box in [result.box, *random.sample(accepted, min(2, len(accepted)))]:
         assert_inside(plan, box, random)
     if result.status is not Status.COMPLETE:

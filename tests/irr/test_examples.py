@@ -13,9 +13,9 @@ from robust.api import check
 from robust.api import envelope as any_envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError, UnsupportedError
-from robust.irr.box import Box, Interval, Side, Status
 from robust.irr.check import Answer
 from robust.irr.containment import Containment
+from robust.irr.search import Status
 from robust.plan.load import load_plan
 from robust.plan.model import (
     ZERO,
@@ -28,6 +28,7 @@ from robust.plan.model import (
     TemporalConstraint,
 )
 from robust.plan.polynomial import Polynomial
+from robust.qe.box import Box, Interval, Side
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict
 from tests.plan.building import (

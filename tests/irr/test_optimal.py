@@ -10,11 +10,13 @@ from hypothesis import given
 from robust.api import envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
-from robust.irr.box import Box, Status
 from robust.irr.containment import Containment
+from robust.irr.search import Status
 from robust.plan.model import ParametrizedPlan
+from robust.qe.box import Box
 from robust.smt.limits import Deadline
-from tests.irr.test_widen import drawn, ends, parametric, searched, shipped
+from tests.irr.building import drawn, parametric, shipped
+from tests.irr.test_widen import ends, searched
 
 
 def weighted(plan: ParametrizedPlan, box: Box) -> Fraction | None:
@@ -75,7 +77,7 @@ def test_out_of_time_is_said():
 
 
 def test_options_of_other_methods():
-    with pytest.raises(InputError, match="an order with method 'optimal'"):
+    with pytest.raises(InputError, match=r"order: found it with method=.optimal., expected method=.widen. or .irr."):
         envelope(shipped("generator"), method="optimal", order=["start_1"])
 
 

@@ -8,8 +8,8 @@ import pytest
 
 import robust
 from robust.encode.encoding import RelationalEncoding
-from robust.irr.box import Box, Interval, Side
 from robust.irr.containment import Containment
+from robust.qe.box import Box, Interval, Side
 from robust.smt.limits import Deadline
 
 STEP = Fraction(2)

@@ -4,46 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
-from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import given
 
 from robust.api import envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
-from robust.irr.box import Box, EnvelopeResult, Interval, Status
 from robust.irr.containment import Containment
-from robust.plan.load import load_plan
+from robust.irr.search import EnvelopeResult, Status
 from robust.plan.model import ParametrizedPlan
+from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline
-from tests.strategies import plans
+from tests.irr.building import drawn, parametric, shipped
 
-EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
 TINY = Fraction(1, 10**6)
-
-
-def shipped(name: str, *specs: str) -> ParametrizedPlan:
-    files = (EXAMPLES / name / file for file in ("domain.pddl", "problem.pddl", "plan.stn"))
-    return load_plan(*files, parameters=specs)
 
 
 def ends(result: EnvelopeResult) -> dict[str, tuple[Fraction | None, Fraction | None]]:
     return result.box.ranges
-
-
-def drawn(examples: int) -> settings:
-    return settings(
-        max_examples=examples,
-        deadline=None,
-        derandomize=True,
-        suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large],
-    )
-
-
-def parametric() -> st.SearchStrategy[ParametrizedPlan]:
-    return plans(linear=True, tame=True, instances=3, infeasible=False).filter(lambda plan: bool(plan.parameters))
 
 
 def searched(plan: ParametrizedPlan, method: str, **options: object) -> EnvelopeResult | None:
@@ -139,7 +118,7 @@ def test_steps_are_growing_boxes():
 
 @pytest.mark.parametrize("options", [{"beta": Fraction(1)}, {"doubling": True}, {"contain_nominal": True}])
 def test_options_of_other_methods(options):
-    with pytest.raises(InputError, match="with method 'widen'"):
+    with pytest.raises(InputError, match="with method='widen'"):
         envelope(shipped("two_sample_navigation"), **options)
 
 

@@ -25,14 +25,11 @@ from robust.pike_bridge.model import (
     TeamPlan,
     Tpnu,
 )
+from robust.pike_bridge.theory import is_consistent
 from robust.plan.model import Atom
 
 ATOMS = (Atom("p"), Atom("q"))
 literals = st.builds(Literal, st.sampled_from((ATOMS[0], ATOMS[0], ATOMS[1])), st.booleans())
-
-
-def consistent(guard: Guard) -> bool:
-    return len({variable for variable, _ in guard}) == len(guard)
 
 
 @st.composite
@@ -62,7 +59,7 @@ def networks(draw: st.DrawFn, events: int) -> Tpnu:
         (source, target)
         for source in points
         for target in points
-        if source.name < target.name and consistent(source.guard | target.guard)
+        if source.name < target.name and is_consistent(source.guard | target.guard)
     ]
     if not pairs:
         return Tpnu("arbitrary", variables, tuple(points), (), ())
@@ -71,7 +68,7 @@ def networks(draw: st.DrawFn, events: int) -> Tpnu:
         source, target = draw(st.sampled_from(pairs))
         label = source.guard | target.guard
         extra = draw(guards(variables))
-        label = label | extra if consistent(label | extra) else label
+        label = label | extra if is_consistent(label | extra) else label
         span = max(1, reference[target.name] - reference[source.name])
         upper = draw(st.sampled_from((None, None, span, span + 1)))
         lower = draw(st.integers(1, span))
@@ -186,7 +183,7 @@ def contested_plans(draw: st.DrawFn) -> TeamPlan:
         (one, other)
         for one in points
         for other in points
-        if places[one.name] < places[other.name] and consistent(one.guard | other.guard)
+        if places[one.name] < places[other.name] and is_consistent(one.guard | other.guard)
     ]
     constraints = [
         Constraint(one.name, other.name, Fraction(1), _exact(draw(st.sampled_from((None, None, 1, 3)))), label)
@@ -198,7 +195,7 @@ def contested_plans(draw: st.DrawFn) -> TeamPlan:
     for event in points:
         for _ in range(draw(st.sampled_from((0, 1, 1, 1, 2)))):
             extra = event.guard | draw(guards(variables))
-            label = extra if consistent(extra) and draw(st.booleans()) else event.guard
+            label = extra if is_consistent(extra) and draw(st.booleans()) else event.guard
             effects.append(Effect(Literal(ATOMS[0], draw(st.booleans())), event.name, label, None))
     activities, conditions = [], []
     for at in range(draw(st.sampled_from((1, 1, 2))) if pairs else 0):

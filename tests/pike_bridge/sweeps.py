@@ -25,8 +25,9 @@ from robust.pike_bridge.model import (
     TeamPlan,
     Tpnu,
 )
+from robust.pike_bridge.theory import is_consistent
 from robust.plan.model import Atom
-from tests.pike_bridge.networks import Bound, Stn
+from tests.pike_bridge.brute_force import Bound, Stn
 
 P, Q = Literal(Atom("p")), Literal(Atom("q"))
 STEP = Fraction(1, 8)
@@ -70,7 +71,7 @@ def random_plan(random: Random, *, events: int = 5, style: Style | None = None) 
         for _ in range(random.choice(style.effects))
     ]
     activities, conditions = [], []
-    pairs = [(one, other) for one, other in combinations(network.events, 2) if _consistent(one.guard | other.guard)]
+    pairs = [(one, other) for one, other in combinations(network.events, 2) if is_consistent(one.guard | other.guard)]
     for at in range(random.choice((1, 2, 2)) if pairs else 0):
         start, end = max(random.choice(pairs), random.choice(pairs), key=lambda pair: pair[0].name)
         label = _refined(random, start.guard | end.guard, network.choices, style.guarded)
@@ -99,9 +100,9 @@ def random_network(random: Random, *, events: int = 5, contradictory: float, sty
     constraints = []
     for one, other in combinations(points, 2):
         both = one.guard | other.guard
-        if _consistent(both) and random.random() < style.certain:
+        if is_consistent(both) and random.random() < style.certain:
             constraints.append(Constraint(one.name, other.name, HALF, None, both))
-        if _consistent(both) and random.random() < density:
+        if is_consistent(both) and random.random() < density:
             span = places[other.name] - places[one.name]
             if random.random() < contradictory:
                 span += random.choice((-2, -HALF, HALF, 2))
@@ -115,7 +116,7 @@ def random_network(random: Random, *, events: int = 5, contradictory: float, sty
 def random_differences(random: Random) -> Tpnu:
     """A network of random bounds in any direction: in some scenarios they mostly contradict each other."""
     network = random_network(random, events=5, contradictory=0)
-    pairs = [(one, other) for one, other in permutations(network.events, 2) if _consistent(one.guard | other.guard)]
+    pairs = [(one, other) for one, other in permutations(network.events, 2) if is_consistent(one.guard | other.guard)]
     constraints = []
     for _ in range(random.randint(3, 9) if pairs else 0):
         one, other = random.choice(pairs)
@@ -163,10 +164,6 @@ def _room(back: Bound | None, forth: Bound | None, random: Random) -> Iterator[F
         if (number, 0) >= low:
             yield number
         number += STEP
-
-
-def _consistent(guard: Guard) -> bool:
-    return len({variable for variable, _ in guard}) == len(guard)
 
 
 def _refined(random: Random, label: Guard, choices: tuple[Choice, ...], share: float) -> Guard:

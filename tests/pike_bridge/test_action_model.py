@@ -7,9 +7,9 @@ import pytest
 from robust.errors import InputError, UnsupportedError
 from robust.pike_bridge.action_model import team_plan_of
 from robust.pike_bridge.builder import act, build, choose, sequence
-from robust.pike_bridge.compile import Checking, Verdict
+from robust.pike_bridge.compile import Checking, PlanVerdict
+from robust.pike_bridge.cross_check import propositional
 from robust.pike_bridge.model import ALWAYS, EPSILON, GOAL, INITIAL, Condition, Effect, Literal, guard
-from robust.pike_bridge.theory import propositional
 from robust.plan.model import Atom
 from tests.pike_bridge.kitchen import DOMAIN, PROBLEM, kitchen
 
@@ -62,7 +62,7 @@ def test_the_kitchen():
 
 def test_the_kitchen_can_be_executed():
     outcome = Checking(team_plan_of(kitchen(), DOMAIN, PROBLEM), all_scenarios=True).run()
-    assert outcome.verdict is Verdict.PROVED
+    assert outcome.verdict is PlanVerdict.PROVED
     assert outcome.scenarios == ({"xA1": "mug", "xR1": "mug", "xA2": "bagel"},)
 
 
@@ -97,10 +97,10 @@ def test_what_never_changes_is_supported_by_the_initial_state():
         ("(p)", GOAL, GOAL),
     ]
     assert effects(plan) == [("(p)", INITIAL), ("(not (q))", INITIAL), ("(not (r))", INITIAL)]
-    assert Checking(plan).run().verdict is Verdict.PROVED
+    assert Checking(plan).run().verdict is PlanVerdict.PROVED
     plan = plan_of(condition="(over all (not (q)))", init="(q)")
     assert effects(plan) == [("(q)", INITIAL)]
-    assert Checking(plan).run().verdict is Verdict.REFUTED
+    assert Checking(plan).run().verdict is PlanVerdict.REFUTED
 
 
 def test_disjunctions_that_what_never_changes_decides():
@@ -110,7 +110,7 @@ def test_disjunctions_that_what_never_changes_decides():
     assert conditions(plan_of(condition="(at start (imply (p) (q)))", effect=touched)) == []
     never = plan_of(condition="(at start (or (p) (r)))", effect=touched)
     assert conditions(never) == [("(never (or (p) (r)))", "e1", "e1")]
-    assert Checking(never).run().verdict is Verdict.REFUTED
+    assert Checking(never).run().verdict is PlanVerdict.REFUTED
     assert conditions(plan_of(condition="(at start (forall (?x) (not (= ?x ?x))))")) == [
         ("(never (not (= o o)))", "e1", "e1")
     ]

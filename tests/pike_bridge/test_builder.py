@@ -11,8 +11,8 @@ from robust.errors import InputError
 from robust.pike_bridge.builder import (
     Act,
     Choose,
-    Parallel,
-    Sequence,
+    InParallel,
+    InSequence,
     Within,
     act,
     build,
@@ -24,7 +24,7 @@ from robust.pike_bridge.builder import (
 from robust.pike_bridge.model import EPSILON, Choice, Constraint, Event, guard
 from robust.pike_bridge.scenarios import candidate_subplans
 from robust.pike_bridge.validate import validate
-from tests.pike_bridge.networks import candidate_subplan, holds, scenarios
+from tests.pike_bridge.brute_force import candidate_subplan, holds, scenarios
 
 
 @st.composite
@@ -48,9 +48,9 @@ def shortest(element, scenario):
     match element:
         case Act(_, lower):
             return lower
-        case Sequence(parts):
+        case InSequence(parts):
             return sum((shortest(part, scenario) for part in parts), EPSILON * max(0, len(parts) - 1))
-        case Parallel(parts):
+        case InParallel(parts):
             return max((shortest(part, scenario) + 2 * EPSILON for part in parts), default=EPSILON)
         case Choose(name, branches):
             return shortest(dict(branches)[scenario[name]], scenario) + 2 * EPSILON
@@ -63,7 +63,7 @@ def subplans(element):
     match element:
         case Act():
             return 1
-        case Sequence(parts) | Parallel(parts):
+        case InSequence(parts) | InParallel(parts):
             count = 1
             for part in parts:
                 count *= subplans(part)
@@ -78,7 +78,7 @@ def activities(element, scenario):
     match element:
         case Act():
             return 1
-        case Sequence(parts) | Parallel(parts):
+        case InSequence(parts) | InParallel(parts):
             return sum(activities(part, scenario) for part in parts)
         case Choose(name, branches):
             return activities(dict(branches)[scenario[name]], scenario)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import pytest
 
+from benchmarks.generators.pike import k_intents
+from robust.pike_bridge import knowledge
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.compile import Temporal
-from robust.pike_bridge.cross_check import Subject, cross_check, differing, shrink, subjects
-from robust.pike_bridge.generators.k_intents import k_intents
+from robust.pike_bridge.cross_check import Subject, cross_check, differing, propositional, shrink, subjects
 from robust.pike_bridge.generators.random_plans import Shape, random_plan
-from robust.pike_bridge.knowledge import Registration, register_knowledge_base, registry
+from robust.pike_bridge.knowledge import Registration, register_knowledge_base
 from robust.pike_bridge.knowledge.interface import Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.model import Assignment
 from robust.pike_bridge.semantics import Existence, Oracle
-from robust.pike_bridge.theory import propositional
 from robust.smt.limits import Deadline, OutOfTimeError
 
 BACKENDS = ("bdd", "pitms", "atms", "sat")
@@ -59,8 +59,8 @@ class Forgetful(SatKnowledgeBase):
 
 @pytest.fixture
 def liar(monkeypatch):
-    monkeypatch.setattr(registry, "_REGISTRY", dict(registry._REGISTRY))
-    home = Registration(__name__, "Forgetful", "wrong", takes_network=True, takes_solver=True)
+    monkeypatch.setattr(knowledge, "_REGISTRY", dict(knowledge._REGISTRY))
+    home = Registration(lambda: Forgetful, "wrong", takes_network=True, takes_solver=True)
     register_knowledge_base("forgetful", home)
     return Subject("forgetful", Temporal.LAZY)
 

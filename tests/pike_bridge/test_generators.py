@@ -7,14 +7,21 @@ from statistics import mean
 
 import pytest
 
+from benchmarks.generators.pike import (
+    assignment,
+    closest_factors,
+    k_intents,
+    random_clauses,
+    random_k_intents,
+    sat_plan,
+    satisfies,
+)
 from robust.errors import InputError
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.causal import augment
-from robust.pike_bridge.compile import Checking, Verdict
+from robust.pike_bridge.compile import Checking, PlanVerdict
 from robust.pike_bridge.generators import stories as figures
-from robust.pike_bridge.generators.k_intents import closest_factors, k_intents, random_k_intents
 from robust.pike_bridge.generators.random_plans import random_plan
-from robust.pike_bridge.generators.sat_reduction import assignment, random_clauses, sat_plan, satisfies
 from robust.pike_bridge.generators.stories import kitchen, wing
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.pike_bridge.temporal.labeled_apsp import labeled_distances
@@ -135,7 +142,7 @@ def test_satisfiability_both_ways(seed):
 def test_odd_clauses(backend):
     for clauses in ([], [[]], [[1, -1]], [[1, 1]], [[1], [-1]], [[1, 2], [-1], [-2, 3]]):
         verdict = Checking(sat_plan(clauses).plan(), backend).run().verdict
-        assert (verdict is Verdict.PROVED) == any(True for _ in brute_force(clauses))
+        assert (verdict is PlanVerdict.PROVED) == any(True for _ in brute_force(clauses))
     with pytest.raises(InputError, match="literal 0"):
         sat_plan([[0]])
     with pytest.raises(InputError, match="width"):

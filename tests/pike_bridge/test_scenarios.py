@@ -8,20 +8,29 @@ from hypothesis import strategies as st
 
 from robust.errors import InputError
 from robust.pike_bridge.action_model import with_ends
-from robust.pike_bridge.model import EPSILON, GOAL, INITIAL, Assignment, Choice, Constraint, Event, Tpnu, guard
+from robust.pike_bridge.model import (
+    EPSILON,
+    GOAL,
+    INITIAL,
+    Assignment,
+    Choice,
+    Constraint,
+    Event,
+    Tpnu,
+    contradicts,
+    guard,
+)
 from robust.pike_bridge.scenarios import (
     active_choices,
     candidate_subplans,
-    contradicts,
     restrict,
     restrict_network,
     team_scenario_count,
     team_scenarios,
 )
 from robust.pike_bridge.validate import validate
-from tests.pike_bridge.brute_force import admits_correct_execution
+from tests.pike_bridge.brute_force import admits_correct_execution, candidate_subplan, holds, scenarios
 from tests.pike_bridge.kitchen import kitchen
-from tests.pike_bridge.networks import candidate_subplan, holds, scenarios
 from tests.pike_bridge.plans import networks, programs, tiny_plans
 
 

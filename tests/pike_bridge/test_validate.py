@@ -8,17 +8,7 @@ from hypothesis import given
 
 from robust.errors import InputError
 from robust.pike_bridge.files import parse_tpnu, tpnu_text
-from robust.pike_bridge.model import (
-    GOAL,
-    INITIAL,
-    Activity,
-    Assignment,
-    Choice,
-    Constraint,
-    Event,
-    Tpnu,
-    guard,
-)
+from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, Choice, Constraint, Event, Tpnu, guard
 from robust.pike_bridge.validate import validate
 from tests.pike_bridge.kitchen import kitchen
 from tests.pike_bridge.plans import programs

@@ -17,8 +17,8 @@ from robust.pike_bridge.causal import (
     AugmentedPlan,
     Contexts,
     Dominance,
-    Encoding,
     Happening,
+    LinkEncoding,
     augment,
     open_conditions,
     prune,
@@ -29,10 +29,19 @@ from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
 from robust.pike_bridge.temporal.labeled_apsp import labeled_distances
 from robust.pike_bridge.temporal.schedule import temporal_conflicts
 from robust.pike_bridge.theory import Theory, is_model
-from tests.pike_bridge.brute_force import correct_orders, correct_scenarios, is_met, weak_orders
-from tests.pike_bridge.causal.models import AugmentedModels
-from tests.pike_bridge.networks import ExactPrecedence, Stn, candidate_subplan, holds, scenarios
+from tests.pike_bridge.brute_force import (
+    ExactPrecedence,
+    Stn,
+    candidate_subplan,
+    correct_orders,
+    correct_scenarios,
+    holds,
+    is_met,
+    scenarios,
+    weak_orders,
+)
 from tests.pike_bridge.sweeps import random_schedule, random_times
+from tests.pike_bridge.test_causal import AugmentedModels
 
 MOST_SCENARIOS = 600
 """Augmented plans with more scenarios than this are asked of a solver only, or left out."""
@@ -126,7 +135,7 @@ def _found(oracle: Oracle) -> set[frozenset[tuple[str, str]]]:
 def augmented(plan: TeamPlan, random: Random) -> AugmentedPlan:
     """The plan, augmented in one of the ways that there are."""
     precedence = labeled_distances(plan.network, completions=random.random() < 0.8)
-    encoding = Encoding(random.choice(list(Dominance)), random.random() < 0.7, random.random() < 0.7)
+    encoding = LinkEncoding(random.choice(list(Dominance)), random.random() < 0.7, random.random() < 0.7)
     return augment(plan, precedence, encoding)
 
 

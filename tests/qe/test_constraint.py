@@ -108,10 +108,6 @@ def test_formula():
     assert le(4).to_formula(terms) is terms.true
 
 
-def test_renaming():
-    assert le(4, x=-1, y=2).rename({"x": "a"}) == le(4, a=-1, y=2)
-
-
 def test_trim_keeps_the_tightest():
     assert trim([le(3, x=1), lt(2, x=1), le(2, x=1), le(5), le(1, x=-1)]) == (lt(2, x=1), le(1, x=-1))
     assert trim([eq(1, x=1), eq(2, x=1)]) == (LinearConstraint.false(),)

@@ -9,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.errors import InputError, UnsupportedError
-from robust.qe.polyhedron import Extent, Polyhedron
+from robust.qe.box import Interval
+from robust.qe.conjunctions import project_at
+from robust.qe.polyhedron import Polyhedron
 from tests.qe.polyhedra import (
     NAMES,
     SYMBOLS,
@@ -80,6 +82,24 @@ def test_projection_is_the_existential_quantifier(polyhedron, dropped):
     assert shadow.parameters == tuple(kept)
     bound = [SYMBOLS[name] for name in sorted(dropped)]
     assert same(as_z3(shadow), z3.Exists(bound, as_z3(polyhedron)) if bound else as_z3(polyhedron))
+
+
+@pytest.mark.parametrize(
+    ("x", "expected"),
+    [(2, {le(0, x=-1), le(10, x=1), le(16, x=1)}), (-1, {le(0, x=1), le(16, x=-1)})],
+)
+def test_projection_at_a_point_puts_what_is_eliminated_at_its_tightest_bound(x, expected):
+    """y is at least x/2 and at least 0; at most 5 and at most x + 16, at most 8."""
+    rows = [le(0, x=1, y=-2), le(0, y=-1), le(5, y=1), le(16, x=-1, y=1), lt(8, y=1)]
+    point = {"x": Fraction(x), "y": Fraction(3)}
+    found = project_at(rows, {"y"}, point)
+    exact = polygon(*rows).project(["x"])
+    shadow = Polyhedron(("x",), tuple(found))
+    assert {"x": Fraction(x)} in shadow
+    assert shadow.is_subset_of(exact)
+    for constraint in expected:
+        assert shadow.satisfies(constraint)
+    assert {"x": Fraction(-x)} not in shadow
 
 
 @QUICK
@@ -174,7 +194,7 @@ def test_single_point_hidden_in_inequalities():
     assert point.simplified() == polygon(eq(1, x=1), eq(1, y=1))
     assert point.vertices() == [{"x": 1, "y": 1}]
     assert point.volume() == 0
-    assert point.bounding_box()["x"] == Extent(Fraction(1), Fraction(1), True, True)
+    assert point.bounding_box()["x"] == Interval(Fraction(1), Fraction(1), True, True)
 
 
 def test_segment_and_line():
@@ -184,7 +204,7 @@ def test_segment_and_line():
     assert (line.volume(), line.vertices()) == (0, [])
     segment = line.restricted([le(0, x=-1), lt(0, y=-1)])
     assert segment.vertices() == [{"x": 0, "y": 1}, {"x": 1, "y": 0}]
-    assert segment.extent("x") == Extent(Fraction(0), Fraction(1), True, False)
+    assert segment.extent("x") == Interval(Fraction(0), Fraction(1), True, False)
     assert segment.project(["x"]).equals(Polyhedron(("x",), (lt(1, x=1), le(0, x=-1))))
     assert segment.slice({"x": Fraction(1, 3)}).vertices() == [{"y": Fraction(2, 3)}]
 
@@ -193,7 +213,7 @@ def test_unbounded_and_universal():
     half = polygon(lt(0, x=1))
     assert half.volume() is None
     assert not half.is_bounded
-    assert half.extent("x") == Extent(None, Fraction(0), False, False)
+    assert half.extent("x") == Interval(None, Fraction(0), False, False)
     assert half.project(["y"]).is_universal
     assert Polyhedron.universe(NAMES).volume() is None
     assert Polyhedron.universe(NAMES).complement() == []
@@ -236,5 +256,5 @@ def test_projection_of_a_long_chain_stays_small():
     for first, second in pairwise(names):
         sides += [le(5, **{second: 1, first: -1}), lt(-2, **{second: -1, first: 1})]
     shadow = Polyhedron(names, tuple(sides)).project(["t11"])
-    assert shadow.extent("t11") == Extent(Fraction(22), Fraction(55), False, True)
+    assert shadow.extent("t11") == Interval(Fraction(22), Fraction(55), False, True)
     assert len(shadow.constraints) == 2

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.errors import InputError, SolverError
-from robust.irr.box import Box, Interval
+from robust.qe.box import Box, Interval
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import OutOfWorkError, Region, outside, outside_by_solver, outside_by_splitting
 from robust.smt.session import Session
@@ -264,6 +264,10 @@ def test_without_parameters():
     assert true.to_smtlib() == "(define-fun region () Bool\n  true)\n"
     assert false.is_subset_of(true)
     assert not true.is_subset_of(false)
+
+
+def test_one_piece_is_a_difference_with_nothing_removed():
+    assert Region.union_of(PLANE, [SQUARE]).as_difference() == Region(PLANE, (), SQUARE)
 
 
 def test_empty_universal_and_lower_dimensional():

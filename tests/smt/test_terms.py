@@ -12,7 +12,7 @@ from robust.encode.variables import Auxiliary, constant, variable
 from robust.errors import UnsupportedError
 from robust.plan.model import Relation
 from robust.smt.session import Session, Verdict
-from robust.smt.terms import Terms, holds
+from robust.smt.terms import Terms
 
 X, Y = Auxiliary("x", 1), Auxiliary("y", 2)
 RELATIONS = list(Relation)
@@ -33,7 +33,7 @@ def test_comparisons_of_constants_are_decided(terms, relation, value) -> None:
         Relation.EQUAL: value == 0,
         Relation.DIFFERENT: value != 0,
     }[relation]
-    assert holds(value, relation) is expected
+    assert relation.holds(value) is expected
     assert terms.compare(constant(value), relation) is terms.truth(expected)
 
 
@@ -115,5 +115,5 @@ def test_a_comparison_means_what_it_says(factors, relation, x, y, solver) -> Non
     session = Session(terms, solver=solver)
     session.add(terms.equal(variable(X) - x), terms.equal(variable(Y) - y))
     session.add(terms.compare(expression, relation))
-    expected = Verdict.SATISFIABLE if holds(a * x + b * y + c, relation) else Verdict.UNSATISFIABLE
+    expected = Verdict.SATISFIABLE if relation.holds(a * x + b * y + c) else Verdict.UNSATISFIABLE
     assert session.check("comparison") is expected

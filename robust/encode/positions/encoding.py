@@ -1,23 +1,14 @@
-"""enc_eff, and the violations of conditions, duration constraints that read the state, and goals over it [IRR §2]."""
+"""The encoding over positions: named obligations, and what it means that a condition fails in the states [IRR §2]."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from fractions import Fraction
 from functools import cached_property
 from typing import assert_never
 
-from robust.encode.interface import EPSILON, Obligation, Stage
-from robust.encode.positions.formulas import (
-    Definitions,
-    Flows,
-    Reader,
-    State,
-    Trajectory,
-    Writes,
-    comparisons,
-    fluents_of,
-)
+from robust.encode.interface import EPSILON, Encoding, Obligation, Stage
+from robust.encode.positions.formulas import Definitions, Flows, Reader, Setting, State, Trajectory, Writes
 from robust.encode.positions.network import KnownOrder, Network, Positions
 from robust.encode.positions.projection import Projection
 from robust.encode.variables import Auxiliary, Linear, constant, variable
@@ -36,11 +27,13 @@ from robust.plan.model import (
     TimedCondition,
     TimePoint,
     Timing,
+    comparisons,
     conjuncts,
+    fluents_in,
 )
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs
-from robust.smt.limits import Deadline
+from robust.smt.limits import NEVER, Deadline
 from robust.smt.terms import Formula, Terms
 
 Part = TimedCondition | DurationConstraint | GoalCondition
@@ -48,51 +41,19 @@ Part = TimedCondition | DurationConstraint | GoalCondition
 
 
 class Semantics:
-    """Positions, states at them, and what it means that a part of the plan fails there.
+    """States at positions, and what it means that a part of the plan fails there.
 
     Raises:
         OutOfTimeError: if the deadline passes.
     """
 
-    def __init__(
-        self,
-        *,
-        plan: ParametrizedPlan,
-        network: Network,
-        known: KnownOrder,
-        writes: Writes,
-        definitions: Definitions,
-        deadline: Deadline,
-    ) -> None:
-        self._terms = definitions.terms
-        self._reader = Reader(plan, network, self._terms)
-        self.positions = Positions(network, known, self._terms)
-        flows = Flows(
-            network=network,
-            known=known,
-            positions=self.positions,
-            writes=writes,
-            reader=self._reader,
-            definitions=definitions,
-        )
-        self._trajectory = Trajectory(
-            plan=plan,
-            positions=self.positions,
-            flows=flows,
-            writes=writes,
-            reader=self._reader,
-            definitions=definitions,
-            deadline=deadline,
-        )
-        self._overall = OverAll(
-            network=network,
-            positions=self.positions,
-            flows=flows,
-            writes=writes,
-            reader=self._reader,
-            trajectory=self._trajectory,
-            terms=self._terms,
-        )
+    def __init__(self, setting: Setting, deadline: Deadline) -> None:
+        self._terms = setting.terms
+        self._reader = setting.reader
+        self._positions = setting.positions
+        flows = Flows(setting)
+        self._trajectory = Trajectory(setting, flows, deadline)
+        self._overall = OverAll(setting, flows, self._trajectory)
 
     def violation(self, part: Part, instance: ActionInstance | None, deadline: Deadline) -> Formula:
         """The negation of one obligation; `instance` is the part's, a goal has none."""
@@ -100,7 +61,7 @@ class Semantics:
             return self._terms.negation(self._reader.holds(part.condition, self._trajectory.final))
         if isinstance(part, TimedCondition) and part.timing is Timing.OVER_ALL:
             return self._overall.violation(instance, part.condition, deadline)
-        point, positions = instance.at(part.timing), self.positions
+        point, positions = instance.at(part.timing), self._positions
         return self._terms.disjunction(
             self._terms.conjunction(
                 (positions.at(point, k), self._terms.negation(self._reader.holds(part.condition, before, instance)))
@@ -113,24 +74,14 @@ class Semantics:
 class OverAll:
     """Violations of over-all conditions."""
 
-    def __init__(
-        self,
-        *,
-        network: Network,
-        positions: Positions,
-        flows: Flows,
-        writes: Writes,
-        reader: Reader,
-        trajectory: Trajectory,
-        terms: Terms,
-    ) -> None:
-        self._network = network
-        self._positions = positions
+    def __init__(self, setting: Setting, flows: Flows, trajectory: Trajectory) -> None:
+        self._terms = setting.terms
+        self._network = setting.network
+        self._positions = setting.positions
+        self._writes = setting.writes
+        self._reader = setting.reader
         self._flows = flows
-        self._writes = writes
-        self._reader = reader
         self._trajectory = trajectory
-        self._terms = terms
         self._instants = 0
 
     def violation(self, instance: ActionInstance, condition: Condition, deadline: Deadline) -> Formula:
@@ -171,7 +122,7 @@ class OverAll:
             yield from self._false_at_ends(instance, condition, step)
 
     def _moves(self, leaf: Comparison) -> bool:
-        return any(self._writes.flows.get(fluent) for fluent in fluents_of(leaf.expression))
+        return any(self._writes.flows.get(fluent) for fluent in fluents_in(leaf.expression))
 
     def _false(self, condition: Condition, state: State, instance: ActionInstance) -> Formula:
         return self._terms.negation(self._reader.holds(condition, state, instance))
@@ -219,7 +170,7 @@ class OverAll:
         instant = variable(Auxiliary(f"instant in {instance.identifier}", self._instants))
         left = self._trajectory.after[step]
         moved = dict(left.fluents)
-        for fluent in {f for leaf in comparisons(condition) for f in fluents_of(leaf.expression)} & moved.keys():
+        for fluent in {f for leaf in comparisons(condition) for f in fluents_in(leaf.expression)} & moved.keys():
             moved[fluent] += self._flows.until(fluent, step, instant)
         inside = (
             self._terms.greater(instant - self._positions.time(step)),
@@ -232,7 +183,7 @@ _NOT_NEGATIVE = Comparison(Polynomial.variable(Duration()), Relation.AT_LEAST)
 _LENGTH = Auxiliary("duration", 0)
 
 
-class PositionsEncoding:
+class PositionsEncoding(Encoding):
     """enc_tn, enc_eff and enc_proofs of a plan over positions.
 
     States are built with the first query that needs them. The violation of a condition is a symbol, which its query
@@ -254,7 +205,7 @@ class PositionsEncoding:
         plan: ParametrizedPlan,
         epsilon: Fraction = EPSILON,
         *,
-        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+        deadline: Deadline = NEVER,
     ) -> None:
         self.plan = plan
         self.epsilon = epsilon
@@ -262,6 +213,7 @@ class PositionsEncoding:
         self.terms = Terms()
         self._definitions = Definitions(self.terms)
         self.network = Network(plan)
+        self.places = self.network.place
         self.validity = Projection(self.network, self.terms)
         self._reader = Reader(plan, self.network, self.terms)
         self._writes = Writes(plan)
@@ -297,23 +249,6 @@ class PositionsEncoding:
         """enc_tn over parameters and time variables."""
         return [self.terms.at_least(statement.expression) for statement in self.network.statements]
 
-    def parameters_in(self, formulas: Iterable[Formula]) -> frozenset[str]:
-        """Names of the parameters that occur in formulas."""
-        symbols = {symbol for formula in formulas for symbol in self.terms.variables(formula)}
-        return frozenset(name for name in self.plan.nominal if self.terms.real(ParameterReference(name)) in symbols)
-
-    def unknowns(self) -> list[Formula]:
-        """The symbols of the parameters and of the time variables."""
-        parameters = map(ParameterReference, self.plan.nominal)
-        return [self.terms.real(unknown) for unknown in (*parameters, *self.network.variables)]
-
-    def schedule(self, values: Mapping[str, Fraction]) -> dict[TimePoint, Fraction]:
-        """The time of every time point, from values of :meth:`unknowns` by symbol name."""
-        return {
-            point: place.evaluate({unknown: values[str(unknown)] for unknown in place.variables})
-            for point, place in self.network.place.items()
-        }
-
     # -- obligations, stage by stage -----------------------------------------------------------------------------
 
     def _duration_obligations(self) -> Iterator[Obligation]:
@@ -330,7 +265,7 @@ class PositionsEncoding:
         return self.terms.negation(self._reader.holds(condition, State({}, {}), instance))
 
     def _reads_the_state(self, condition: Comparison) -> bool:
-        return any(map(self._writes.changes, fluents_of(condition.expression)))
+        return any(map(self._writes.changes, fluents_in(condition.expression)))
 
     def _separation_obligations(self) -> Iterator[Obligation]:
         for first, second in self._mutex:
@@ -356,20 +291,23 @@ class PositionsEncoding:
     # -- states, with the first query that needs them -------------------------------------------------------------
 
     @cached_property
+    def _positions(self) -> Positions:
+        return Positions(self.network, self._known, self.terms)
+
+    @cached_property
+    def _known(self) -> KnownOrder:
+        return KnownOrder(self.network, self._duration_bounds(), self._mutex, self.epsilon)
+
+    @cached_property
     def _semantics(self) -> Semantics:
-        known = KnownOrder(self.network, self._duration_bounds(), self._mutex, self.epsilon)
-        return Semantics(
-            plan=self.plan,
-            network=self.network,
-            known=known,
-            writes=self._writes,
-            definitions=self._definitions,
-            deadline=self._deadline,
+        setting = Setting(
+            self.plan, self.network, self._known, self._positions, self._writes, self._reader, self._definitions
         )
+        return Semantics(setting, self._deadline)
 
     @cached_property
     def _axioms(self) -> list[Formula]:
-        return list(self._semantics.positions.axioms(self._deadline))
+        return list(self._positions.axioms(self._deadline))
 
     def _definition_of(self, violation: Formula) -> list[Formula]:
         """What a condition's violation is, with the definitions of all symbols that occur in it."""

@@ -1,4 +1,4 @@
-"""Names for parts of formulas: state variables and other symbols that a definition fixes."""
+"""States over positions: symbols for parts of formulas, conditions read in a state, effects and continuous change."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import cache
 from typing import assert_never
 
 from robust.encode.positions.network import KnownOrder, Network, Positions
-from robust.encode.variables import Auxiliary, Linear, constant, variable
+from robust.encode.variables import Auxiliary, Linear, constant, over_parameters, variable
 from robust.errors import InputError, UnsupportedError
 from robust.plan.model import (
     ActionInstance,
@@ -30,6 +30,8 @@ from robust.plan.model import (
     ParametrizedPlan,
     TimePoint,
     Truth,
+    comparisons,
+    fluents_in,
 )
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline
@@ -128,13 +130,7 @@ class Reader:
         """
         if fluent not in self._plan.initial_fluents:
             raise InputError(f"{fluent} has no initial value; expected (= {fluent} NUMBER) in the problem's :init")
-        return self._plan.initial_fluents[fluent].substitute(self._parameter)
-
-    @staticmethod
-    def _parameter(name: NumericVariable) -> Linear:
-        if not isinstance(name, ParameterReference):
-            raise TypeError(f"an initial value can only mention parameters, not {name}")
-        return variable(name)
+        return over_parameters(self._plan.initial_fluents[fluent])
 
     def duration(self, instance: ActionInstance | None) -> Linear:
         if instance is None:
@@ -180,27 +176,6 @@ class Reader:
             case Or(operands):
                 return self._terms.disjunction(self.holds(part, state, instance, leaf) for part in operands)
         assert_never(condition)
-
-
-def comparisons(condition: Condition) -> Iterator[Comparison]:
-    """The comparisons in a condition, each as often as it occurs."""
-    pending = [condition]
-    while pending:
-        node = pending.pop()
-        match node:
-            case And(operands) | Or(operands):
-                pending.extend(operands)
-            case Comparison():
-                yield node
-            case Holds() | Truth():
-                pass
-            case _:
-                assert_never(node)
-
-
-def fluents_of(expression: Expression) -> Iterator[Fluent]:
-    """The fluents that an expression mentions."""
-    return (name for name in expression.variables if isinstance(name, Fluent))
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,32 +250,37 @@ def _fluents_read(plan: ParametrizedPlan) -> Iterator[Fluent]:
         conditions += [effect.condition for effect in instance.atom_effects]
         conditions += [numeric.condition for numeric in instance.numeric_effects]
         for numeric in instance.numeric_effects:
-            yield from fluents_of(numeric.expression)
+            yield from fluents_in(numeric.expression)
     for condition in conditions:
         for comparison in comparisons(condition):
-            yield from fluents_of(comparison.expression)
+            yield from fluents_in(comparison.expression)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What formulas about states are made of."""
+
+    plan: ParametrizedPlan
+    network: Network
+    known: KnownOrder
+    positions: Positions
+    writes: Writes
+    reader: Reader
+    definitions: Definitions
+
+    @property
+    def terms(self) -> Terms:
+        return self.definitions.terms
 
 
 class Flows:
     """What continuous effects contribute, step by step; step k leads from position k to position k + 1."""
 
-    def __init__(
-        self,
-        *,
-        network: Network,
-        known: KnownOrder,
-        positions: Positions,
-        writes: Writes,
-        reader: Reader,
-        definitions: Definitions,
-    ) -> None:
-        self._network = network
-        self._known = known
-        self._positions = positions
-        self._writes = writes
-        self._reader = reader
-        self._definitions = definitions
-        self._terms: Terms = definitions.terms
+    def __init__(self, setting: Setting) -> None:
+        self._setting = setting
+        self._terms = setting.terms
+        self._positions = setting.positions
+        self._definitions = setting.definitions
         self._rate = cache(self._rate_of)
         self._sofar = cache(self._sofar_at)
 
@@ -312,7 +292,7 @@ class Flows:
     def over_step(self, fluent: Fluent, step: int) -> Linear:
         """By how much a fluent changes in a step."""
         total = constant(0)
-        for flow in self._writes.flows.get(fluent, ()):
+        for flow in self._setting.writes.flows.get(fluent, ()):
             acts = self.acts(flow.instance, step)
             if acts is not self._terms.false:
                 name = f"{flow.instance.identifier} {fluent} in step {step}"
@@ -322,7 +302,7 @@ class Flows:
     def until(self, fluent: Fluent, step: int, instant: Linear) -> Linear:
         """By how much a fluent changes from the beginning of a step until an instant inside it."""
         total = constant(0)
-        for flow in self._writes.flows.get(fluent, ()):
+        for flow in self._setting.writes.flows.get(fluent, ()):
             acts = self.acts(flow.instance, step)
             if acts is not self._terms.false:
                 amount = self._product(flow, instant - self._positions.time(step))
@@ -341,8 +321,8 @@ class Flows:
         start, end = flow.instance.start, flow.instance.end
         cases: list[Case] = []
         for point in self._positions.candidates(position):
-            if not (self._known.is_before(point, start) or self._known.is_before(end, point)):
-                amount = self._product(flow, self._network.distance(start, point))
+            if not (self._setting.known.is_before(point, start) or self._setting.known.is_before(end, point)):
+                amount = self._product(flow, self._setting.network.distance(start, point))
                 cases.append((self._positions.at(point, position), amount))
         name = f"{flow.instance.identifier} {flow.effect.fluent} until position {position}"
         return cases[0][1] if len(cases) == 1 else self._definitions.partial(name, cases)
@@ -358,13 +338,13 @@ class Flows:
         return amount
 
     def _rate_of(self, flow: Flow) -> Linear:
-        for fluent in fluents_of(flow.effect.rate):
-            if self._writes.changes(fluent):
+        for fluent in fluents_in(flow.effect.rate):
+            if self._setting.writes.changes(fluent):
                 raise UnsupportedError(
                     f"{flow.instance.identifier} {flow.instance.action}: non-linear continuous effect on "
                     f"{flow.effect.fluent}: its rate reads {fluent}, which the plan changes; expected a constant rate"
                 )
-        return self._reader.value(flow.effect.rate, State({}, {}), flow.instance)
+        return self._setting.reader.value(flow.effect.rate, State({}, {}), flow.instance)
 
 
 @dataclass(slots=True)
@@ -388,31 +368,21 @@ class Trajectory:
         OutOfTimeError: if the deadline passes.
     """
 
-    def __init__(
-        self,
-        *,
-        plan: ParametrizedPlan,
-        positions: Positions,
-        flows: Flows,
-        writes: Writes,
-        reader: Reader,
-        definitions: Definitions,
-        deadline: Deadline,
-    ) -> None:
-        self._positions = positions
+    def __init__(self, setting: Setting, flows: Flows, deadline: Deadline) -> None:
+        self._terms = setting.terms
+        self._positions = setting.positions
+        self._writes = writes = setting.writes
+        self._reader = reader = setting.reader
+        self._definitions = setting.definitions
         self._flows = flows
-        self._writes = writes
-        self._reader = reader
-        self._definitions = definitions
-        self._terms = definitions.terms
         initial = State(
-            {atom: self._terms.truth(atom in plan.initial_atoms) for atom in writes.of_atom},
+            {atom: self._terms.truth(atom in setting.plan.initial_atoms) for atom in writes.of_atom},
             {fluent: reader.initial(fluent) for fluent in writes.fluents},
         )
         self.before: list[State] = [initial]
         self.after: list[State] = [initial]
         happening = _Happening()
-        for position in range(1, positions.last + 1):
+        for position in range(1, setting.positions.last + 1):
             deadline.enforce()
             self.before.append(self._before(position))
             happening = self._happening(position, happening)

@@ -1,4 +1,4 @@
-"""The positions of time points: a total order consistent with their times [IRR §2].
+"""The temporal network of the positions encoding, and the order of its time points [IRR §2].
 
 Position 1 is the earliest time point's, position H the latest's; simultaneous time points keep the plan's order. The
 choice is a Boolean per time point and position, "by then it has happened", so formulas stay polynomial and the solver
@@ -14,16 +14,11 @@ from fractions import Fraction
 from functools import cache
 from math import lcm
 
-from robust.encode.variables import Auxiliary, Linear, Range, TimeVariable, constant, least, variable
+from robust.encode.variables import Auxiliary, Linear, Range, TimeVariable, constant, least, over_parameters, variable
 from robust.plan.model import (
     ZERO,
-    Bound,
-    Duration,
-    Fluent,
-    NumericVariable,
     ParameterReference,
     ParametrizedPlan,
-    TemporalConstraint,
     TimePoint,
 )
 from robust.smt.limits import Deadline
@@ -176,12 +171,6 @@ class Network:
         """t_target − t_source."""
         return self.place[target] - self.place[source]
 
-    @property
-    def variables(self) -> tuple[TimeVariable, ...]:
-        """The times of the components' first points."""
-        found = (unknown for place in self.place.values() for unknown in place.variables)
-        return tuple(dict.fromkeys(unknown for unknown in found if isinstance(unknown, TimeVariable)))
-
     def _demands(self) -> Iterator[Statement]:
         for point in self.plan.time_points:
             yield Statement(self.place[point], f"{point} ≥ 0")
@@ -190,11 +179,11 @@ class Network:
                 yield Statement(late, f"timed initial literal {point}")
                 yield Statement(-late, f"timed initial literal {point}")
         for item in self.plan.constraints:
-            origin, distance = _text(item), self.distance(item.source, item.target)
+            origin, distance = str(item), self.distance(item.source, item.target)
             if item.lower is not None:
-                yield Statement(distance - _over_parameters(item.lower), origin)
+                yield Statement(distance - over_parameters(item.lower), origin)
             if item.upper is not None:
-                yield Statement(_over_parameters(item.upper) - distance, origin)
+                yield Statement(over_parameters(item.upper) - distance, origin)
         for parameter in self.plan.parameters:
             value = variable(ParameterReference(parameter.name))
             if parameter.lower is not None:
@@ -210,7 +199,7 @@ def _places(plan: ParametrizedPlan) -> dict[TimePoint, Linear]:
             ties[ZERO].append((point, constant(point.time)))
     for item in plan.constraints:
         if item.lower is not None and item.lower == item.upper:
-            length = _over_parameters(item.lower)
+            length = over_parameters(item.lower)
             ties[item.source].append((item.target, length))
             ties[item.target].append((item.source, -length))
     places: dict[TimePoint, Linear] = {}
@@ -224,25 +213,6 @@ def _places(plan: ParametrizedPlan) -> dict[TimePoint, Linear]:
                         places[neighbour] = places[point] + length
                         component.append(neighbour)
     return places
-
-
-def _over_parameters(bound: Bound) -> Linear:
-    def value(name: NumericVariable) -> Linear:
-        match name:
-            case ParameterReference():
-                return variable(name)
-            case Fluent() | Duration():
-                raise TypeError(f"a temporal constraint can only mention parameters, not {name}")
-
-    return bound.substitute(value)
-
-
-def _text(item: TemporalConstraint) -> str:
-    """The constraint as plan files write it."""
-    lower = "-inf" if item.lower is None else str(item.lower)
-    upper = "inf" if item.upper is None else str(item.upper)
-    line = f" (line {item.location.line})" if item.location and item.location.line else ""
-    return f"c: {item.target} - {item.source} in [{lower}, {upper}]{line}"
 
 
 class KnownOrder:
@@ -340,9 +310,9 @@ def _stated_bounds(
     stated = [(ZERO, point, constant(0)) for point in network.plan.time_points]
     for item in network.plan.constraints:
         if item.lower is not None:
-            stated.append((item.source, item.target, _over_parameters(item.lower)))
+            stated.append((item.source, item.target, over_parameters(item.lower)))
         if item.upper is not None:
-            stated.append((item.target, item.source, -_over_parameters(item.upper)))
+            stated.append((item.target, item.source, -over_parameters(item.upper)))
     for source, target, weight in (*stated, *more):
         bound = least(weight, network.ranges)
         if bound is not None:

@@ -16,7 +16,7 @@ from robust.encode.interface import Facet
 from robust.encode.positions.network import Network, Statement
 from robust.encode.variables import Linear, Range, TimeVariable, constant, is_over_parameters, least, variable
 from robust.plan.model import ParameterReference
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Terms
 
@@ -69,7 +69,7 @@ class Projection:
     def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
         ranges = {name: (value, value) for name, value in values.items()}
-        found = self.broken_facet(ranges, lambda: Session(self._terms), Deadline())
+        found = self.broken_facet(ranges, lambda: Session(self._terms), NEVER)
         return found if isinstance(found, Facet) else None
 
 

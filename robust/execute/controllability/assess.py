@@ -1,4 +1,15 @@
-"""Weak controllability: a schedule exists for all values in a box, if they are known beforehand.
+"""Is a box weakly, dynamically and strongly controllable, and why not: verdicts that say what they are about.
+
+A box promises that *for each* parameter value in it a schedule exists, and that every allowed schedule satisfies the
+obligations. Whether a dispatcher can find the schedule is a question about the network alone:
+
+- weakly controllable: it can if it knows all values beforehand. Exact.
+- dynamically controllable: it can if it sees each contingent link end, at that moment. Exact if each parameter that
+  varies is (part of) the length of one contingent link and stands nowhere else in the network; parameters that the
+  network does not mention, such as rates and levels, do not matter. A parameter that several links share, or that
+  stands in a requirement's bound, is beyond networks with uncertainty: CONTROLLABLE is then proved with independent and
+  hidden values or by one schedule, NOT_CONTROLLABLE with values that are known beforehand, and UNKNOWN is between.
+- strongly controllable: one schedule of what it executes suits all values. Exact, for all parameters.
 
 Every box that is a decoupled robustness envelope is weakly controllable by definition. Here it is decided again, from
 the network alone: by Farkas' lemma, a point without a schedule is a negative cycle, found by an SMT query. In general
@@ -17,49 +28,15 @@ from itertools import product
 from robust.encode.interface import Facet
 from robust.encode.network import TemporalNetwork
 from robust.encode.validity import Validity
-from robust.execute.controllability.dynamic import DynamicAnswer, Wait, dynamic, waits
-from robust.execute.controllability.shrink import Dynamically, Shrunk, Strongly
-from robust.execute.controllability.shrink import shrink as shrink_to
-from robust.execute.controllability.stnu import explain
-from robust.execute.controllability.strong import Ends, ParametricStnu, StrongAnswer, ends_of, parametric_stnu, strong
-from robust.irr.box import Box, Interval
+from robust.errors import RobustError
+from robust.execute.controllability import boxes
+from robust.execute.controllability.dynamic import Wait, dynamic, explain, waits
 from robust.plan.model import ParametrizedPlan
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.qe.box import Box, Interval
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session
 from robust.smt.session import Verdict as SolverVerdict
 from robust.smt.terms import Terms
-
-
-@dataclass(frozen=True, slots=True)
-class WeakAnswer:
-    """Whether every point of the box has a schedule; if not, the statements that some point contradicts."""
-
-    is_controllable: bool
-    contradiction: tuple[str, ...] = ()
-
-
-def weak(
-    plan: ParametrizedPlan,
-    box: Box,
-    *,
-    solver: str = "z3",
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
-) -> WeakAnswer:
-    """Whether every point of the closure of a box has a schedule: none is lost at open ends.
-
-    Raises:
-        OutOfTimeError: if the deadline passes first.
-    """
-    terms = Terms()
-    validity = Validity(TemporalNetwork(plan), (), terms)
-    found = validity.broken_facet(box.ranges, lambda: Session(terms, solver=solver), deadline)
-    match found:
-        case None:
-            return WeakAnswer(True)
-        case Facet():
-            return WeakAnswer(False, found.origins)
-        case SolverVerdict():
-            raise OutOfTimeError
 
 
 class Kind(Enum):
@@ -111,11 +88,11 @@ class Controllability:
         box: Box,
         *,
         solver: str = "z3",
-        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+        deadline: Deadline = NEVER,
     ) -> None:
         self.plan = plan
         self.box = box
-        self.network: ParametricStnu = parametric_stnu(plan, box)
+        self.network: boxes.ParametricStnu = boxes.parametric_stnu(plan, box)
         self._solver = solver
         self._deadline = deadline
 
@@ -132,8 +109,8 @@ class Controllability:
         """The verdicts about all kinds, weak first."""
         return tuple(self.finding(kind) for kind in Kind)
 
-    def shrunk(self, kind: Kind) -> Shrunk:
-        """The max–min fair part of the box that is controllable: see :mod:`.shrink`.
+    def shrunk(self, kind: Kind) -> boxes.Shrunk:
+        """The max–min fair part of the box that is controllable: see :mod:`robust.execute.controllability.boxes`.
 
         Of a box with vague parameters, it is the part that is dynamically controllable without knowing them, unless one
         schedule suits the whole box.
@@ -143,47 +120,46 @@ class Controllability:
             OutOfTimeError: if the deadline passes first.
         """
         if kind is Kind.WEAK or (kind is Kind.DYNAMIC and self._is_strong_only()):
-            return Shrunk(self.box, (), 0)
-        wanted = (Dynamically if kind is Kind.DYNAMIC else Strongly)(self.network, self._deadline)
-        return shrink_to(self.plan.parameters, self.box, wanted)
-
-    def dynamic_answer(self) -> DynamicAnswer:
-        """The result of the check of dynamic controllability, with which a dispatcher can execute the network.
-
-        Raises:
-            InputError: if a contingent link may end before it starts, or a requirement is infinitely strong.
-            OutOfTimeError: if the deadline passes first.
-        """
-        return dynamic(self.network.at(ends_of(self.box)), self._deadline)
+            return boxes.Shrunk(self.box, (), 0)
+        wanted = (boxes.Dynamically if kind is Kind.DYNAMIC else boxes.Strongly)(self.network, self._deadline)
+        return boxes.shrink(self.plan.parameters, self.box, wanted)
 
     def waits(self) -> tuple[Wait, ...]:
         """Who waits for which end if the box is dynamically controllable; nobody where one schedule suits all values.
 
         Raises:
+            InputError: if a contingent link may end before it starts, or a requirement is infinitely strong.
             OutOfTimeError: if the deadline passes first.
         """
         if self._is_strong_only():
             return ()
-        answer = self.dynamic_answer()
+        answer = dynamic(self.network.at(boxes.ends_of(self.box)), self._deadline)
         return () if answer.cycle is not None else waits(answer)
 
     def _is_strong_only(self) -> bool:
         """Whether it takes a fixed schedule to know that the box is dynamically controllable."""
-        ends = ends_of(self.box)
+        ends = boxes.ends_of(self.box)
         exact = not self.network.vague and next(self.network.early(ends), None) is None
         return not exact and self._obstacle(ends) is not None and self.strong_answer().is_controllable
 
-    def strong_answer(self) -> StrongAnswer:
+    def strong_answer(self) -> boxes.StrongAnswer:
         """The one schedule that suits all values, or why there is none."""
-        return strong(self.network, ends_of(self.box))
+        return boxes.strong(self.network, boxes.ends_of(self.box))
 
     # -- verdicts ------------------------------------------------------------------------------------------------------
 
     def _weak(self) -> tuple[Verdict, str | None]:
-        answer = weak(self.plan, self.box, solver=self._solver, deadline=self._deadline)
-        if answer.is_controllable:
-            return Verdict.CONTROLLABLE, None
-        return Verdict.NOT_CONTROLLABLE, f"contradiction: {'; '.join(answer.contradiction)}"
+        """Whether every point of the closure of the box has a schedule: none is lost at open ends."""
+        terms = Terms()
+        validity = Validity(TemporalNetwork(self.plan), (), terms)
+        found = validity.broken_facet(self.box.ranges, lambda: Session(terms, solver=self._solver), self._deadline)
+        match found:
+            case None:
+                return Verdict.CONTROLLABLE, None
+            case Facet():
+                return Verdict.NOT_CONTROLLABLE, f"contradiction: {'; '.join(found.origins)}"
+            case SolverVerdict():
+                raise OutOfTimeError
 
     def _strong(self) -> tuple[Verdict, str | None]:
         answer = self.strong_answer()
@@ -197,7 +173,7 @@ class Controllability:
         return Verdict.NOT_CONTROLLABLE, f"no schedule suits all values of {names or 'the parameters'}: {needed}"
 
     def _dynamic(self) -> tuple[Verdict, str | None]:
-        ends = ends_of(self.box)
+        ends = boxes.ends_of(self.box)
         reason = self._obstacle(ends)
         if reason is None:
             return Verdict.CONTROLLABLE, None
@@ -207,16 +183,16 @@ class Controllability:
         if self.strong_answer().is_controllable:
             return Verdict.CONTROLLABLE, None
         for known, part in self._corners(vague):
-            network = parametric_stnu(self.plan, part)
-            if not network.vague and next(network.early(ends_of(part)), None) is None:
-                answer = dynamic(network.at(ends_of(part)), self._deadline)
+            network = boxes.parametric_stnu(self.plan, part)
+            if not network.vague and next(network.early(boxes.ends_of(part)), None) is None:
+                answer = dynamic(network.at(boxes.ends_of(part)), self._deadline)
                 if answer.cycle is not None:
                     beforehand = ", ".join(f"{name} = {value}" for name, value in known.items())
                     why = explain(answer.form.stnu, answer.cycle)
                     return Verdict.NOT_CONTROLLABLE, f"{why}, even if {beforehand} is known" if known else why
         return Verdict.UNKNOWN, "; ".join(vague.values()) or reason
 
-    def _obstacle(self, ends: Ends) -> str | None:
+    def _obstacle(self, ends: boxes.Ends) -> str | None:
         """Why dynamic controllability is not proved; None if it is."""
         for index, _ in self.network.early(ends):
             return f"{self.network.links[index].origin} may end before it starts"
@@ -236,7 +212,7 @@ class Controllability:
             values.append(known or [nominal[name]])
         few = 2 ** len(vague) <= MOST_CORNERS
         corners: Iterable[tuple[Fraction, ...]] = (
-            product(*values) if few else zip(*map(_first_and_last, values), strict=True)
+            product(*values) if few else zip(*((known[0], known[-1]) for known in values), strict=True)
         )
         for corner in corners:
             chosen = dict(zip(vague, corner, strict=True))
@@ -244,16 +220,12 @@ class Controllability:
             yield chosen, Box({**self.box.intervals, **fixed})
 
 
-def _first_and_last(values: list[Fraction]) -> tuple[Fraction, Fraction]:
-    return values[0], values[-1]
-
-
 def shrink(
     plan: ParametrizedPlan,
     box: Box,
     kind: Kind,
     *,
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    deadline: Deadline = NEVER,
 ) -> Box:
     """The largest part of a box, max–min fair around the nominal point, that has a kind of controllability. Exact.
 
@@ -263,3 +235,45 @@ def shrink(
         OutOfTimeError: if the deadline passes first.
     """
     return Controllability(plan, box, deadline=deadline).shrunk(kind).box
+
+
+@dataclass(frozen=True)
+class ControllabilityReport:
+    """The verdicts about a box, and the part of it that has the wanted kind of controllability.
+
+    `shrunk` and `lost` are None, with a `failure`, if there is no such part or time ran out. `waits` are who waits for
+    which end, if the part is dynamically controllable and that was wanted.
+    """
+
+    wanted: Kind
+    findings: tuple[Finding, ...]
+    box: Box
+    shrunk: boxes.Shrunk | None
+    lost: boxes.Loss | None
+    failure: str | None
+    waits: tuple[str, ...]
+
+    @property
+    def was_controllable(self) -> bool:
+        """Whether the box itself is as wanted."""
+        return any(one.kind is self.wanted and one.verdict is Verdict.CONTROLLABLE for one in self.findings)
+
+
+def assess(
+    plan: ParametrizedPlan, box: Box, wanted: str, *, solver: str, timeout: float | None
+) -> ControllabilityReport:
+    """Decide all kinds for a box that is inside the envelope, and shrink it to the wanted kind."""
+    kind = Kind(wanted)
+    deadline = Deadline.after(timeout)
+    asked = Controllability(plan, box, solver=solver, deadline=deadline)
+    findings = asked.findings()
+    try:
+        shrunk = asked.shrunk(kind)
+        inside = Controllability(plan, shrunk.box, solver=solver, deadline=deadline)
+        strategy = inside.waits() if kind is Kind.DYNAMIC else ()
+    except OutOfTimeError:
+        return ControllabilityReport(kind, findings, box, None, None, "out of time", ())
+    except RobustError as error:
+        return ControllabilityReport(kind, findings, box, None, None, error.message, ())
+    lost = boxes.loss(box, shrunk.box)
+    return ControllabilityReport(kind, findings, box, shrunk, lost, None, tuple(map(str, strategy)))

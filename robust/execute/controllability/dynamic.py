@@ -1,27 +1,275 @@
-"""The strategy behind dynamic controllability, for people and dispatchers: who waits for whom, and how long."""
+"""Simple temporal networks with uncertainty, and their dynamic controllability in O(n³) steps.
+
+Definitions as in Vidal and Fargier (1999) and Morris, Muscettola and Vidal (2001), with the choices that plans need: a
+contingent link may have length zero or a fixed length, its length may have no upper bound, and a dispatcher may react
+to an observation at the moment of the observation. Where time must pass between the two, a requirement link says so.
+
+Dynamic controllability is decided by backward propagation from negative nodes; source: P. Morris (2014), *Dynamic
+controllability and dispatchability relationships*, CPAIOR. In the extended normal form each contingent link A ⇒ C of
+length [x, y] starts at a time point of its own, A′ = A + x, and has length [0, y − x]: its lower-case edge A′ → C has
+length 0, its upper-case edge C → A′ has length x − y. From each time point into which a negative edge leads, paths are
+followed backwards as long as they are negative; what comes out as not negative becomes an ordinary edge, so that paths
+through the time point need not be followed again. If a path gets back to a time point from where the search is still
+on, the network is not dynamically controllable. A piece that passes the lower-case edge of a link is negative at that
+moment, which is what the lower-case and cross-case reductions ask for, and never passes one when it began with the
+upper-case edge of the same link.
+
+Numbers are integers in units of a common denominator. An infinite length is larger than all sums that occur.
+
+Why a network is not: a closed walk of negative length through the distance graph refutes dynamic controllability if
+each of its lower-case edges is followed by a piece of negative length, up to the first such piece without the
+upper-case edge of the same contingent link: what comes after it has to be decided before the link's length is known
+(Morris, 2006: *A structural characterization of temporal dynamic controllability*; reaction at the moment of an
+observation is allowed).
+"""
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
+from itertools import accumulate
 from math import lcm
 
-from robust.execute.controllability.stnu import (
-    ContingentLink,
-    NegativeCycle,
-    RequirementLink,
-    Step,
-    Stnu,
-    Way,
-    negative_cycle,
-    weight_in,
-)
+from robust.errors import InputError
 from robust.numbers import format_number
-from robust.plan.model import TimePoint
-from robust.smt.limits import Deadline
+from robust.plan.model import ZERO, TimePoint
+from robust.smt.limits import NEVER, Deadline
+
+
+@dataclass(frozen=True, slots=True)
+class RequirementLink:
+    """`lower ≤ t_target − t_source ≤ upper`, for the dispatcher to satisfy; None is an infinite bound."""
+
+    source: TimePoint
+    target: TimePoint
+    lower: Fraction | None
+    upper: Fraction | None
+    origin: str = ""
+
+    def holds(self, times: Mapping[TimePoint, Fraction]) -> bool:
+        """Whether a schedule satisfies it."""
+        distance = times[self.target] - times[self.source]
+        return (self.lower is None or distance >= self.lower) and (self.upper is None or distance <= self.upper)
+
+    def __str__(self) -> str:
+        return self.origin or f"{self.target} - {self.source} in {bounds_text(self.lower, self.upper)}"
+
+
+@dataclass(frozen=True, slots=True)
+class ContingentLink:
+    """`t_target = t_source + d` for a length d that nature chooses in [lower, upper]; None is no upper bound.
+
+    `name` says whose length it is, such as the parameter; it is observed when the target happens.
+    """
+
+    source: TimePoint
+    target: TimePoint
+    lower: Fraction
+    upper: Fraction | None
+    name: str = ""
+    origin: str = ""
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether there is only one length."""
+        return self.lower == self.upper
+
+    def __str__(self) -> str:
+        return self.origin or f"{self.target} - {self.source} = {self.name} in {bounds_text(self.lower, self.upper)}"
+
+
+Link = RequirementLink | ContingentLink
+
+
+def bounds_text(lower: Fraction | None, upper: Fraction | None) -> str:
+    """`[1/3, inf]`."""
+    return f"[{'-inf' if lower is None else lower}, {'inf' if upper is None else upper}]"
+
+
+class Way(Enum):
+    """Which bound of a link an edge of the distance graph stands for; `x → y` of weight w is `t_y − t_x ≤ w`."""
+
+    AT_MOST = "at most"
+    """source → target, the upper bound of a requirement, or of a link of fixed length."""
+    AT_LEAST = "at least"
+    """target → source, minus the lower bound."""
+    SHORTEST = "as short as"
+    """source → target, the least length of a contingent link: the lower-case edge."""
+    LONGEST = "as long as"
+    """target → source, minus the greatest length of a contingent link: the upper-case edge."""
+
+    @property
+    def is_forwards(self) -> bool:
+        return self in {Way.AT_MOST, Way.SHORTEST}
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """An edge of the distance graph: which link, by its index in :attr:`Stnu.links`, and which way."""
+
+    link: int
+    way: Way
+
+
+@dataclass(frozen=True)
+class Stnu:
+    """A network; every time point but the ends of contingent links is the dispatcher's to execute.
+
+    Args:
+        points: all time points, :data:`robust.plan.model.ZERO` first: it happens at time zero.
+        links: requirement and contingent links between them.
+
+    Raises:
+        InputError: for a link between unknown points, a contingent link that is empty or may end before it starts, two
+            contingent links that end together, or contingent links that go round in a circle.
+    """
+
+    points: tuple[TimePoint, ...]
+    links: tuple[Link, ...]
+
+    def __post_init__(self) -> None:
+        known = set(self.points)
+        if not self.points or self.points[0] != ZERO:
+            raise InputError(f"the network begins with {self.points[:1]}; expected {ZERO}")
+        before: dict[TimePoint, TimePoint] = {}
+        for link in self.links:
+            if link.source not in known or link.target not in known:
+                raise InputError(f"link {link} joins time points that are not in the network")
+            if isinstance(link, ContingentLink):
+                _check_contingent(link, before)
+                before[link.target] = link.source
+        for end in before:
+            seen, point = {end}, end
+            while point in before:
+                point = before[point]
+                if point in seen:
+                    raise InputError(f"contingent links go round in a circle at {point}")
+                seen.add(point)
+
+    @property
+    def contingents(self) -> tuple[ContingentLink, ...]:
+        return tuple(link for link in self.links if isinstance(link, ContingentLink))
+
+    @property
+    def executable(self) -> tuple[TimePoint, ...]:
+        """The time points that the dispatcher executes, zero first."""
+        ends = {link.target for link in self.contingents}
+        return tuple(point for point in self.points if point not in ends)
+
+    def ends(self, step: Step) -> tuple[TimePoint, TimePoint]:
+        """Where an edge of the distance graph begins and ends."""
+        link = self.links[step.link]
+        return (link.source, link.target) if step.way.is_forwards else (link.target, link.source)
+
+
+def _check_contingent(link: ContingentLink, before: Mapping[TimePoint, TimePoint]) -> None:
+    if link.lower < 0 or (link.upper is not None and link.upper < link.lower):
+        bounds = bounds_text(link.lower, link.upper)
+        raise InputError(f"contingent link {link} has length {bounds}; expected 0 <= lower <= upper")
+    if link.target in before:
+        raise InputError(f"contingent link {link} ends at {link.target}, where another one ends already")
+    if link.target == ZERO:
+        raise InputError(f"contingent link {link} ends at {ZERO}, which happens at time zero")
+
+
+Weight = Callable[[Step], tuple[Fraction, Fraction]]
+"""An edge's length as (how often infinity, the rest)."""
+_ZERO = (Fraction(0), Fraction(0))
+
+
+@dataclass(frozen=True, slots=True)
+class NegativeCycle:
+    """A closed walk, and for each lower-case edge in it, by position, how many of the next steps are negative together.
+
+    A network is not dynamically controllable as long as the whole walk and all these pieces are negative.
+    """
+
+    steps: tuple[Step, ...]
+    moats: tuple[tuple[int, int], ...]
+
+    @property
+    def pieces(self) -> tuple[tuple[Step, ...], ...]:
+        """The whole walk, and the piece after each lower-case edge; equal ones once."""
+        twice = self.steps + self.steps
+        pieces = [self.steps, *(twice[at + 1 : at + 1 + length] for at, length in self.moats)]
+        return tuple(dict.fromkeys(pieces))
+
+
+def weight_in(stnu: Stnu) -> Weight:
+    """The lengths of edges in a network."""
+
+    def weight(step: Step) -> tuple[Fraction, Fraction]:
+        link = stnu.links[step.link]
+        bound = link.upper if step.way in {Way.AT_MOST, Way.LONGEST} else link.lower
+        if bound is None:
+            return (Fraction(-1 if step.way is Way.LONGEST else 1), Fraction(0))
+        return (Fraction(0), bound if step.way.is_forwards else -bound)
+
+    return weight
+
+
+def total(steps: Iterable[Step], weight: Weight) -> tuple[Fraction, Fraction]:
+    """The length of a walk."""
+    infinite, finite = zip(_ZERO, *map(weight, steps), strict=True)
+    return sum(infinite, Fraction(0)), sum(finite, Fraction(0))
+
+
+def negative_cycle(steps: Sequence[Step], weight: Weight) -> NegativeCycle:
+    """The cycle that a closed walk is, without circles at a contingent link that do not make it shorter.
+
+    Raises:
+        ValueError: if the walk does not refute dynamic controllability.
+    """
+    walk = list(steps)
+    while True:
+        if total(walk, weight) >= _ZERO:
+            raise ValueError("the walk is not negative")
+        moats = [(at, _moat(walk, at, weight)) for at, step in enumerate(walk) if step.way is Way.SHORTEST]
+        breach = next((moat for moat in moats if _breaks(walk, *moat)), None)
+        if breach is None:
+            return NegativeCycle(tuple(walk), tuple(moats))
+        walk = _without_circle(walk, breach[0])
+
+
+def _moat(walk: Sequence[Step], at: int, weight: Weight) -> int:
+    """The number of steps after a position that first have negative length."""
+    turned = [*walk[at + 1 :], *walk[: at + 1]]
+    lengths = accumulate(map(weight, turned), lambda one, other: (one[0] + other[0], one[1] + other[1]))
+    for count, length in enumerate(lengths, start=1):
+        if length < _ZERO:
+            return count
+    raise ValueError("a lower-case edge cannot be reduced away")
+
+
+def _breaks(walk: Sequence[Step], at: int, length: int) -> bool:
+    longest = Step(walk[at].link, Way.LONGEST)
+    return any(walk[(at + i) % len(walk)] == longest for i in range(1, length + 1))
+
+
+def _without_circle(walk: Sequence[Step], at: int) -> list[Step]:
+    """The walk without its part from a lower-case edge to the upper-case edge of the same link, a circle."""
+    turned = [*walk[at:], *walk[:at]]
+    back = turned.index(Step(turned[0].link, Way.LONGEST))
+    return turned[back + 1 :]
+
+
+def explain(stnu: Stnu, cycle: NegativeCycle) -> str:
+    """The cycle as a sentence: which lengths and which requirements contradict each other."""
+    lengths, bounds = [], []
+    for step in dict.fromkeys(cycle.steps):
+        link = stnu.links[step.link]
+        if isinstance(link, ContingentLink) and step.way in {Way.SHORTEST, Way.LONGEST}:
+            bound = link.lower if step.way is Way.SHORTEST else link.upper
+            size = "is unbounded" if bound is None else f"{step.way.value} {format_number(bound)}"
+            lengths.append(f"{link.name} {size}")
+        else:
+            bounds.append(str(link))
+    short = ", ".join(sorted(lengths))
+    needed = "; ".join(dict.fromkeys(bounds))
+    return f"{short} cannot be met with {needed}" if lengths else f"contradiction: {needed}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +299,15 @@ def waits(answer: DynamicAnswer) -> tuple[Wait, ...]:
     form = answer.form
     points, executable = form.stnu.points, set(form.stnu.executable)
     every = [edge for edge in (*form.edges, *answer.derived) if edge.case is not Case.LOWER]
-    distance = _distances(form.size, [edge for edge in every if edge.case is Case.ORDINARY])
+    ordinary = [(edge.source, edge.target, edge.weight) for edge in every if edge.case is Case.ORDINARY]
+    distance = shortest_paths(form.size, ordinary)
     link_of = {node: form.stnu.links[index] for index, node in form.start.items()}
     found = []
     for start, link in link_of.items():
-        waiting = {edge.source: edge.weight for edge in every if edge.case is Case.UPPER and edge.target == start}
+        waiting: dict[int, int] = {}
         for edge in every:
             if edge.case is Case.UPPER and edge.target == start:
-                waiting[edge.source] = min(edge.weight, waiting[edge.source])
+                waiting[edge.source] = min(edge.weight, waiting.get(edge.source, edge.weight))
         for node in sorted(waiting, key=lambda node: -node):
             if node >= len(points) or points[node] not in executable:
                 continue
@@ -81,12 +330,12 @@ def _is_implied(node: int, start: int, waiting: dict[int, int], distance: list[l
     return any(before is not None and before <= 0 and before + beyond <= weight for before, beyond in others)
 
 
-def _distances(size: int, edges: Iterable[Edge]) -> list[list[int | None]]:
-    """Shortest paths between all nodes; None where there is none."""
+def shortest_paths(size: int, edges: Iterable[tuple[int, int, int]]) -> list[list[int | None]]:
+    """Shortest paths between all of so many nodes; None where there is none."""
     table: list[list[int | None]] = [[0 if a == b else None for b in range(size)] for a in range(size)]
-    for edge in edges:
-        known = table[edge.source][edge.target]
-        table[edge.source][edge.target] = edge.weight if known is None else min(known, edge.weight)
+    for source, target, weight in edges:
+        known = table[source][target]
+        table[source][target] = weight if known is None else min(known, weight)
     for middle, after in enumerate(table):
         reached = [(b, weight) for b, weight in enumerate(after) if weight is not None]
         for row in table:
@@ -108,7 +357,7 @@ class Case(Enum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Edge:
+class CasedEdge:
     """`t_target − t_source ≤ weight` between numbered nodes; `label` is the contingent link of a cased edge.
 
     `steps` is where an edge of the network itself comes from; derived edges have a `search` that found them.
@@ -131,7 +380,7 @@ class Search:
     label: int | None
     queue: list[tuple[int, int]] = field(default_factory=list)
     distance: dict[int, int] = field(default_factory=dict)
-    next: dict[int, Edge] = field(default_factory=dict)
+    next: dict[int, CasedEdge] = field(default_factory=dict)
     done: set[int] = field(default_factory=set)
 
 
@@ -147,7 +396,7 @@ class NormalForm:
     scale: int
     infinity: int
     start: dict[int, int]
-    edges: tuple[Edge, ...]
+    edges: tuple[CasedEdge, ...]
 
     @property
     def size(self) -> int:
@@ -167,14 +416,14 @@ class DynamicAnswer:
 
     form: NormalForm
     cycle: NegativeCycle | None
-    derived: tuple[Edge, ...]
+    derived: tuple[CasedEdge, ...]
 
     @property
     def is_controllable(self) -> bool:
         return self.cycle is None
 
 
-def dynamic(stnu: Stnu, deadline: Deadline = Deadline()) -> DynamicAnswer:  # noqa: B008 - immutable
+def dynamic(stnu: Stnu, deadline: Deadline = NEVER) -> DynamicAnswer:
     """Whether a dispatcher that sees contingent links end can always satisfy all requirements.
 
     Raises:
@@ -196,22 +445,22 @@ def normal_form(stnu: Stnu) -> NormalForm:
     # A cycle that matters passes each edge at most 2^(K+1) times, K being the number of contingent links.
     infinity = scale * (1 + sum(abs(int(bound * scale)) for bound in bounds)) << (len(start) + 2)
     node = {point: number for number, point in enumerate(stnu.points)}
-    edges: list[Edge] = []
+    edges: list[CasedEdge] = []
     for index, link in enumerate(stnu.links):
         source, target = node[link.source], node[link.target]
         if isinstance(link, RequirementLink) or index not in start:
             if link.upper is not None:
-                edges.append(Edge(source, target, int(link.upper * scale), steps=(Step(index, Way.AT_MOST),)))
+                edges.append(CasedEdge(source, target, int(link.upper * scale), steps=(Step(index, Way.AT_MOST),)))
             if link.lower is not None:
-                edges.append(Edge(target, source, -int(link.lower * scale), steps=(Step(index, Way.AT_LEAST),)))
+                edges.append(CasedEdge(target, source, -int(link.lower * scale), steps=(Step(index, Way.AT_LEAST),)))
             continue
         middle, low = start[index], int((link.lower or 0) * scale)
         high = infinity if link.upper is None else int(link.upper * scale)
         edges += [
-            Edge(source, middle, low),
-            Edge(middle, source, -low),
-            Edge(middle, target, 0, Case.LOWER, index, (Step(index, Way.SHORTEST),)),
-            Edge(target, middle, low - high, Case.UPPER, index, (Step(index, Way.LONGEST),)),
+            CasedEdge(source, middle, low),
+            CasedEdge(middle, source, -low),
+            CasedEdge(middle, target, 0, Case.LOWER, index, (Step(index, Way.SHORTEST),)),
+            CasedEdge(target, middle, low - high, Case.UPPER, index, (Step(index, Way.LONGEST),)),
         ]
     return NormalForm(stnu, scale, infinity, start, tuple(edges))
 
@@ -221,13 +470,13 @@ class _Propagation:
 
     def __init__(self, form: NormalForm, deadline: Deadline) -> None:
         self._deadline = deadline
-        self._into: list[list[Edge]] = [[] for _ in range(form.size)]
+        self._into: list[list[CasedEdge]] = [[] for _ in range(form.size)]
         for edge in form.edges:
             self._into[edge.target].append(edge)
         self._label = {node: index for index, node in form.start.items()}
         self._negative = {edge.target for edge in form.edges if edge.weight < 0}
         self._finished: set[int] = set()
-        self.derived: list[Edge] = []
+        self.derived: list[CasedEdge] = []
 
     def run(self) -> list[Step] | None:
         """A closed walk that refutes dynamic controllability; None if there is none."""
@@ -263,7 +512,7 @@ class _Propagation:
                 self._relax(search, edge, 0)
         return search
 
-    def _relax(self, search: Search, edge: Edge, beyond: int) -> None:
+    def _relax(self, search: Search, edge: CasedEdge, beyond: int) -> None:
         distance = beyond + edge.weight
         known = search.distance.get(edge.source)
         if known is None or distance < known:
@@ -295,18 +544,18 @@ class _Propagation:
         if node == search.source or search.next[node].target == search.source:
             return
         if distance >= 0:
-            edge = Edge(node, search.source, distance, search=search)
+            edge = CasedEdge(node, search.source, distance, search=search)
             self._into[search.source].append(edge)
         else:
             case = Case.ORDINARY if search.label is None else Case.UPPER
-            edge = Edge(node, search.source, distance, case, search.label, search=search)
+            edge = CasedEdge(node, search.source, distance, case, search.label, search=search)
         self.derived.append(edge)
 
 
 def _closed_walk(stack: list[Search], node: int) -> list[Step]:
     """The walk from the node where the search got stuck, back through the searches that are on, to that node."""
     first = next(index for index, search in enumerate(stack) if search.source == node)
-    edges: list[Edge] = []
+    edges: list[CasedEdge] = []
     begin = node
     for search in reversed(stack[first:]):
         edges += _path(search, begin)
@@ -314,8 +563,8 @@ def _closed_walk(stack: list[Search], node: int) -> list[Step]:
     return list(_steps(edges))
 
 
-def _path(search: Search, node: int) -> list[Edge]:
-    path: list[Edge] = []
+def _path(search: Search, node: int) -> list[CasedEdge]:
+    path: list[CasedEdge] = []
     while not path or node != search.source:
         edge = search.next[node]
         path.append(edge)
@@ -323,7 +572,7 @@ def _path(search: Search, node: int) -> list[Edge]:
     return path
 
 
-def _steps(edges: list[Edge]) -> Iterator[Step]:
+def _steps(edges: list[CasedEdge]) -> Iterator[Step]:
     """The edges of the network of which a path is made. A′ counts as A, which changes no closed walk's length."""
     todo = list(reversed(edges))
     while todo:

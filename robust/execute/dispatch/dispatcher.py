@@ -1,48 +1,211 @@
-"""Messages that cannot be what they claim: numbers that are none, names that nobody knows."""
+"""The dispatcher: executes a plan under a box of parameter values, one message at a time [IRR §3, Algorithm 2].
+
+Time points that are the dispatcher's to choose are executed as early as their windows and waits allow; the others are
+waited for. When an observation leaves the box, a window is missed, an observation does not come, or the world is not in
+the state that an action needs, the plan is given up: nothing more is started. By default the actions that are running
+are then waited for, so that the state from which the next plan starts is one that the model describes.
+
+What a dispatcher is told are messages, what it decides are decisions. Times are in the plan's unit, exact, from the
+plan's time zero.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
-from math import lcm
 
 from robust.errors import did_you_mean
-from robust.execute.controllability.strong import ParametricLink
-from robust.execute.dispatch.messages import (
-    Completed,
-    Contradicted,
-    Decision,
-    Dispatch,
-    Ending,
-    Failed,
-    Finish,
-    LeftBox,
-    Message,
-    Missed,
-    Observation,
-    Observed,
-    Rejected,
-    Started,
-    StateEstimate,
-    Succeeded,
-    Unobserved,
-)
-from robust.execute.dispatch.network import DispatchNetwork, NaturalLink, Tables
-from robust.execute.dispatch.prepare import Dispatchable, Means
+from robust.execute.dispatch.network import Dispatchable, Means, NaturalLink, Windows
 from robust.numbers import format_number
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    Comparison,
-    Condition,
-    Duration,
-    Fluent,
-    TimePoint,
-    TimePointKind,
-    Timing,
-)
-from robust.plan.timeline import Reading, State, leaves
+from robust.plan import model
+from robust.plan.timeline import Reading, State
+from robust.qe.box import Interval
+
+# -- messages ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """An instance whose start is not the dispatcher's to choose has started."""
+
+    instance: str
+    time: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Completed:
+    """An instance has ended."""
+
+    instance: str
+    time: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """An instance could not start, or was ended by a condition that does not hold: `reason` says which."""
+
+    instance: str
+    time: Fraction
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """The value of a parameter; `instance` is the one that revealed it, where several may."""
+
+    parameter: str
+    value: Fraction
+    instance: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StateEstimate:
+    """The state of the world at a moment; conditions of what starts at that moment are looked up in it."""
+
+    time: Fraction
+    atoms: frozenset[model.Atom]
+    fluents: Mapping[model.Fluent, Fraction] = field(default_factory=dict)
+
+
+Message = Started | Completed | Failed | Observed | StateEstimate
+
+# -- what is kept of them ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """A value that was taken note of at `time`: of a parameter, or of a duration that is not as planned.
+
+    `inside` says whether the box allows it.
+    """
+
+    time: Fraction
+    what: str
+    value: Fraction
+    inside: bool
+
+
+# -- decisions ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Dispatch:
+    """An instance starts now."""
+
+    point: model.TimePoint
+    time: Fraction
+
+    def __str__(self) -> str:
+        return f"start {self.point.instance}"
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """An instance whose duration is the dispatcher's to choose ends now."""
+
+    point: model.TimePoint
+    time: Fraction
+
+    def __str__(self) -> str:
+        return f"end {self.point.instance}"
+
+
+@dataclass(frozen=True, slots=True)
+class LeftBox:
+    """An observation is outside of the box: the plan is no longer guaranteed to succeed.
+
+    `parameter` is None for a duration that is no parameter; `what` names either for people. `value` is None if all that
+    is known is that it exceeds the upper end, because the observation is overdue.
+    """
+
+    parameter: str | None
+    what: str
+    value: Fraction | None
+    interval: Interval
+    time: Fraction
+
+    def __str__(self) -> str:
+        if self.value is None:
+            bound = "no end" if self.interval.upper is None else format_number(self.interval.upper)
+            return f"{self.what} exceeds {bound}"
+        return f"{self.what} = {format_number(self.value)} is outside {interval_text(self.interval)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Missed:
+    """A time point can no longer happen, or has happened, within what the network allows; `constraint` says why."""
+
+    point: model.TimePoint
+    constraint: str
+    time: Fraction
+
+    def __str__(self) -> str:
+        return f"{self.point} missed: {self.constraint}"
+
+
+@dataclass(frozen=True, slots=True)
+class Unobserved:
+    """A parameter should have been revealed by `due`, and was not."""
+
+    parameter: str
+    due: Fraction
+    time: Fraction
+
+    def __str__(self) -> str:
+        return f"{self.parameter} was not observed by {format_number(self.due)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Contradicted:
+    """The world is in a state in which an instance cannot start, or has failed."""
+
+    instance: str
+    reason: str
+    time: Fraction
+
+    def __str__(self) -> str:
+        return f"{self.instance} failed: {self.reason}"
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """A message that changes nothing, and why; execution goes on."""
+
+    message: str
+    reason: str
+    time: Fraction
+
+    def __str__(self) -> str:
+        return f"rejected {self.message}: {self.reason}"
+
+
+@dataclass(frozen=True, slots=True)
+class Succeeded:
+    """All time points have happened, and every observation was inside the box."""
+
+    time: Fraction
+
+    def __str__(self) -> str:
+        return "all done"
+
+
+Ending = LeftBox | Missed | Unobserved | Contradicted
+"""Why a plan is given up."""
+Decision = Dispatch | Finish | Ending | Rejected | Succeeded
+
+
+def interval_text(interval: Interval) -> str:
+    """`[1/3, inf)`, with numbers as they are written elsewhere."""
+    lower = "-inf" if interval.lower is None else format_number(interval.lower)
+    upper = "inf" if interval.upper is None else format_number(interval.upper)
+    opening = "[" if interval.lower is not None and interval.lower_closed else "("
+    closing = "]" if interval.upper is not None and interval.upper_closed else ")"
+    return f"{opening}{lower}, {upper}{closing}"
+
+
+# -- the dispatcher ----------------------------------------------------------------------------------------------------
 
 
 def is_exact(number: object) -> bool:
@@ -87,7 +250,7 @@ def in_order(messages: Sequence[Message]) -> list[Message]:
 
 
 def unmet(
-    instance: ActionInstance, estimate: StateEstimate, parameters: Mapping[str, Fraction], *, numbers: bool
+    instance: model.ActionInstance, estimate: StateEstimate, parameters: Mapping[str, Fraction], *, numbers: bool
 ) -> str | None:
     """The first condition at the start of an instance that does not hold in a state, as it is written in PDDL.
 
@@ -96,169 +259,17 @@ def unmet(
     """
     reading = Reading(State(estimate.atoms, estimate.fluents), parameters)
     for part in instance.conditions:
-        readable = part.timing is Timing.AT_START and _is_readable(part.condition, estimate, numbers=numbers)
+        readable = part.timing is model.Timing.AT_START and _is_readable(part.condition, estimate, numbers=numbers)
         if readable and not reading.holds(part.condition):
             return f"{part.text} does not hold"
     return None
 
 
-def _is_readable(condition: Condition, estimate: StateEstimate, *, numbers: bool) -> bool:
-    for leaf in leaves(condition):
-        if isinstance(leaf, Comparison):
-            fluents = [one for one in leaf.expression.variables if isinstance(one, Fluent)]
-            if any(isinstance(one, Duration) for one in leaf.expression.variables):
-                return False
-            if fluents and (not numbers or not estimate.fluents.keys() >= set(fluents)):
-                return False
-    return True
-
-
-class Windows:
-    """The windows of one execution; time points are numbered as in the network. Arithmetic is in integers, exactly."""
-
-    def __init__(self, network: DispatchNetwork, denominator: int = 1) -> None:
-        self.network = network
-        self._tables: Tables = network.scaled(denominator)
-        self._times: dict[int, int] = {}
-        size = len(network.points)
-        self._lower = [0] * size
-        self._upper: list[int | None] = [None] * size
-        self._cause: list[int | None] = [None] * size
-        self._blockers = [set(blockers) for blockers in network.blockers]
-        self._blocked: list[list[int]] = [[] for _ in range(size)]
-        for point, blockers in enumerate(self._blockers):
-            for blocker in blockers:
-                self._blocked[blocker].append(point)
-        self._waits: list[list[int]] = [[] for _ in range(size)]
-        for number, wait in enumerate(self._tables.waits):
-            self._waits[wait.point].append(number)
-
-    # -- what has happened -------------------------------------------------------------------------------------------
-
-    def happened(self, point: int, time: Fraction) -> None:
-        """A time point has happened; its time need not be in its window."""
-        ticks = self._ticks(time)
-        self._times[point] = ticks
-        for other, weight in self._tables.above[point]:
-            latest = ticks + weight
-            known = self._upper[other]
-            if known is None or latest < known:
-                self._upper[other] = latest
-                self._cause[other] = point
-        for other, weight in self._tables.below[point]:
-            self._lower[other] = max(self._lower[other], ticks + weight)
-        for other in self._blocked[point]:
-            self._blockers[other].discard(point)
-
-    def has_happened(self, point: int) -> bool:
-        return point in self._times
-
-    def time(self, point: int) -> Fraction | None:
-        """When a time point happened."""
-        ticks = self._times.get(point)
-        return None if ticks is None else Fraction(ticks, self._tables.scale)
-
-    @property
-    def times(self) -> dict[int, Fraction]:
-        return {point: Fraction(ticks, self._tables.scale) for point, ticks in self._times.items()}
-
-    # -- what may happen ---------------------------------------------------------------------------------------------
-
-    def window(self, point: int) -> tuple[Fraction, Fraction | None]:
-        """The least and the greatest time at which a time point may happen; None is never too late."""
-        upper = self._upper[point]
-        scale = self._tables.scale
-        return Fraction(self._lower[point], scale), None if upper is None else Fraction(upper, scale)
-
-    def is_late(self, point: int, now: Fraction) -> bool:
-        """Whether its greatest time has passed."""
-        return self.first_late((point,), now) is not None
-
-    def first_late(self, points: Iterable[int], now: Fraction) -> int | None:
-        """The first of these whose greatest time has passed."""
-        ticks = self._ticks(now)
-        for point in points:
-            upper = self._upper[point]
-            if upper is not None and upper < ticks:
-                return point
-        return None
-
-    def first_empty(self, points: Iterable[int]) -> int | None:
-        """The first of these that no time is left for."""
-        for point in points:
-            upper = self._upper[point]
-            if upper is not None and upper < self._lower[point]:
-                return point
-        return None
-
-    def first_ready(self, points: Iterable[int], now: Fraction) -> int | None:
-        """The first of these that can be dispatched."""
-        ticks = self._ticks(now)
-        for point in points:
-            ready = self._ready(point)
-            if ready is not None and ready <= ticks:
-                return point
-        return None
-
-    def next_moment(self, points: Iterable[int], now: Fraction, patience: Fraction) -> Fraction | None:
-        """When the first of these becomes ready, or its greatest time plus `patience` comes, after now."""
-        ticks, grace = self._ticks(now), self._ticks(patience)
-        ticks = self._ticks(now)  # in the units that patience may have asked for
-        found: int | None = None
-        for point in points:
-            ready, upper = self._ready(point), self._upper[point]
-            for moment in (ready, None if upper is None else upper + grace):
-                if moment is not None and moment > ticks and (found is None or moment < found):
-                    found = moment
-        return None if found is None else Fraction(found, self._tables.scale)
-
-    def ready(self, point: int) -> Fraction | None:
-        """From when on a time point can be dispatched, if nothing else happens; None if it waits for something."""
-        ready = self._ready(point)
-        return None if ready is None else Fraction(ready, self._tables.scale)
-
-    def _ready(self, point: int) -> int | None:
-        if self._blockers[point]:
-            return None
-        ready = self._lower[point]
-        for number in self._waits[point]:
-            wait = self._tables.waits[number]
-            if wait.end in self._times:
-                continue
-            if wait.delay is None:
-                return None
-            ready = max(ready, self._times[wait.activation] + wait.delay)
-        return ready
-
-    def cause(self, point: int) -> int | None:
-        """What its greatest time follows from."""
-        return self._cause[point]
-
-    def over(self, network: DispatchNetwork) -> Windows:
-        """The same history in another network with the same time points."""
-        fresh = Windows(network, self._tables.scale)
-        for point, ticks in self._times.items():
-            fresh.happened(point, Fraction(ticks, self._tables.scale))
-        return fresh
-
-    # -- units -------------------------------------------------------------------------------------------------------
-
-    def _ticks(self, time: Fraction) -> int:
-        if self._tables.scale % time.denominator:
-            self._rescale(time.denominator)
-        return time.numerator * (self._tables.scale // time.denominator)
-
-    def _rescale(self, denominator: int) -> None:
-        tables = self.network.scaled(lcm(self._tables.scale, denominator))
-        factor = tables.scale // self._tables.scale
-        self._times = {point: ticks * factor for point, ticks in self._times.items()}
-        self._lower = _times(self._lower, factor)
-        self._upper = [None if ticks is None else ticks * factor for ticks in self._upper]
-        self._tables = tables
-
-
-def _times(numbers: Iterable[int], factor: int) -> list[int]:
-    return [number * factor for number in numbers]
+def _is_readable(condition: model.Condition, estimate: StateEstimate, *, numbers: bool) -> bool:
+    expressions = [one.expression for one in model.comparisons(condition)]
+    fluents = {fluent for expression in expressions for fluent in model.fluents_in(expression)}
+    known = not fluents or (numbers and estimate.fluents.keys() >= fluents)
+    return known and not any(model.Duration() in expression.variables for expression in expressions)
 
 
 class Phase(Enum):
@@ -297,7 +308,7 @@ class Dispatcher:
         self._left = list(dispatchable.ours)
         self._literals = list(dispatchable.literals)
         self._open = {link.target: link for link in dispatchable.network.natural.values()}
-        self._limits: dict[TimePoint, Fraction] = {}
+        self._limits: dict[model.TimePoint, Fraction] = {}
         """By when what is waited for should have been reported."""
         self._seen: dict[tuple[str, str | None], Fraction] = {}
         self._due: dict[tuple[str, str | None], Fraction] = {}
@@ -307,6 +318,8 @@ class Dispatcher:
         self._now = Fraction(0)
         self._wake: Fraction | None = None
         self._begun = False
+        self._decisions: list[Decision] = []
+        """Those of the step that is being taken."""
 
     # -- the executive -----------------------------------------------------------------------------------------------
 
@@ -320,25 +333,25 @@ class Dispatcher:
 
     def step(self, now: Fraction, messages: Sequence[Message] = ()) -> Sequence[Decision]:
         """Take note of messages, then decide; the decisions of one step are in the order in which they were made."""
-        decisions: list[Decision] = []
+        decisions = self._decisions = []
         self._now = now
         if not self._begun:
             self._begun = True
-            self._happen(ZERO, Fraction(0))
+            self._happen(model.ZERO, Fraction(0))
         for message in in_order(messages):
             if not self.ended:
-                self._take(message, decisions)
+                self._take(message)
         if self.phase is Phase.DISPATCHING:
-            self._advance(decisions)
+            self._advance()
         if self.phase is Phase.DRAINING:
-            self._drain_running(decisions)
+            self._drain_running()
         self._wake = None if self.ended else self._next_wake()
         return decisions
 
     # -- for those who look on ---------------------------------------------------------------------------------------
 
     @property
-    def times(self) -> dict[TimePoint, Fraction]:
+    def times(self) -> dict[model.TimePoint, Fraction]:
         """What has happened, and when."""
         return {self._points[number]: time for number, time in self._windows.times.items()}
 
@@ -347,43 +360,43 @@ class Dispatcher:
         """The instances that have started and not ended."""
         return tuple(one.identifier for one in self.dispatchable.plan.instances if self._is_running(one))
 
-    def window(self, point: TimePoint) -> tuple[Fraction, Fraction | None]:
+    def window(self, point: model.TimePoint) -> tuple[Fraction, Fraction | None]:
         """MinMaxDispatchTime: the least and the greatest time of a time point, as far as is known now."""
         return self._windows.window(self.dispatchable.network.index[point])
 
     # -- messages ----------------------------------------------------------------------------------------------------
 
-    def _take(self, message: Message, decisions: list[Decision]) -> None:
+    def _take(self, message: Message) -> None:
         wrong = flaw(message, self.dispatchable)
         if wrong is None:
             match message:
                 case Started(instance, time):
-                    wrong = self._event(self.dispatchable.plan.instance[instance].start, Fraction(time), decisions)
+                    wrong = self._event(self.dispatchable.plan.instance[instance].start, Fraction(time))
                 case Completed(instance, time):
-                    wrong = self._event(self.dispatchable.plan.instance[instance].end, Fraction(time), decisions)
+                    wrong = self._event(self.dispatchable.plan.instance[instance].end, Fraction(time))
                 case Failed():
-                    wrong = self._fail(message, decisions)
+                    wrong = self._fail(message)
                 case Observed():
-                    wrong = self._observe(message, decisions)
+                    wrong = self._observe(message)
                 case StateEstimate(time):
                     wrong = self._future(Fraction(time))
                     if wrong is None and (self._estimate is None or self._estimate.time <= time):
                         self._estimate = message
         if wrong is not None:
             self.rejected.append(Rejected(str(message), wrong, self._now))
-            decisions.append(self.rejected[-1])
+            self._decisions.append(self.rejected[-1])
 
     def _future(self, time: Fraction) -> str | None:
         return f"found time {format_number(time)}, which is yet to come" if time > self._now else None
 
-    def _event(self, point: TimePoint, time: Fraction, decisions: list[Decision]) -> str | None:
+    def _event(self, point: model.TimePoint, time: Fraction) -> str | None:
         """A time point that was not, or not only, the dispatcher's to choose; returns what is wrong with that."""
         number = self.dispatchable.network.index[point]
         known = self._windows.time(number)
         if known is not None:
             same = time == known
             return None if same else f"{point} has happened at {format_number(known)} already; the first time stands"
-        if point.kind is TimePointKind.END and point.instance in self._failed:
+        if point.kind is model.TimePointKind.END and point.instance in self._failed:
             return f"{point.instance} has failed already"
         link = self._open.get(point)
         source = self._before(point) if link is None else link.source
@@ -394,16 +407,20 @@ class Dispatcher:
             return f"found time {format_number(time)}, expected one from {format_number(begin)} on"
         if time > self._now:
             return self._future(time)
-        self._natural(point, link, time, time - begin, decisions)
+        self._natural(point, link, time, time - begin)
         return None
 
-    def _before(self, point: TimePoint) -> TimePoint | None:
+    def _before(self, point: model.TimePoint) -> model.TimePoint | None:
         """The start of the instance that a time point ends; None for starts, which do not come by themselves."""
-        ends = point.kind is TimePointKind.END and point.instance is not None
+        ends = point.kind is model.TimePointKind.END and point.instance is not None
         return self.dispatchable.plan.instance[point.instance or ""].start if ends else None
 
     def _natural(
-        self, point: TimePoint, link: NaturalLink | None, time: Fraction, length: Fraction, decisions: list[Decision]
+        self,
+        point: model.TimePoint,
+        link: NaturalLink | None,
+        time: Fraction,
+        length: Fraction,
     ) -> None:
         number = self.dispatchable.network.index[point]
         if number in self._left:
@@ -411,27 +428,35 @@ class Dispatcher:
         self._happen(point, time)
         lower, upper = self._windows.window(number)
         if link is not None:
-            self._reveal(link, length, time, decisions)
+            self._reveal(link, length, time)
         if self.phase is Phase.DISPATCHING and (time < lower or (upper is not None and time > upper)):
-            self._give_up(Missed(point, self._why(number, time), self._now), decisions)
+            self._give_up(Missed(point, self._why(number, time), self._now))
 
-    def _reveal(self, link: NaturalLink, length: Fraction, time: Fraction, decisions: list[Decision]) -> None:
-        name = link.parameter
-        value = length if name is None else link.revealed(length)
+    def _reveal(self, link: NaturalLink, length: Fraction, time: Fraction) -> None:
+        value = length if link.parameter is None else link.revealed(length)
+        left = self._left_box(link, value, time)
+        self._learn(left, value, link.target.instance, inside=length in link.allowed)
+
+    def _learn(self, left: LeftBox, value: Fraction, instance: str | None, *, inside: bool) -> None:
+        """Take note of a value that an instance has revealed; `left` is what it amounts to if it is not inside."""
+        name = left.parameter
         if name is not None:
             self.observed.setdefault(name, value)
-            self._seen[name, link.target.instance] = value
-        inside = length in link.allowed
-        what = name or f"the time from {link.source} to {link.target}"
+            self._seen[name, instance] = value
         if name is not None or not inside:
-            self.observations.append(Observation(time, what, value, inside))
+            self.observations.append(Observation(left.time, left.what, value, inside))
         if not inside:
-            interval = link.allowed if name is None else self.dispatchable.box[name]
-            self._give_up(LeftBox(name, what, value, interval, time), decisions)
+            self._give_up(left)
         elif name is not None:
             self._tighten(name)
 
-    def _fail(self, message: Failed, decisions: list[Decision]) -> str | None:
+    def _left_box(self, link: NaturalLink, value: Fraction | None, time: Fraction) -> LeftBox:
+        """That a length is not allowed; None if it is overdue."""
+        name = link.parameter
+        interval = link.allowed if name is None else self.dispatchable.box[name]
+        return LeftBox(name, name or f"the time from {link.source} to {link.target}", value, interval, time)
+
+    def _fail(self, message: Failed) -> str | None:
         instance = self.dispatchable.plan.instance[message.instance]
         if instance.durative and self._is_done(instance):
             return f"{message.instance} has ended already"
@@ -440,10 +465,10 @@ class Dispatcher:
         self._failed.add(message.instance)
         self._open.pop(instance.end, None)
         self._limits.pop(instance.end, None)
-        self._give_up(Contradicted(message.instance, message.reason, message.time), decisions)
+        self._give_up(Contradicted(message.instance, message.reason, message.time))
         return None
 
-    def _observe(self, message: Observed, decisions: list[Decision]) -> str | None:
+    def _observe(self, message: Observed) -> str | None:
         name, value = message.parameter, Fraction(message.value)
         key = (name, message.instance)
         if key not in self._due and message.instance is None:
@@ -456,37 +481,31 @@ class Dispatcher:
         if timed and timed[0].means is Means.TIME:
             return f"{name} is revealed by the time of {timed[0].point}, which has not happened"
         self._due.pop(key, None)
-        self._seen[key] = value
-        self.observed.setdefault(name, value)
-        inside = value in self.dispatchable.box[name]
-        self.observations.append(Observation(self._now, name, value, inside))
-        if not inside:
-            self._give_up(LeftBox(name, name, value, self.dispatchable.box[name], self._now), decisions)
-        else:
-            self._tighten(name)
+        left = LeftBox(name, name, value, self.dispatchable.box[name], self._now)
+        self._learn(left, value, key[1], inside=value in self.dispatchable.box[name])
         return None
 
     # -- decisions ---------------------------------------------------------------------------------------------------
 
-    def _advance(self, decisions: list[Decision]) -> None:
+    def _advance(self) -> None:
         self._pass_literals()
         ending = self._overdue()
         if ending is not None:
-            self._give_up(ending, decisions)
+            self._give_up(ending)
             return
         while self.phase is Phase.DISPATCHING:
             number = self._windows.first_ready(self._left, self._now)
             if number is None:
                 break
-            self._execute(number, decisions)
+            self._execute(number)
         if self.phase is not Phase.DISPATCHING:
             return
         stuck = self._stuck()
         if stuck is not None:
-            self._give_up(stuck, decisions)
+            self._give_up(stuck)
         elif not self._left and not self._open and not self._due:
             self.phase = Phase.ENDED
-            decisions.append(Succeeded(self._now))
+            self._decisions.append(Succeeded(self._now))
 
     def _pass_literals(self) -> None:
         while self._literals and self._literals[0][0] <= self._now:
@@ -497,11 +516,7 @@ class Dispatcher:
         """What should have happened by now and has not."""
         for target, limit in self._limits.items():
             if self._now >= limit:
-                link = self._open[target]
-                name = link.parameter
-                interval = link.allowed if name is None else self.dispatchable.box[name]
-                what = name or f"the time from {link.source} to {link.target}"
-                return LeftBox(name, what, None, interval, self._now)
+                return self._left_box(self._open[target], None, self._now)
         late = self._windows.first_late(self._left, self._now)
         if late is not None:
             return Missed(self._points[late], self._why(late, None), self._now)
@@ -510,22 +525,22 @@ class Dispatcher:
                 return Unobserved(name, due, self._now)
         return None
 
-    def _execute(self, number: int, decisions: list[Decision]) -> None:
+    def _execute(self, number: int) -> None:
         point = self._points[number]
-        if self._windows.is_late(number, self._now):
-            self._give_up(Missed(point, self._why(number, None), self._now), decisions)
+        if self._windows.first_late((number,), self._now) is not None:
+            self._give_up(Missed(point, self._why(number, None), self._now))
             return
         instance = self.dispatchable.plan.instance[point.instance or ""]
-        reason = None if point.kind is TimePointKind.END else self._contradiction(instance)
+        reason = None if point.kind is model.TimePointKind.END else self._contradiction(instance)
         if reason is not None:
-            self._give_up(Contradicted(instance.identifier, reason, self._now), decisions)
+            self._give_up(Contradicted(instance.identifier, reason, self._now))
             return
         self._left.remove(number)
         self._happen(point, self._now)
-        kind = Finish if point.kind is TimePointKind.END else Dispatch
-        decisions.append(kind(point, self._now))
+        kind = Finish if point.kind is model.TimePointKind.END else Dispatch
+        self._decisions.append(kind(point, self._now))
 
-    def _contradiction(self, instance: ActionInstance) -> str | None:
+    def _contradiction(self, instance: model.ActionInstance) -> str | None:
         """Why an instance cannot start, as far as the last known state tells: it lasts until something happens."""
         estimate = self._estimate
         if estimate is None or estimate.time < self._last_change:
@@ -548,29 +563,25 @@ class Dispatcher:
             return f"possible from {format_number(lower)} on"
         return f"possible until {'ever' if upper is None else format_number(upper)}{since}"
 
-    def _give_up(self, ending: Ending, decisions: list[Decision]) -> None:
+    def _give_up(self, ending: Ending) -> None:
         if self.phase is not Phase.DISPATCHING:
             return
         self.ending = ending
-        decisions.append(ending)
+        self._decisions.append(ending)
         self.phase = Phase.DRAINING if self._drain else Phase.ENDED
 
-    def _drain_running(self, decisions: list[Decision]) -> None:
-        for number in tuple(self._left):
-            point = self._points[number]
-            instance = self.dispatchable.plan.instance[point.instance or ""]
-            if point.kind is TimePointKind.END and self._is_running(instance):
-                lower, _ = self._windows.window(number)
-                if lower <= self._now:
-                    self._left.remove(number)
-                    self._happen(point, self._now)
-                    decisions.append(Finish(point, self._now))
+    def _drain_running(self) -> None:
+        for number in filter(self._ends_running, tuple(self._left)):
+            if self._windows.window(number)[0] <= self._now:
+                self._left.remove(number)
+                self._happen(self._points[number], self._now)
+                self._decisions.append(Finish(self._points[number], self._now))
         if not self.running:
             self.phase = Phase.ENDED
 
     # -- what has happened -------------------------------------------------------------------------------------------
 
-    def _happen(self, point: TimePoint, time: Fraction) -> None:
+    def _happen(self, point: model.TimePoint, time: Fraction) -> None:
         number = self.dispatchable.network.index[point]
         self._windows.happened(number, time)
         self._open.pop(point, None)
@@ -587,21 +598,17 @@ class Dispatcher:
         """Replace an observed parameter by its value wherever else it bounds the network."""
         edges = []
         for link in self.dispatchable.shared:
-            for bound, forwards in ((link.upper, True), (link.lower, False)):
+            source, target = (self.dispatchable.network.index[point] for point in (link.source, link.target))
+            for bound, first, second, sign in ((link.upper, source, target, 1), (link.lower, target, source, -1)):
                 if bound is not None and name in bound.variables and bound.variables <= self.observed.keys():
-                    edges.append(self._edge(link, bound.evaluate(self.observed), forwards=forwards))
+                    edges.append((first, second, sign * bound.evaluate(self.observed)))
         if edges:
             self._windows = self._windows.over(self._windows.network.tightened(edges))
 
-    def _edge(self, link: ParametricLink, value: Fraction, *, forwards: bool) -> tuple[int, int, Fraction]:
-        index = self.dispatchable.network.index
-        source, target = index[link.source], index[link.target]
-        return (source, target, value) if forwards else (target, source, -value)
-
-    def _is_done(self, instance: ActionInstance) -> bool:
+    def _is_done(self, instance: model.ActionInstance) -> bool:
         return self._windows.has_happened(self.dispatchable.network.index[instance.end])
 
-    def _is_running(self, instance: ActionInstance) -> bool:
+    def _is_running(self, instance: model.ActionInstance) -> bool:
         started = self._windows.has_happened(self.dispatchable.network.index[instance.start])
         return started and not self._is_done(instance) and instance.identifier not in self._failed
 
@@ -618,4 +625,4 @@ class Dispatcher:
     def _ends_running(self, number: int) -> bool:
         point = self._points[number]
         instance = self.dispatchable.plan.instance[point.instance or ""]
-        return point.kind is TimePointKind.END and self._is_running(instance)
+        return point.kind is model.TimePointKind.END and self._is_running(instance)

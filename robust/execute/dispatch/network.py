@@ -1,35 +1,44 @@
-"""Which deviations an executor accepts before it re-plans [IRR §5].
+"""Plans ready for dispatch: what does not depend on what happens is worked out once, for any number of runs.
 
 DREEX accepts what a box of parameter values allows that is proved to be inside the robustness envelope. BLEX(x), the
 baseline, accepts any duration or consumption within x per cent of what was planned, and proves nothing.
+
+The temporal network becomes tables that a dispatcher can read quickly: who waits for whom, and how long. Under a box
+that is dynamically controllable, the tables hold all that follows from the constraints and from what nature may still
+choose, with the waits of P. Morris (2014): :mod:`robust.execute.controllability.dynamic`. Under any other box no
+strategy is certain; the tables then hold what follows if nature is kind. For BLEX they hold the constraints of the plan
+as they are written: it looks no further ahead than from one time point to the next [IRR, Algorithm 2].
+
+Numbers are integers in units of a common denominator.
+
+:class:`Windows` are MinMaxDispatchTime, online: when each time point may happen, given when others have happened.
+Whatever happens narrows the windows of all that its bounds reach. The tables of a closed network hold every bound that
+follows from others, so that one pass is exact: a window is that of the network in which all past times are fixed.
+
+Parameters "must be eventually observable" [IRR §3, Parametrization]. A distance between time points that is a parameter
+is revealed by the later one: a duration by the action's end, a start time by the start. A consumption or production is
+revealed by the level right after the effect, a rate by the level at the action's end, and an initial level at time
+zero.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
 from math import lcm
 
+from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, did_you_mean
-from robust.execute.controllability.dynamic import Case, DynamicAnswer, dynamic
-from robust.execute.controllability.dynamic import Edge as NormalEdge
-from robust.execute.controllability.stnu import ContingentLink, Stnu
-from robust.execute.controllability.strong import (
-    ParametricLink,
-    ParametricStnu,
-    ends_of,
-    finite_value,
-    greatest,
-    least,
-)
-from robust.execute.distances import Edge, Paths
-from robust.irr.box import Box, Interval
+from robust.execute.controllability import boxes
+from robust.execute.controllability.dynamic import Case, DynamicAnswer, dynamic, shortest_paths
 from robust.numbers import format_number, is_number, parse_number, shorten
-from robust.plan.model import ParametrizedPlan, TimePoint
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
+from robust.qe.box import Box, Interval
 
 _PLACE = Location("--executor")
 
@@ -58,7 +67,7 @@ class Blex:
         ends = sorted((value * (1 - self.share), value * (1 + self.share)))
         return Interval(ends[0], ends[1])
 
-    def box(self, plan: ParametrizedPlan) -> Box:
+    def box(self, plan: model.ParametrizedPlan) -> Box:
         """The interval of every parameter, around its nominal value."""
         return Box({one.name: self.interval(one.nominal) for one in plan.parameters})
 
@@ -100,8 +109,8 @@ class NaturalLink:
     `length` is a linear expression over parameters; `allowed` are the lengths that are accepted.
     """
 
-    source: TimePoint
-    target: TimePoint
+    source: model.TimePoint
+    target: model.TimePoint
     length: Polynomial[str]
     allowed: Interval
 
@@ -117,35 +126,17 @@ class NaturalLink:
         return (length - self.length.constant_term) / factor
 
 
-@dataclass(frozen=True, slots=True)
-class ConditionalWait:
-    """`point` waits until `delay` after `activation` unless `end` has happened; None: however long that takes."""
-
-    point: int
-    activation: int
-    end: int
-    delay: int | None
-
-
-@dataclass(frozen=True)
-class Tables:
-    """Bounds between time points by number, in units of 1/`scale`.
-
-    `above[x]` has `(y, w)` for t_y ≤ t_x + w, `below[x]` has `(y, w)` for t_y ≥ t_x + w.
-    """
-
-    scale: int
-    above: tuple[tuple[tuple[int, int], ...], ...]
-    below: tuple[tuple[tuple[int, int], ...], ...]
-    waits: tuple[ConditionalWait, ...]
-
-
 class DispatchNetwork:
-    """Tables of a plan's network, made once and read by any number of executions."""
+    """Tables of a plan's network, made once and read by any number of executions; time points are numbered.
+
+    Bounds and delays are in units of 1/`scale`: `above[x]` has `(y, w)` for t_y ≤ t_x + w, `below[x]` has `(y, w)` for
+    t_y ≥ t_x + w. `waits[x]` has `(activation, end, delay)`: x waits until `delay` after `activation` unless `end` has
+    happened; None: however long that takes.
+    """
 
     def __init__(
         self,
-        points: Sequence[TimePoint],
+        points: Sequence[model.TimePoint],
         links: Iterable[NaturalLink],
         edges: Iterable[tuple[int, int, Fraction]],
         waits: Iterable[tuple[int, int, int, Fraction | None]],
@@ -154,57 +145,165 @@ class DispatchNetwork:
     ) -> None:
         """`edges` are `(x, y, w)` for t_y − t_x ≤ w; `waits` are point, activation, end and delay."""
         self.points = tuple(points)
-        self.index: Mapping[TimePoint, int] = {point: i for i, point in enumerate(self.points)}
-        self.natural: Mapping[TimePoint, NaturalLink] = {link.target: link for link in links}
+        self.index: Mapping[model.TimePoint, int] = {point: i for i, point in enumerate(self.points)}
+        self.natural: Mapping[model.TimePoint, NaturalLink] = {link.target: link for link in links}
         self.closed = closed
-        self._edges = _strongest(edges)
+        self._edges = _closure(len(self.points), _strongest(edges)) if closed else _strongest(edges)
         self._waits = tuple(waits)
         delays = [delay for *_, delay in self._waits if delay is not None]
-        if closed:
-            self._edges = _closure(self.points, self._edges)
-        self._denominator = lcm(*(weight.denominator for weight in (*self._edges.values(), *delays)))
-        self._tables: dict[int, Tables] = {}
-
-    @property
-    def edges(self) -> Mapping[tuple[int, int], Fraction]:
-        """`(x, y)` to the strongest known w with t_y − t_x ≤ w."""
-        return self._edges
+        self.scale = lcm(*(weight.denominator for weight in (*self._edges.values(), *delays)))
+        self.above: list[list[tuple[int, int]]] = [[] for _ in self.points]
+        self.below: list[list[tuple[int, int]]] = [[] for _ in self.points]
+        self.waits: list[list[tuple[int, int, int | None]]] = [[] for _ in self.points]
+        for (x, y), weight in self._edges.items():
+            ticks = int(weight * self.scale)
+            self.above[x].append((y, ticks))
+            self.below[y].append((x, -ticks))
+        for point, activation, end, delay in self._waits:
+            self.waits[point].append((activation, end, None if delay is None else int(delay * self.scale)))
 
     @cached_property
     def blockers(self) -> tuple[frozenset[int], ...]:
         """For each time point those that must have happened first.
 
-        A time point that may coincide with a natural one waits for it: whoever starts first could be wrong.
+        A time point that may coincide with a natural one waits for it, unless it brings it about: whoever starts first
+        could be wrong.
         """
         found: list[set[int]] = [set() for _ in self.points]
         for (x, y), weight in self._edges.items():
-            if weight < 0 or (weight == 0 and self.points[y] in self.natural and self.points[x] not in self.natural):
+            first, second = self.points[y], self.points[x]
+            chance = first in self.natural and second not in self.natural and not self._follows(first, second)
+            if weight < 0 or (weight == 0 and chance):
                 found[x].add(y)
         for point, activation, _, _ in self._waits:
             found[point].add(activation)
         return tuple(map(frozenset, found))
 
-    def scaled(self, denominator: int = 1) -> Tables:
-        """The tables in units that divide 1/`denominator` and all numbers of the network."""
-        scale = lcm(self._denominator, denominator)
-        if scale not in self._tables:
-            self._tables[scale] = self._scaled(scale)
-        return self._tables[scale]
-
-    def _scaled(self, scale: int) -> Tables:
-        above: list[list[tuple[int, int]]] = [[] for _ in self.points]
-        below: list[list[tuple[int, int]]] = [[] for _ in self.points]
-        for (x, y), weight in self._edges.items():
-            ticks = int(weight * scale)
-            above[x].append((y, ticks))
-            below[y].append((x, -ticks))
-        waits = tuple(ConditionalWait(p, a, e, None if d is None else int(d * scale)) for p, a, e, d in self._waits)
-        return Tables(scale, tuple(map(tuple, above)), tuple(map(tuple, below)), waits)
+    def _follows(self, point: model.TimePoint, cause: model.TimePoint) -> bool:
+        """Whether a natural time point happens because of another time point."""
+        while point in self.natural and point != cause:
+            point = self.natural[point].source
+        return point == cause
 
     def tightened(self, edges: Iterable[tuple[int, int, Fraction]]) -> DispatchNetwork:
         """The network with more edges, such as those of a parameter that has been observed."""
         every = [*((x, y, w) for (x, y), w in self._edges.items()), *edges]
         return DispatchNetwork(self.points, self.natural.values(), every, self._waits, closed=self.closed)
+
+
+class Windows:
+    """The windows of one execution; time points are numbered as in the network.
+
+    Arithmetic is in integers, exactly: the network's unit is divided as often as times ask for it.
+    """
+
+    def __init__(self, network: DispatchNetwork) -> None:
+        self.network = network
+        self._factor = 1
+        self._times: dict[int, int] = {}
+        size = len(network.points)
+        self._lower = [0] * size
+        self._upper: list[int | None] = [None] * size
+        self._cause: list[int | None] = [None] * size
+
+    # -- what has happened -------------------------------------------------------------------------------------------
+
+    def happened(self, point: int, time: Fraction) -> None:
+        """A time point has happened; its time need not be in its window."""
+        ticks = self._ticks(time)
+        self._times[point] = ticks
+        for other, weight in self.network.above[point]:
+            latest = ticks + weight * self._factor
+            known = self._upper[other]
+            if known is None or latest < known:
+                self._upper[other] = latest
+                self._cause[other] = point
+        for other, weight in self.network.below[point]:
+            self._lower[other] = max(self._lower[other], ticks + weight * self._factor)
+
+    def has_happened(self, point: int) -> bool:
+        return point in self._times
+
+    def time(self, point: int) -> Fraction | None:
+        """When a time point happened."""
+        return self._time(self._times.get(point))
+
+    @property
+    def times(self) -> dict[int, Fraction]:
+        return {point: Fraction(ticks, self._scale) for point, ticks in self._times.items()}
+
+    # -- what may happen ---------------------------------------------------------------------------------------------
+
+    def window(self, point: int) -> tuple[Fraction, Fraction | None]:
+        """The least and the greatest time at which a time point may happen; None is never too late."""
+        return Fraction(self._lower[point], self._scale), self._time(self._upper[point])
+
+    def first_late(self, points: Iterable[int], now: Fraction) -> int | None:
+        """The first of these whose greatest time has passed."""
+        ticks = self._ticks(now)
+        return next((one for one in points if (upper := self._upper[one]) is not None and upper < ticks), None)
+
+    def first_empty(self, points: Iterable[int]) -> int | None:
+        """The first of these that no time is left for."""
+        bounds = ((one, self._upper[one]) for one in points)
+        return next((one for one, upper in bounds if upper is not None and upper < self._lower[one]), None)
+
+    def first_ready(self, points: Iterable[int], now: Fraction) -> int | None:
+        """The first of these that can be dispatched."""
+        ticks = self._ticks(now)
+        return next((one for one in points if (ready := self._ready(one)) is not None and ready <= ticks), None)
+
+    def next_moment(self, points: Iterable[int], now: Fraction, patience: Fraction) -> Fraction | None:
+        """When the first of these becomes ready, or its greatest time plus `patience` comes, after now."""
+        ticks, grace = self._ticks(now), self._ticks(patience)
+        ticks = self._ticks(now)  # in the units that patience may have asked for
+        bounds = ((self._ready(one), self._upper[one]) for one in points)
+        moments = (moment for ready, last in bounds for moment in (ready, None if last is None else last + grace))
+        return self._time(min((moment for moment in moments if moment is not None and moment > ticks), default=None))
+
+    def ready(self, point: int) -> Fraction | None:
+        """From when on a time point can be dispatched, if nothing else happens; None if it waits for something."""
+        return self._time(self._ready(point))
+
+    def _ready(self, point: int) -> int | None:
+        if not self._times.keys() >= self.network.blockers[point]:
+            return None
+        ready = self._lower[point]
+        for activation, end, delay in self.network.waits[point]:
+            if end not in self._times:
+                if delay is None:
+                    return None
+                ready = max(ready, self._times[activation] + delay * self._factor)
+        return ready
+
+    def cause(self, point: int) -> int | None:
+        """What its greatest time follows from."""
+        return self._cause[point]
+
+    def over(self, network: DispatchNetwork) -> Windows:
+        """The same history in another network with the same time points."""
+        fresh = Windows(network)
+        for point, time in self.times.items():
+            fresh.happened(point, time)
+        return fresh
+
+    # -- units -------------------------------------------------------------------------------------------------------
+
+    @property
+    def _scale(self) -> int:
+        return self.network.scale * self._factor
+
+    def _ticks(self, time: Fraction) -> int:
+        if self._scale % time.denominator:
+            factor = lcm(self._scale, time.denominator) // self._scale
+            self._factor *= factor
+            self._times = {point: ticks * factor for point, ticks in self._times.items()}
+            self._lower = [ticks * factor for ticks in self._lower]
+            self._upper = [None if ticks is None else ticks * factor for ticks in self._upper]
+        return time.numerator * (self._scale // time.denominator)
+
+    def _time(self, ticks: int | None) -> Fraction | None:
+        return None if ticks is None else Fraction(ticks, self._scale)
 
 
 def _strongest(edges: Iterable[tuple[int, int, Fraction]]) -> dict[tuple[int, int], Fraction]:
@@ -217,28 +316,27 @@ def _strongest(edges: Iterable[tuple[int, int, Fraction]]) -> dict[tuple[int, in
     return found
 
 
-def _closure(points: Sequence[TimePoint], edges: Mapping[tuple[int, int], Fraction]) -> dict[tuple[int, int], Fraction]:
-    """All that follows from edges.
+def _closure(size: int, edges: Mapping[tuple[int, int], Fraction]) -> dict[tuple[int, int], Fraction]:
+    """All that follows from edges between so many time points.
 
     Raises:
         InputError: if there is no schedule.
     """
-    paths = Paths(points, [Edge(points[y], points[x], -weight) for (x, y), weight in edges.items()])
-    found = {}
-    for x, source in enumerate(points):
-        for y, target in enumerate(points):
-            implied = paths.implied(target, source)
-            if x == y and implied is not None and implied > 0:
-                raise InputError("the network has no schedule; expected one for every value in the box")
-            if x != y and implied is not None:
-                found[x, y] = -implied
-    return found
+    scale = lcm(*(weight.denominator for weight in edges.values()))
+    table = shortest_paths(size, ((x, y, int(weight * scale)) for (x, y), weight in edges.items()))
+    weights = (
+        (x, y, Fraction(weight, scale))
+        for x, row in enumerate(table)
+        for y, weight in enumerate(row)
+        if weight is not None
+    )
+    return _strongest(weights)
 
 
 # -- from a plan -------------------------------------------------------------------------------------------------------
 
 
-def dispatch_network(network: ParametricStnu, box: Box, executor: Executor) -> tuple[DispatchNetwork, Guarantee]:
+def dispatch_network(network: boxes.ParametricStnu, box: Box, executor: Executor) -> tuple[DispatchNetwork, Guarantee]:
     """The network of a plan under a box, and what is known of the executions that it leads to.
 
     Raises:
@@ -255,38 +353,29 @@ def dispatch_network(network: ParametricStnu, box: Box, executor: Executor) -> t
     return DispatchNetwork(network.points, links, edges, (), closed=True), Guarantee.WEAK
 
 
-def _natural(link: ParametricLink, box: Box, executor: Executor) -> NaturalLink:
+def _natural(link: boxes.ParametricLink, box: Box, executor: Executor) -> NaturalLink:
     length = link.lower or Polynomial({})
     if isinstance(executor, Blex) and length.is_constant:
         return NaturalLink(link.source, link.target, length, executor.interval(length.constant_term))
-    ends = ends_of(box)
-    lower, upper = finite_value(least(length), ends), finite_value(greatest(length), ends)
-    sides = [box[name] for name, _ in length.coefficients()]
-    # With several parameters, an open end makes the end of the sum open.
-    closed = all(side.lower_closed and side.upper_closed for side in sides)
-    if len(sides) == 1:
-        turned = next(factor for _, factor in length.coefficients()) < 0
-        ends_closed = (sides[0].lower_closed, sides[0].upper_closed)
-        closed_below, closed_above = ends_closed[::-1] if turned else ends_closed
-    else:
-        closed_below = closed_above = closed
-    interval = Interval(
-        lower, upper, lower_closed=closed_below and lower is not None, upper_closed=closed_above and upper is not None
-    )
+    ends = boxes.ends_of(box)
+    lower, upper = boxes.finite_value(boxes.least(length), ends), boxes.finite_value(boxes.greatest(length), ends)
+    below = [box[name].lower_closed if factor > 0 else box[name].upper_closed for name, factor in length.coefficients()]
+    above = [box[name].upper_closed if factor > 0 else box[name].lower_closed for name, factor in length.coefficients()]
+    interval = Interval(lower, upper, lower is not None and all(below), upper is not None and all(above))
     return NaturalLink(link.source, link.target, length, interval)
 
 
 def _possible_edges(
-    network: ParametricStnu, box: Box, links: Sequence[NaturalLink]
+    network: boxes.ParametricStnu, box: Box, links: Sequence[NaturalLink]
 ) -> Iterable[tuple[int, int, Fraction]]:
     """What holds for some values in the box: bounds are as weak as the box makes them."""
     index = {point: i for i, point in enumerate(network.points)}
-    ends = ends_of(box)
+    ends = boxes.ends_of(box)
     for link in network.links:
         if link.is_contingent:
             continue
-        lower = None if link.lower is None else finite_value(least(link.lower), ends)
-        upper = None if link.upper is None else finite_value(greatest(link.upper), ends)
+        lower = None if link.lower is None else boxes.finite_value(boxes.least(link.lower), ends)
+        upper = None if link.upper is None else boxes.finite_value(boxes.greatest(link.upper), ends)
         yield from _edges(index[link.source], index[link.target], lower, upper)
     for natural in links:
         allowed = natural.allowed
@@ -302,56 +391,257 @@ def _edges(
         yield target, source, -lower
 
 
-def _certain(network: ParametricStnu, box: Box, links: Sequence[NaturalLink]) -> DispatchNetwork | None:
+def _certain(network: boxes.ParametricStnu, box: Box, links: Sequence[NaturalLink]) -> DispatchNetwork | None:
     """The network with all that follows from reductions; None if it is not dynamically controllable."""
     try:
-        stnu = network.at(ends_of(box))
+        answer = dynamic(network.at(boxes.ends_of(box)))
     except InputError:  # a face is infinitely far out, or a link may end before it starts: no strategy is certain
         return None
-    answer = dynamic(stnu)
-    if not answer.is_controllable:
-        return None
-    derived = (*answer.form.edges, *answer.derived)
-    edges = [_between_points(answer, one) for one in derived if one.case is Case.ORDINARY]
-    contingent = [
+    return strategy(answer, links) if answer.is_controllable else None
+
+
+def strategy(answer: DynamicAnswer, links: Iterable[NaturalLink]) -> DispatchNetwork:
+    """How to execute a dynamically controllable network, in terms of time points: starts A′ = A + x become A."""
+    form, stnu = answer.form, answer.form.stnu
+    index = {point: number for number, point in enumerate(stnu.points)}
+    place = {number: (number, Fraction(0)) for number in index.values()}
+    for number, node in form.start.items():
+        link = stnu.links[number]
+        place[node] = index[link.source], link.lower or Fraction(0)
+    edges = [
         bound
         for one in stnu.contingents
-        for bound in _edges(stnu.points.index(one.source), stnu.points.index(one.target), one.lower, one.upper)
+        for bound in _edges(index[one.source], index[one.target], one.lower, one.upper)
     ]
-    finite = [edge for edge in edges if edge is not None]
-    return DispatchNetwork(network.points, links, (*finite, *contingent), _waits(answer, stnu), closed=True)
+    waits: list[tuple[int, int, int, Fraction | None]] = []
+    executed = {index[point] for point in stnu.executable}
+    for edge in (*form.edges, *answer.derived):
+        length = form.length(edge.weight)
+        (source, before), (target, after) = place[edge.source], place[edge.target]
+        if edge.case is Case.ORDINARY and length is not None:
+            # t_target + after − t_source − before ≤ length
+            edges.append((source, target, length + before - after))
+        elif edge.case is Case.UPPER and edge.label is not None and edge.weight < 0 and edge.source in executed:
+            end = index[stnu.links[edge.label].target]
+            waits.append((source, target, end, None if length is None else after - length))
+    return DispatchNetwork(stnu.points, links, edges, waits, closed=True)
 
 
-def _between_points(answer: DynamicAnswer, one: NormalEdge) -> tuple[int, int, Fraction] | None:
-    """An edge of the normal form, whose starts A′ = A + x are replaced by A; None if it is infinitely long."""
-    weight = answer.form.length(one.weight)
-    if weight is None:
+class Means(Enum):
+    """How a parameter is revealed."""
+
+    TIME = "time"
+    LEVEL = "level"
+    RATE = "rate"
+    INITIAL = "initial level"
+
+
+@dataclass(frozen=True, slots=True)
+class Revelation:
+    """`parameter` is known once `point` has happened; `instance` is the one whose time or effect reveals it."""
+
+    parameter: str
+    means: Means
+    point: model.TimePoint
+    instance: str | None
+
+    def __str__(self) -> str:
+        match self.means:
+            case Means.TIME:
+                how = f"the time of {self.point}"
+            case Means.LEVEL | Means.RATE:
+                how = f"the level right after {self.point}"
+            case Means.INITIAL:
+                how = "the level at the beginning"
+        return f"{self.parameter} is revealed by {how}"
+
+
+@dataclass(frozen=True)
+class Observability:
+    """All revelations, and the parameters that nothing reveals, with the reason."""
+
+    revelations: tuple[Revelation, ...]
+    hidden: dict[str, str]
+
+    @property
+    def by_level(self) -> tuple[Revelation, ...]:
+        """Those that have to be observed beside the times."""
+        return tuple(one for one in self.revelations if one.means is not Means.TIME)
+
+
+def observability(plan: model.ParametrizedPlan, links: Iterable[NaturalLink]) -> Observability:
+    """What reveals each parameter of a plan."""
+    links = tuple(links)
+    found = [
+        Revelation(link.parameter, Means.TIME, link.target, link.target.instance)
+        for link in links
+        if link.parameter is not None
+    ]
+    for more in (_levels(plan), _initial(plan)):
+        known = {one.parameter for one in found}
+        found += [one for one in more if one.parameter not in known]
+    known = {one.parameter for one in found}
+    hidden = {one.name: _reason(plan, links, one.name) for one in plan.parameters if one.name not in known}
+    return Observability(tuple(dict.fromkeys(found)), hidden)
+
+
+def written_fluents(plan: model.ParametrizedPlan) -> set[model.Fluent]:
+    """The fluents that change."""
+    effects = {effect.fluent for one in plan.instances for effect in one.numeric_effects}
+    flows = {effect.fluent for one in plan.instances for effect in one.continuous_effects}
+    timed = {one.target for one in plan.timed_literals if isinstance(one.target, model.Fluent)}
+    return effects | flows | timed
+
+
+def _levels(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
+    written = written_fluents(plan)
+    for instance in plan.instances:
+        changes = [(one.expression, Means.LEVEL, instance.at(one.timing)) for one in instance.numeric_effects]
+        changes += [(one.rate, Means.RATE, instance.end) for one in instance.continuous_effects]
+        for expression, means, point in changes:
+            name = _single(plan, expression, written)
+            if name is not None:
+                yield Revelation(name, means, point, instance.identifier)
+
+
+def _single(plan: model.ParametrizedPlan, expression: model.Expression, written: set[model.Fluent]) -> str | None:
+    """The parameter of an effect, if it is the only one in it and one value of the effect means one value of it."""
+    in_terms = with_static_values(plan, expression, written)
+    names = [variable.name for variable in in_terms.variables if isinstance(variable, model.ParameterReference)]
+    if len(names) != 1:
         return None
-    source, before = _place(answer, one.source)
-    target, after = _place(answer, one.target)
-    # t_target + after − t_source − before ≤ weight
-    return source, target, weight + before - after
+    mentions = [monomial for monomial in in_terms.terms if model.ParameterReference(names[0]) in monomial]
+    linear = len(mentions) == 1 and mentions[0].count(model.ParameterReference(names[0])) == 1
+    # A factor such as ?duration is known when the effect happens, and not zero in an effect that matters.
+    factors = [variable for variable in mentions[0] if variable != model.ParameterReference(names[0])]
+    return names[0] if linear and all(isinstance(one, model.Duration) for one in factors) else None
 
 
-def _place(answer: DynamicAnswer, node: int) -> tuple[int, Fraction]:
-    """A node as a time point and a time after it."""
-    points = answer.form.stnu.points
-    if node < len(points):
-        return node, Fraction(0)
-    index = next(index for index, start in answer.form.start.items() if start == node)
-    link = answer.form.stnu.links[index]
-    return points.index(link.source), link.lower or Fraction(0)
+def with_static_values(
+    plan: model.ParametrizedPlan, expression: model.Expression, written: set[model.Fluent]
+) -> model.Expression:
+    """An expression with the initial values of fluents that never change, which may be parameters."""
+
+    def value(variable: model.NumericVariable) -> model.Expression:
+        if isinstance(variable, model.Fluent) and variable not in written and variable in plan.initial_fluents:
+            return plan.initial_fluents[variable]
+        return Polynomial.variable(variable)
+
+    return expression.substitute(value)
 
 
-def _waits(answer: DynamicAnswer, stnu: Stnu) -> Iterable[tuple[int, int, int, Fraction | None]]:
-    natural = {stnu.points.index(link.target) for link in stnu.contingents}
-    for one in (*answer.form.edges, *answer.derived):
-        if one.case is not Case.UPPER or one.label is None or one.weight >= 0:
-            continue
-        link = stnu.links[one.label]
-        if not isinstance(link, ContingentLink) or one.source >= len(stnu.points) or one.source in natural:
-            continue
-        length = answer.form.length(one.weight)
-        activation, begin = _place(answer, one.target)
-        delay = None if length is None else begin - length
-        yield one.source, activation, stnu.points.index(link.target), delay
+def _initial(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
+    written = written_fluents(plan)
+    for fluent, value in plan.initial_fluents.items():
+        names = [variable.name for variable in value.variables if isinstance(variable, model.ParameterReference)]
+        if fluent in written and len(names) == 1 and value.is_linear:
+            yield Revelation(names[0], Means.INITIAL, model.ZERO, None)
+
+
+def _reason(plan: model.ParametrizedPlan, links: Iterable[NaturalLink], name: str) -> str:
+    for link in links:
+        if name in link.length.variables:
+            return f"{name} is only one part of the distance from {link.source} to {link.target}"
+    reference = model.ParameterReference(name)
+    if any(reference in effect.expression.variables for one in plan.instances for effect in one.numeric_effects):
+        return f"{name} stands in effects with other unknowns"
+    return f"{name} stands in conditions or bounds only, which no time and no level shows"
+
+
+@dataclass(frozen=True)
+class Dispatchable:
+    """A plan, the box of accepted parameter values, and what a dispatcher needs of them.
+
+    `guarantee` says what is known if the box is inside the plan's robustness envelope; whoever computed the box knows
+    that. `shared` are bounds of the network that become stronger when their parameters are observed.
+    """
+
+    plan: model.ParametrizedPlan
+    box: Box
+    executor: Executor
+    epsilon: Fraction
+    network: DispatchNetwork
+    guarantee: Guarantee
+    observability: Observability
+    shared: tuple[boxes.ParametricLink, ...]
+
+    @cached_property
+    def ours(self) -> tuple[int, ...]:
+        """The time points that the dispatcher executes, by number; timed literals are not among them."""
+        fixed = {model.TimePointKind.ZERO, model.TimePointKind.TIMED_LITERAL}
+        return tuple(
+            number
+            for number, point in enumerate(self.network.points)
+            if point.kind not in fixed and point not in self.network.natural
+        )
+
+    @cached_property
+    def followers(self) -> Mapping[model.TimePoint, tuple[NaturalLink, ...]]:
+        """The natural links that begin with a time point."""
+        found: dict[model.TimePoint, list[NaturalLink]] = {}
+        for link in self.network.natural.values():
+            found.setdefault(link.source, []).append(link)
+        return {point: tuple(links) for point, links in found.items()}
+
+    @cached_property
+    def literals(self) -> tuple[tuple[Fraction, int], ...]:
+        """Time and number of every timed literal, in order."""
+        found = [(point.time, number) for number, point in enumerate(self.network.points) if point.time is not None]
+        return tuple(sorted(found))
+
+    @cached_property
+    def expected(self) -> Mapping[model.TimePoint, tuple[Revelation, ...]]:
+        """What should be observed once a time point has happened."""
+        found: dict[model.TimePoint, list[Revelation]] = {}
+        for one in self.observability.by_level:
+            found.setdefault(one.point, []).append(one)
+        return {point: tuple(ones) for point, ones in found.items()}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What people should know before execution begins: parameters that nothing reveals."""
+        return tuple(f"{reason}: it cannot be observed" for reason in self.observability.hidden.values())
+
+
+def make_dispatchable(
+    plan: model.ParametrizedPlan, box: Box | None = None, executor: Executor = Dreex(), *, epsilon: Fraction = EPSILON
+) -> Dispatchable:
+    """A plan ready for dispatch.
+
+    Args:
+        plan: the plan with its network.
+        box: the accepted values of each parameter; for BLEX the default is its own, for DREEX the nominal point.
+        executor: which deviations of other durations are accepted, and how far ahead is looked.
+        epsilon: the separation of mutex time points; overdue observations are noticed after that time.
+
+    Raises:
+        InputError: for a box of other parameters, or if there is no schedule.
+        UnsupportedError: for a bound of the network that is not linear in the parameters.
+    """
+    if box is None:
+        box = executor.box(plan) if isinstance(executor, Blex) else Box.nominal(plan.parameters)
+    _check_box(plan, box)
+    parametric = boxes.parametric_stnu(plan, box)
+    network, guarantee = dispatch_network(parametric, box, executor)
+    shown, shared = observability(plan, network.natural.values()), tuple(_shared(parametric))
+    return Dispatchable(plan, box, executor, epsilon, network, guarantee, shown, shared)
+
+
+def _check_box(plan: model.ParametrizedPlan, box: Box) -> None:
+    names = {parameter.name for parameter in plan.parameters}
+    for name in box.intervals:
+        if name not in names:
+            raise InputError(f"found {name!r} in the box, expected a parameter of the plan{did_you_mean(name, names)}")
+    for name in names:
+        if name not in box.intervals:
+            raise InputError(f"found no interval for parameter {name!r}, expected one for every parameter")
+
+
+def _shared(network: boxes.ParametricStnu) -> list[boxes.ParametricLink]:
+    """Links that say more once their parameters are known: all but lengths that nothing else mentions."""
+    mentions = Counter(name for link in network.links for name in link.variables)
+    return [
+        link
+        for link in network.links
+        if link.variables and (not link.is_contingent or any(mentions[name] > 1 for name in link.variables))
+    ]

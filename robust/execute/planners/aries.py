@@ -1,63 +1,37 @@
-"""Conditions and expressions as unified-planning objects, in the part of PDDL that Aries solves."""
+"""Aries, a constraint-based temporal planner of the extra `planners` (package up-aries).
+
+The problem is handed over in the wire format of unified-planning, and the plan is read from what Aries prints: there is
+one process, no server and no port. Aries counts time in tenths; here a unit of its time is a tick of ours, so that its
+tenths, by which it separates what depends on each other, are the separation of mutex time points.
+"""
 
 from __future__ import annotations
 
 import importlib
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import reduce
+from functools import partial, reduce
 from itertools import product
 from pathlib import Path
-from typing import Any, Protocol, assert_never
+from typing import Any, assert_never
 
 import unified_planning.model as up
 import unified_planning.shortcuts as ups
 from unified_planning.environment import Environment
 
 from robust.encode.interface import EPSILON
-from robust.errors import InputError, Location, RobustError, UnsupportedError
-from robust.execute.planners.command import MEMORY_MB, Ended, judged, run
-from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check, plan_texts
+from robust.errors import InputError, Location, UnsupportedError
+from robust.execute.planners.command import MEMORY_MB, judged
+from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, last_valid_plan, missing
 from robust.numbers import format_number
 from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
-from robust.plan.pddl.conditions import primitive
+from robust.plan.pddl import syntax
 from robust.plan.pddl.declarations import fits
-from robust.plan.pddl.syntax import (
-    ActionSchema,
-    Arithmetic,
-    Comparator,
-    Conjunction,
-    ContinuousUpdate,
-    Disjunction,
-    Domain,
-    DurationTerm,
-    Equality,
-    ForallEffect,
-    FunctionTerm,
-    Implication,
-    LiftedCondition,
-    LiftedEffect,
-    LiteralEffect,
-    Negation,
-    Number,
-    NumericComparison,
-    NumericExpression,
-    NumericUpdate,
-    Operator,
-    ParameterTerm,
-    Problem,
-    Proposition,
-    Quantification,
-    Signature,
-    Term,
-    TypedName,
-    Update,
-    WhenEffect,
-)
-from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan
+from robust.plan.timed import TimedPlan, TimedStep
+from robust.processes import Ended, Processes
 from robust.smt.limits import Deadline
 
 Bindings = Mapping[str, up.FNode]
@@ -76,30 +50,28 @@ def integer(value: Fraction, what: str, location: Location | None) -> int:
 
 
 class Vocabulary:
-    """Types, objects and fluents of a problem; `ticked` are functions of time, counted in ticks."""
+    """Types, objects and fluents of a problem; functions become fluents when they are first mentioned.
 
-    def __init__(self, domain: Domain, problem: Problem, ticks: int) -> None:
+    `ticked` are functions of time, counted in ticks: a function that durations mention as well as conditions is two.
+    """
+
+    def __init__(self, domain: syntax.Domain, problem: syntax.Problem, ticks: int) -> None:
         self._problem = problem
-        self._hierarchy = domain.types
+        self._domain = domain
         self.ticks = ticks
         self.environment = Environment()
         self.environment.credits_stream = None
-        self._manager = self.environment.expression_manager
+        self.manager = self.environment.expression_manager
         self.bool = self.environment.type_manager.BoolType()
-        number = self.environment.type_manager.IntType()
         self._types = self._all_types(domain)
         self.objects = {
             one.name: up.Object(f"o_{one.name}", self.type(one), self.environment) for one in problem.objects.values()
         }
         self.predicates = {one.name: self._fluent("p", one, self.bool) for one in domain.predicates.values()}
-        self.functions = {
-            name: self._fluent("f", domain.functions[name], number) for name in _functions_elsewhere(domain, problem)
-        }
-        self.ticked = {
-            name: self._fluent("d", domain.functions[name], number) for name in _functions_in_durations(domain)
-        }
+        self.functions: dict[str, up.Fluent] = {}
+        self.ticked: dict[str, up.Fluent] = {}
 
-    def _all_types(self, domain: Domain) -> dict[str, up.types.Type]:
+    def _all_types(self, domain: syntax.Domain) -> dict[str, up.types.Type]:
         """Types from the root down; each has one parent."""
         types: dict[str, up.types.Type] = {}
         manager = self.environment.type_manager
@@ -111,175 +83,113 @@ class Vocabulary:
             types[name] = manager.UserType(f"t_{name}", None if parent is None else types[parent])
         return types
 
-    def type(self, declared: TypedName) -> up.types.Type:
+    def type(self, declared: syntax.TypedName) -> up.types.Type:
         if len(declared.types) > 1:
             raise unsupported(f"{declared.name!r} of more than one type", declared.location)
         return self._types[declared.types[0]]
 
-    def _fluent(self, kind: str, signature: Signature, value: up.types.Type) -> up.Fluent:
+    def _fluent(self, kind: str, signature: syntax.Signature, value: up.types.Type) -> up.Fluent:
         parameters = [up.Parameter(f"x_{one.name}", self.type(one), self.environment) for one in signature.parameters]
         return up.Fluent(f"{kind}_{signature.name}", value, parameters, self.environment)
 
     def ground(self, fluent: up.Fluent, arguments: Iterable[str]) -> up.FNode:
         return fluent(*(self.objects[name] for name in arguments))
 
-    def condition(self, condition: LiftedCondition, bindings: Bindings) -> up.FNode:  # noqa: PLR0911 - one for each kind
-        manager = self._manager
+    def condition(self, condition: syntax.LiftedCondition, bindings: Bindings) -> up.FNode:  # noqa: PLR0911 - one for each kind
+        manager = self.manager
         match condition:
-            case Proposition(predicate, arguments):
+            case syntax.Proposition(predicate, arguments):
                 return self.predicates[predicate](*(self._term(one, bindings) for one in arguments))
-            case Equality(left, right):
+            case syntax.Equality(left, right):
                 return manager.Equals(self._term(left, bindings), self._term(right, bindings))
-            case NumericComparison(comparator, left, right):
-                return self._comparison(comparator, self.number(left, bindings), self.number(right, bindings))
-            case Negation(operand):
+            case syntax.NumericComparison(comparator, left, right):
+                return getattr(manager, _COMPARISONS[comparator])(
+                    self.number(left, bindings), self.number(right, bindings)
+                )
+            case syntax.Negation(operand):
                 return manager.Not(self.condition(operand, bindings))
-            case Conjunction(operands):
+            case syntax.Conjunction(operands):
                 return manager.And([self.condition(one, bindings) for one in operands])
-            case Disjunction(operands):
+            case syntax.Disjunction(operands):
                 return manager.Or([self.condition(one, bindings) for one in operands])
-            case Implication(premise, conclusion):
+            case syntax.Implication(premise, conclusion):
                 return manager.Or(manager.Not(self.condition(premise, bindings)), self.condition(conclusion, bindings))
-            case Quantification(universal, variables, operand):
+            case syntax.Quantification(universal, variables, operand):
                 parts = [self.condition(operand, bound) for bound in self.expansions(variables, bindings)]
                 return manager.And(parts) if universal else manager.Or(parts)
             case _:
                 assert_never(condition)
 
-    def _comparison(self, comparator: Comparator, left: up.FNode, right: up.FNode) -> up.FNode:
-        manager = self._manager
-        match comparator:
-            case Comparator.LESS:
-                return manager.LT(left, right)
-            case Comparator.AT_MOST:
-                return manager.LE(left, right)
-            case Comparator.EQUAL:
-                return manager.Equals(left, right)
-            case Comparator.AT_LEAST:
-                return manager.GE(left, right)
-            case Comparator.GREATER:
-                return manager.GT(left, right)
-            case _:
-                assert_never(comparator)
-
-    def expansions(self, variables: Iterable[TypedName], bindings: Bindings) -> Iterator[Bindings]:
+    def expansions(self, variables: Iterable[syntax.TypedName], bindings: Bindings) -> Iterator[Bindings]:
         """The bindings with every choice of objects for the variables of a quantifier."""
         names = tuple(variables)
         choices = [
             [
-                self._manager.ObjectExp(self.objects[one.name])
+                self.manager.ObjectExp(self.objects[one.name])
                 for one in self._problem.objects.values()
-                if fits(one.types, variable.types, self._hierarchy)
+                if fits(one.types, variable.types, self._domain.types)
             ]
             for variable in names
         ]
         for chosen in product(*choices):
             yield {**bindings, **{one.name: value for one, value in zip(names, chosen, strict=True)}}
 
-    def number(self, expression: NumericExpression, bindings: Bindings) -> up.FNode:
-        """An expression of a condition or effect."""
-        return self._expression(expression, bindings, self.functions, 1)
+    def _term(self, term: syntax.Term, bindings: Bindings) -> up.FNode:
+        return bindings[term.name] if term.variable else self.manager.ObjectExp(self.objects[term.name])
 
-    def duration(self, expression: NumericExpression, bindings: Bindings) -> up.FNode:
-        """An expression of time, in ticks: a number, a function, or a sum or difference of them."""
-        for one in _nodes(expression):
-            if isinstance(one, Arithmetic) and one.operator in (Operator.TIMES, Operator.DIVIDED):
-                raise unsupported("a product or quotient in a duration", one.location)
-        return self._expression(expression, bindings, self.ticked, self.ticks)
-
-    def _term(self, term: Term, bindings: Bindings) -> up.FNode:
-        return bindings[term.name] if term.variable else self._manager.ObjectExp(self.objects[term.name])
-
-    def _expression(
-        self, expression: NumericExpression, bindings: Bindings, functions: Mapping[str, up.Fluent], factor: int
-    ) -> up.FNode:
+    def number(self, expression: syntax.NumericExpression, bindings: Bindings, *, timed: bool = False) -> up.FNode:
+        """An expression of a condition or effect; `timed` ones are in ticks: numbers, functions, sums, differences."""
         match expression:
-            case Number(value, _, location):
-                return self._manager.Int(integer(value * factor, "the number", location))
-            case FunctionTerm(function, arguments):
-                return functions[function](*(self._term(one, bindings) for one in arguments))
-            case DurationTerm(location):
+            case syntax.Number(value, _, location):
+                return self.manager.Int(integer(value * (self.ticks if timed else 1), "the number", location))
+            case syntax.FunctionTerm(function, arguments, location):
+                if timed and function in self._domain.written:
+                    raise unsupported(f"a duration that depends on ({function} …), which changes", location)
+                known, kind = (self.ticked, "d") if timed else (self.functions, "f")
+                if function not in known:
+                    number = self.environment.type_manager.IntType()
+                    known[function] = self._fluent(kind, self._domain.functions[function], number)
+                return known[function](*(self._term(one, bindings) for one in arguments))
+            case syntax.DurationTerm(location):
                 raise unsupported("?duration in an expression", location)
-            case ParameterTerm(name, _, location):
+            case syntax.ParameterTerm(name, _, location):
                 raise unsupported(f"synthesis parameter {name!r}", location)
-            case Arithmetic(operator, operands):
-                values = [self._expression(one, bindings, functions, factor) for one in operands]
-                return self._arithmetic(operator, values)
+            case syntax.Arithmetic(syntax.Operator.TIMES | syntax.Operator.DIVIDED, _, location) if timed:
+                raise unsupported("a product or quotient in a duration", location)
+            case syntax.Arithmetic(operator, operands):
+                return self._arithmetic(operator, [self.number(one, bindings, timed=timed) for one in operands])
             case _:
                 assert_never(expression)
 
-    def _arithmetic(self, operator: Operator, values: list[up.FNode]) -> up.FNode:
-        manager = self._manager
+    def _arithmetic(self, operator: syntax.Operator, values: list[up.FNode]) -> up.FNode:
+        manager = self.manager
         match operator:
-            case Operator.PLUS:
+            case syntax.Operator.PLUS:
                 return manager.Plus(values)
-            case Operator.TIMES:
+            case syntax.Operator.TIMES:
                 return manager.Times(values)
-            case Operator.DIVIDED:
+            case syntax.Operator.DIVIDED:
                 return manager.Div(*values)
-            case Operator.MINUS:
+            case syntax.Operator.MINUS:
                 return reduce(manager.Minus, values if len(values) > 1 else [manager.Int(0), *values])
             case _:
                 assert_never(operator)
 
 
-def _functions_in_durations(domain: Domain) -> list[str]:
-    """The functions that durations depend on; UnsupportedError for one that an action changes."""
-    names = set()
-    for schema in domain.actions.values():
-        for bound in schema.durations:
-            for term in _functions(bound.bound):
-                if term.function in domain.written:
-                    raise unsupported(f"a duration that depends on ({term.function} …), which changes", bound.location)
-                names.add(term.function)
-    return sorted(names)
+_COMPARISONS = {
+    syntax.Comparator.LESS: "LT",
+    syntax.Comparator.AT_MOST: "LE",
+    syntax.Comparator.EQUAL: "Equals",
+    syntax.Comparator.AT_LEAST: "GE",
+    syntax.Comparator.GREATER: "GT",
+}
+"""What the expression manager of unified-planning calls them."""
 
 
-def _functions_elsewhere(domain: Domain, problem: Problem) -> list[str]:
-    """The functions that conditions, effects and the goal depend on."""
-    conditions = [problem.goal, *(one.condition for schema in domain.actions.values() for one in schema.conditions)]
-    names = {term.function for condition in conditions for term in _functions_of_condition(condition)}
-    for schema in domain.actions.values():
-        for effect in primitive(schema.effects):
-            if isinstance(effect, NumericUpdate):
-                names |= {effect.target.function, *(term.function for term in _functions(effect.expression))}
-    return sorted(names)
+Change = tuple[Timing, up.FNode, Any, syntax.Update]
 
 
-def _functions_of_condition(condition: LiftedCondition) -> Iterator[FunctionTerm]:
-    todo = [condition]
-    while todo:
-        match todo.pop():
-            case NumericComparison(_, left, right):
-                yield from _functions(left)
-                yield from _functions(right)
-            case Negation(operand) | Quantification(_, _, operand):
-                todo.append(operand)
-            case Conjunction(operands) | Disjunction(operands):
-                todo.extend(operands)
-            case Implication(premise, conclusion):
-                todo += [premise, conclusion]
-            case Proposition() | Equality():
-                pass
-
-
-def _functions(expression: NumericExpression) -> Iterator[FunctionTerm]:
-    return (one for one in _nodes(expression) if isinstance(one, FunctionTerm))
-
-
-def _nodes(expression: NumericExpression) -> Iterator[NumericExpression]:
-    todo = [expression]
-    while todo:
-        node = todo.pop()
-        yield node
-        if isinstance(node, Arithmetic):
-            todo.extend(node.operands)
-
-
-Change = tuple[Timing, up.FNode, Any, Update]
-
-
-def unified_problem(domain: Domain, problem: Problem, ticks: int, horizon: int) -> up.Problem:
+def unified_problem(domain: syntax.Domain, problem: syntax.Problem, ticks: int, horizon: int) -> up.Problem:
     """The problem with `ticks` to a time unit; a duration without upper bound is at most `horizon` time units.
 
     Timed literals between two ticks are moved so that what holds for a shorter time does not come to hold for longer.
@@ -288,19 +198,17 @@ def unified_problem(domain: Domain, problem: Problem, ticks: int, horizon: int) 
         UnsupportedError: for what Aries does not solve.
     """
     words = Vocabulary(domain, problem, ticks)
-    defaults = {words.bool: words.environment.expression_manager.FALSE()}
+    defaults = {words.bool: words.manager.FALSE()}
     unified = up.Problem("p", words.environment, initial_defaults=defaults)
     unified.add_objects(list(words.objects.values()))
+    for schema in domain.actions.values():
+        unified.add_action(_action(schema, words, horizon * ticks))
+    unified.add_goal(words.condition(problem.goal, {}))
     for fluent in (*words.predicates.values(), *words.functions.values(), *words.ticked.values()):
         unified.add_fluent(fluent)
-    for schema in domain.actions.values():
-        unified.add_action(
-            _durative(schema, words, horizon * ticks) if schema.durative else _instantaneous(schema, words)
-        )
     _set_initial_state(unified, problem, words)
     for literal in problem.timed_literals:
         _add_timed_literal(unified, literal, problem, words)
-    unified.add_goal(words.condition(problem.goal, {}))
     return unified
 
 
@@ -309,7 +217,7 @@ def pddl_name(name: str) -> str:
     return name.partition("_")[2]
 
 
-def _set_initial_state(unified: up.Problem, problem: Problem, words: Vocabulary) -> None:
+def _set_initial_state(unified: up.Problem, problem: syntax.Problem, words: Vocabulary) -> None:
     for atom in sorted(problem.atoms):
         unified.set_initial_value(words.ground(words.predicates[atom.predicate], atom.arguments), True)
     for fluent, value in problem.fluents.items():
@@ -322,7 +230,7 @@ def _set_initial_state(unified: up.Problem, problem: Problem, words: Vocabulary)
             unified.set_initial_value(words.ground(words.ticked[name], fluent.arguments), number)
 
 
-def _add_timed_literal(unified: up.Problem, literal: TimedLiteral, problem: Problem, words: Vocabulary) -> None:
+def _add_timed_literal(unified: up.Problem, literal: TimedLiteral, problem: syntax.Problem, words: Vocabulary) -> None:
     exact = literal.time * words.ticks
     match literal.target:
         case Atom(predicate, arguments):
@@ -338,94 +246,74 @@ def _add_timed_literal(unified: up.Problem, literal: TimedLiteral, problem: Prob
             assert_never(literal.target)
 
 
-def _instantaneous(schema: ActionSchema, words: Vocabulary) -> up.InstantaneousAction:
-    action = up.InstantaneousAction(f"a_{schema.name}", _parameters(schema, words), words.environment)
-    bindings = _bindings(schema, action, words)
+def _action(schema: syntax.ActionSchema, words: Vocabulary, longest: int) -> up.Action:
+    kind = up.DurativeAction if schema.durative else up.InstantaneousAction
+    parameters = {f"v_{one.name}": words.type(one) for one in schema.parameters}
+    action: Any = kind(f"a_{schema.name}", parameters, words.environment)
+    make = words.manager.ParameterExp
+    bindings = {one.name: make(action.parameter(f"v_{one.name}")) for one in schema.parameters}
+    if schema.durative:
+        action.set_duration_constraint(_duration(schema, bindings, words, longest))
     for one in schema.conditions:
-        action.add_precondition(words.condition(one.condition, bindings))
-    for _, target, value, update in _changes(schema.effects, bindings, words):
-        _add(update, action)(target, value)
-    return action
-
-
-def _durative(schema: ActionSchema, words: Vocabulary, longest: int) -> up.DurativeAction:
-    action = up.DurativeAction(f"a_{schema.name}", _parameters(schema, words), words.environment)
-    bindings = _bindings(schema, action, words)
-    action.set_duration_constraint(_duration(schema, bindings, words, longest))
-    for one in schema.conditions:
-        action.add_condition(_interval(one.timing), words.condition(one.condition, bindings))
+        condition = words.condition(one.condition, bindings)
+        if schema.durative:
+            action.add_condition(_TIMES[one.timing], condition)
+        else:
+            action.add_precondition(condition)
     for timing, target, value, update in _changes(schema.effects, bindings, words):
-        _add(update, action)(ups.EndTiming() if timing is Timing.AT_END else ups.StartTiming(), target, value)
+        when = (_TIMES[timing],) if schema.durative else ()
+        getattr(action, _ADDING[update])(*when, target, value)
     return action
 
 
-def _parameters(schema: ActionSchema, words: Vocabulary) -> dict[str, Any]:
-    return {f"v_{one.name}": words.type(one) for one in schema.parameters}
-
-
-def _bindings(schema: ActionSchema, action: up.Action, words: Vocabulary) -> Bindings:
-    make = words.environment.expression_manager.ParameterExp
-    return {one.name: make(action.parameter(f"v_{one.name}")) for one in schema.parameters}
-
-
-def _duration(schema: ActionSchema, bindings: Bindings, words: Vocabulary, longest: int) -> up.DurationInterval:
+def _duration(schema: syntax.ActionSchema, bindings: Bindings, words: Vocabulary, longest: int) -> up.DurationInterval:
     """The bounds as a closed interval; strict ones are left to the check of the plan."""
     lower, upper = [], []
     for one in schema.durations:
         if one.timing is not Timing.AT_START:
             raise unsupported("a duration constraint at the end", one.location)
-        bound = words.duration(one.bound, bindings)
-        if one.comparator in (Comparator.EQUAL, Comparator.AT_LEAST, Comparator.GREATER):
+        bound = words.number(one.bound, bindings, timed=True)
+        if one.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_LEAST, syntax.Comparator.GREATER):
             lower.append(bound)
-        if one.comparator in (Comparator.EQUAL, Comparator.AT_MOST, Comparator.LESS):
+        if one.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_MOST, syntax.Comparator.LESS):
             upper.append(bound)
     if len(lower) > 1 or len(upper) > 1:
         raise unsupported(f"more than one bound on one side of the duration of {schema.name!r}", schema.location)
-    make = words.environment.expression_manager.Int
+    make = words.manager.Int
     return ups.ClosedDurationInterval(lower[0] if lower else make(0), upper[0] if upper else make(longest))
 
 
-def _changes(effects: tuple[LiftedEffect, ...], bindings: Bindings, words: Vocabulary) -> Iterator[Change]:
+def _changes(effects: tuple[syntax.LiftedEffect, ...], bindings: Bindings, words: Vocabulary) -> Iterator[Change]:
     for effect in effects:
         match effect:
-            case LiteralEffect(timing, proposition, value):
-                yield timing, words.condition(proposition, bindings), value, Update.ASSIGN
-            case NumericUpdate(timing, update, target, expression):
+            case syntax.LiteralEffect(timing, proposition, value):
+                yield timing, words.condition(proposition, bindings), value, syntax.Update.ASSIGN
+            case syntax.NumericUpdate(timing, update, target, expression):
+                if update not in _ADDING:
+                    raise unsupported(f"an effect {update.value!r}", None)
                 yield timing, words.number(target, bindings), words.number(expression, bindings), update
-            case ForallEffect(variables, inner):
+            case syntax.ForallEffect(variables, inner):
                 for bound in words.expansions(variables, bindings):
                     yield from _changes(inner, bound, words)
-            case WhenEffect(_, _, location):
+            case syntax.WhenEffect(_, _, location):
                 raise unsupported("a conditional effect", location)
-            case ContinuousUpdate(_, _, _, location):
+            case syntax.ContinuousUpdate(_, _, _, location):
                 raise unsupported("a continuous effect", location)
             case _:
                 assert_never(effect)
 
 
-def _add(update: Update, action: up.Action) -> Callable[..., None]:
-    methods = {
-        Update.ASSIGN: "add_effect",
-        Update.INCREASE: "add_increase_effect",
-        Update.DECREASE: "add_decrease_effect",
-    }
-    if update not in methods:
-        raise unsupported(f"an effect {update.value!r}", None)
-    method: Callable[..., None] = getattr(action, methods[update])
-    return method
-
-
-def _interval(timing: Timing) -> up.Timing | up.TimeInterval:
-    match timing:
-        case Timing.AT_START:
-            return ups.StartTiming()
-        case Timing.AT_END:
-            return ups.EndTiming()
-        case Timing.OVER_ALL:
-            return ups.OpenTimeInterval(ups.StartTiming(), ups.EndTiming())
-        case _:
-            assert_never(timing)
-
+_ADDING = {
+    syntax.Update.ASSIGN: "add_effect",
+    syntax.Update.INCREASE: "add_increase_effect",
+    syntax.Update.DECREASE: "add_decrease_effect",
+}
+"""The method of an action for each kind of effect that Aries solves."""
+_TIMES = {
+    Timing.AT_START: ups.StartTiming(),
+    Timing.AT_END: ups.EndTiming(),
+    Timing.OVER_ALL: ups.OpenTimeInterval(ups.StartTiming(), ups.EndTiming()),
+}
 
 _SEPARATION = Fraction(1, 10)
 """The least time between two dependent time points of Aries, in its units."""
@@ -448,30 +336,22 @@ class AriesPlanner:
         """Ticks in a unit of the plan's time."""
         return int(_SEPARATION / self.epsilon)
 
-    def solve(self, domain: Domain, problem: Problem, deadline: Deadline) -> PlannerAnswer:
+    def solve(self, domain: syntax.Domain, problem: syntax.Problem, deadline: Deadline) -> PlannerAnswer:
         """See :class:`robust.execute.planners.interface.Planner`."""
         start = time.monotonic()
-        message = _serialized(domain, problem, self.ticks)
+        writer = importlib.import_module("unified_planning.grpc.proto_writer").ProtobufWriter()
+        message: bytes = writer.convert(unified_problem(domain, problem, self.ticks, HORIZON)).SerializeToString()
         with tempfile.TemporaryDirectory(prefix="robust-planner-") as name:
             folder = Path(name)
             (folder / "problem.bin").write_bytes(message)
             command = (self.executable, "--log-level", "error", "solve", "problem.bin")
             variables = {"ARIES_PLANNING_HORIZON": str(HORIZON * self.ticks), "RUST_BACKTRACE": "0"}
-            ended = run(command, folder, deadline, memory_mb=self.memory_mb, variables=variables)
-        answer = judged(self.name, ended, self._plan(ended.stdout, domain, problem), _verdict)
-        return replace(answer, seconds=time.monotonic() - start)
+            ended = Processes().run(command, deadline, folder=folder, memory_mb=self.memory_mb, variables=variables)
 
-    def _plan(self, text: str, domain: Domain, problem: Problem) -> tuple[TimedPlan | None, str]:
-        """The plan that was printed, in our names and unit; or what is wrong with it."""
-        candidate = next(plan_texts(text), None)
-        if candidate is None:
-            return None, ""
-        try:
-            plan = _in_units(parse_timed_plan(candidate, f"<plan of {self.name}>"), domain, self.ticks)
-            check(plan, domain, problem, self.epsilon)
-        except RobustError as error:
-            return None, " ".join(str(error).split())
-        return plan, ""
+        in_units = partial(_in_units, domain=domain, ticks=self.ticks)
+        printed = last_valid_plan(ended.stdout, domain, problem, self.epsilon, self.name, renamed=in_units)
+        answer = judged(self.name, ended, printed, _verdict)
+        return replace(answer, seconds=time.monotonic() - start)
 
 
 def aries_planner(*, epsilon: Fraction = EPSILON) -> AriesPlanner:
@@ -487,27 +367,14 @@ def aries_planner(*, epsilon: Fraction = EPSILON) -> AriesPlanner:
         solver = importlib.import_module("up_aries.solver")
         executable: str = solver._find_executable()
     except ImportError as error:
-        expected = "it to be installed: pip install 'robust[planners]'"
-        raise UnsupportedError(f"found no planner aries (package up-aries), expected {expected}") from error
+        raise missing("aries", "up-aries") from error
     except OSError as error:
-        raise UnsupportedError(
-            f"found no planner aries for this machine ({error}), expected another planner"
-        ) from error
+        message = f"found no planner aries for this machine ({error}), expected another planner"
+        raise UnsupportedError(message) from error
     return AriesPlanner(executable, epsilon)
 
 
-class _Message(Protocol):
-    def SerializeToString(self) -> bytes: ...  # noqa: N802 - protobuf's name
-
-
-def _serialized(domain: Domain, problem: Problem, ticks: int) -> bytes:
-
-    writer = importlib.import_module("unified_planning.grpc.proto_writer").ProtobufWriter()
-    message: _Message = writer.convert(unified_problem(domain, problem, ticks, HORIZON))
-    return message.SerializeToString()
-
-
-def _in_units(plan: TimedPlan, domain: Domain, ticks: int) -> TimedPlan:
+def _in_units(plan: TimedPlan, domain: syntax.Domain, ticks: int) -> TimedPlan:
     """The plan with PDDL's names, and times in the problem's unit; instantaneous actions have no duration."""
 
     steps = []

@@ -1,20 +1,20 @@
 """What a planner is asked, and what it may answer [IRR §3, Alg. 2].
 
 A planner is given a domain, a problem and a deadline. It answers with a plan that the simulator has executed without a
-violation, or says in one line why there is none. A planner that fails is an answer, not an exception: a run that
-re-plans goes on, or ends as failed, and knows why.
+violation, or says in one line why there is none. A planner that fails is an answer, not an exception: a run that re-
+plans goes on, or ends as failed, and knows why.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from typing import Protocol
 
-from robust.errors import RobustError
+from robust.errors import RobustError, UnsupportedError
 from robust.execute.distances import declarations, schedule_of, validated
 from robust.plan.load import assemble
 from robust.plan.pddl.syntax import Domain, Problem
@@ -111,42 +111,49 @@ def _time(text: str) -> Fraction:
         return Fraction(0)  # not a number: for the reader to say so
 
 
-def checked_plan(text: str, domain: Domain, problem: Problem, epsilon: Fraction, planner: str) -> TimedPlan:
-    """The plan in a text, once the simulator has executed it.
+Renaming = Callable[[TimedPlan], TimedPlan]
+"""From the names and times of a planner to those of a problem."""
+
+
+def check(plan: TimedPlan, domain: Domain, problem: Problem, epsilon: Fraction) -> None:
+    """Execute a plan in the simulator.
 
     Raises:
         InputError: if it is not a plan of this problem.
         InvalidPlanError: if it breaks an obligation.
         UnsupportedError: if the simulator cannot decide.
     """
-    plan = parse_timed_plan(text, f"<plan of {planner}>")
-    check(plan, domain, problem, epsilon)
-    return plan
-
-
-def check(plan: TimedPlan, domain: Domain, problem: Problem, epsilon: Fraction) -> None:
-    """Execute a plan in the simulator; errors as for :func:`checked_plan`."""
     instances = declarations(plan, domain, epsilon)
     bare = assemble(domain, problem, STNPlan((), instances, (), plan.file))
     validated(bare, schedule_of(plan, instances), epsilon, plan.file)
 
 
 def last_valid_plan(
-    text: str, domain: Domain, problem: Problem, epsilon: Fraction, planner: str
+    text: str, domain: Domain, problem: Problem, epsilon: Fraction, planner: str, *, renamed: Renaming | None = None
 ) -> tuple[TimedPlan | None, str]:
     """The last plan in a text that is valid; without one, what is wrong with the last, or an empty message."""
     message = ""
     for candidate in plan_texts(text):
         try:
-            return checked_plan(candidate, domain, problem, epsilon, planner), ""
+            plan = parse_timed_plan(candidate, f"<plan of {planner}>")
+            plan = plan if renamed is None else renamed(plan)
+            check(plan, domain, problem, epsilon)
         except RobustError as error:
             message = message or " ".join(str(error).split())
+        else:
+            return plan, ""
     return None, message
 
 
 def says_no_plan(text: str) -> bool:
     """Whether a planner says that it found none: in words, or by printing nothing."""
     return not text.strip() or _NO_PLAN.search(text) is not None
+
+
+def missing(planner: str, package: str) -> UnsupportedError:
+    """The error for a planner whose package is not installed."""
+    expected = "it to be installed: pip install 'robust[planners]'"
+    return UnsupportedError(f"found no planner {planner} (package {package}), expected {expected}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,21 @@ from fractions import Fraction
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, did_you_mean
-from robust.execute.planners.aries import aries_planner
-from robust.execute.planners.command import command_planner
-from robust.execute.planners.earliest import ReachabilityFirst
-from robust.execute.planners.interface import Planner
-from robust.execute.planners.kairos import kairos_planner
+from robust.execute.planners.command import command_planner, kairos_planner
+from robust.execute.planners.interface import Planner, missing
+from robust.execute.planners.reachability import ReachabilityFirst
+
+
+def _aries(*, epsilon: Fraction) -> Planner:
+    try:
+        from robust.execute.planners.aries import aries_planner  # noqa: PLC0415 - needs unified-planning
+    except ImportError as error:
+        raise missing("aries", "up-aries") from error
+    return aries_planner(epsilon=epsilon)
+
 
 _COMMAND = "command:"
-_MAKERS: Mapping[str, Callable[..., Planner]] = {"aries": aries_planner, "kairos": kairos_planner}
+_MAKERS: Mapping[str, Callable[..., Planner]] = {"aries": _aries, "kairos": kairos_planner}
 
 PLANNERS = tuple(sorted(_MAKERS))
 """The planners with a name."""
@@ -25,7 +32,7 @@ def create_planner(name_or_command: str, *, epsilon: Fraction = EPSILON) -> Plan
 
     In a template, `{domain}` and `{problem}` are PDDL files, `{output}` is a file for the plan (standard output is read
     if it is not written), and `{timeout}` is the seconds that are left. Plans are checked with mutex time points
-    `epsilon` apart. None of them is asked for what :mod:`robust.execute.planners.earliest` proves to be impossible.
+    `epsilon` apart. None of them is asked for what :mod:`robust.execute.planners.reachability` proves to be impossible.
 
     Raises:
         InputError: for an unknown name or a template that cannot be used.

@@ -1,4 +1,33 @@
-"""Distributions of what nature chooses. Draws are made exact: multiples of 1/1000, constants excepted."""
+"""World files: which quantities nature draws, and from which distributions.
+
+A TOML file with one table for each rule; of several that fit, the first counts. Numbers are exact, and may be written
+as texts such as "1/3". Without a rule, nature does what the plan expects::
+
+    [[draw]]
+    duration = "prepare"          # an action, a ground action "(prepare first cap)", or an instance of the plan
+    distribution = "normal"       # or constant, uniform, half-normal
+    mean = 150                    # the planned value if left out
+    deviation = 70
+    minimum = 20                  # none if left out
+    below = "fold"                # what becomes of draws below the minimum; or "clip"
+
+    [[draw]]
+    consumption = "use"           # ground fluents that nothing changes, such as (use a b): anew for each instance
+    distribution = "uniform"
+    lower = 0.8
+    upper = "4/3"
+    relative = true               # numbers are multiples of the planned value
+
+    [[draw]]
+    parameter = "handling"        # a parameter of the plan: once for each run
+    distribution = "half-normal"
+    origin = 5                    # the planned value if left out
+    deviation = 1
+
+Draws are multiples of 1/1000, constants excepted. Every draw has a random number of its own, made of the run's seed,
+what is drawn, and how often that has been drawn before. So two executors that meet in the same world with the same seed
+have the same luck, whatever order they do things in: results can be compared pair by pair.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +38,7 @@ from enum import Enum
 from fractions import Fraction
 from os import PathLike
 from random import Random
-from typing import Final, assert_never
+from typing import Final
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import parse_number, shorten
@@ -24,58 +53,6 @@ class Below(Enum):
 
     FOLD = "fold"
     CLIP = "clip"
-
-
-@dataclass(frozen=True, slots=True)
-class Constant:
-    value: Fraction
-
-
-@dataclass(frozen=True, slots=True)
-class Uniform:
-    """From `lower` to `upper`, which is not below it."""
-
-    lower: Fraction
-    upper: Fraction
-
-
-@dataclass(frozen=True, slots=True)
-class Normal:
-    """Normal with a minimum [IRR §5, "described by a normal distribution with a minimum value"]; None is none."""
-
-    mean: Fraction
-    deviation: Fraction
-    minimum: Fraction | None = None
-    below: Below = Below.FOLD
-
-
-@dataclass(frozen=True, slots=True)
-class HalfNormal:
-    """`origin` plus the absolute value of a normal variable with mean 0."""
-
-    origin: Fraction
-    deviation: Fraction
-
-
-Distribution = Constant | Uniform | Normal | HalfNormal
-
-
-def draw(distribution: Distribution, random: Random) -> Fraction:
-    """One value."""
-    match distribution:
-        case Constant(value):
-            return value
-        case Uniform(lower, upper):
-            drawn = on_grid(random.uniform(float(lower), float(upper)))
-            return min(max(drawn, lower), upper)
-        case Normal(mean, deviation, minimum, below):
-            drawn = on_grid(random.gauss(float(mean), float(deviation)))
-            if minimum is None or drawn >= minimum:
-                return drawn
-            return minimum if below is Below.CLIP else 2 * minimum - drawn
-        case HalfNormal(origin, deviation):
-            return origin + abs(on_grid(random.gauss(0.0, float(deviation))))
-    assert_never(distribution)
 
 
 def on_grid(value: float) -> Fraction:
@@ -116,7 +93,7 @@ class Luck:
     def _draw(self, rule: Rule, what: str, planned: Fraction) -> Fraction:
         number = self._count[what]
         self._count[what] += 1
-        return draw(rule.of(planned), Random(f"{self._seed}/{what}/{number}"))  # noqa: S311 - no secrets here
+        return rule.draw(planned, Random(f"{self._seed}/{what}/{number}"))  # noqa: S311 - no secrets here
 
 
 class Subject(Enum):
@@ -148,21 +125,37 @@ class Rule:
     below: Below = Below.FOLD
     relative: bool = False
 
-    def of(self, planned: Fraction) -> Distribution:
-        """The distribution of a quantity with this planned value."""
+    def of(self, planned: Fraction) -> Mapping[str, Fraction]:
+        """The numbers of the distribution for a quantity with this planned value."""
         unit = planned if self.relative else Fraction(1)
-        numbers = {key: value * unit for key, value in self.numbers.items()}
+        numbers = dict.fromkeys(_PLANNED.intersection(_KEYS[self.distribution]), planned)
+        numbers |= {key: value * unit for key, value in self.numbers.items()}
+        if self.distribution == "uniform":  # a negative unit turns the ends round
+            numbers["lower"], numbers["upper"] = sorted((numbers["lower"], numbers["upper"]))
+        if "deviation" in numbers:
+            numbers["deviation"] = abs(numbers["deviation"])
+        return numbers
+
+    def draw(self, planned: Fraction, random: Random) -> Fraction:
+        """One value.
+
+        A normal distribution may have a minimum [IRR §5, "described by a normal distribution with a minimum value"]; a
+        half-normal one is its origin plus the absolute value of a normal variable with mean 0.
+        """
+        numbers = self.of(planned)
         match self.distribution:
             case "constant":
-                return Constant(numbers.get("value", planned))
+                return numbers["value"]
             case "uniform":
-                ends = sorted((numbers["lower"], numbers["upper"]))  # a negative unit turns them round
-                return Uniform(ends[0], ends[1])
+                drawn = on_grid(random.uniform(float(numbers["lower"]), float(numbers["upper"])))
+                return min(max(drawn, numbers["lower"]), numbers["upper"])
             case "half-normal":
-                return HalfNormal(numbers.get("origin", planned), abs(numbers["deviation"]))
-            case _:
-                mean, deviation = numbers.get("mean", planned), abs(numbers["deviation"])
-                return Normal(mean, deviation, numbers.get("minimum"), self.below)
+                return numbers["origin"] + abs(on_grid(random.gauss(0.0, float(numbers["deviation"]))))
+        drawn = on_grid(random.gauss(float(numbers["mean"]), float(numbers["deviation"])))
+        minimum = numbers.get("minimum", drawn)
+        if drawn >= minimum:
+            return drawn
+        return minimum if self.below is Below.CLIP else 2 * minimum - drawn
 
 
 @dataclass(frozen=True)

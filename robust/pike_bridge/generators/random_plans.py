@@ -24,8 +24,8 @@ from robust.pike_bridge.builder import (
     Act,
     Choose,
     Element,
-    Parallel,
-    Sequence,
+    InParallel,
+    InSequence,
     Within,
     act,
     build,
@@ -34,7 +34,7 @@ from robust.pike_bridge.builder import (
     sequence,
     within,
 )
-from robust.pike_bridge.generators.stories import ActionText, domain_text, problem_text
+from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 
 _BEGINNING = ""
 """Stands for the special activity of the initial state."""
@@ -92,7 +92,7 @@ class _Drawing:
     def _binomial(self, count: int, share: float) -> int:
         return sum(self._random.random() < share for _ in range(count))
 
-    def _sequence(self, depth: int) -> Sequence:
+    def _sequence(self, depth: int) -> InSequence:
         shape = self._shape
         length = (
             self._binomial(shape.top, shape.top_share) if depth == 0 else self._binomial(shape.inner, shape.inner_share)
@@ -141,7 +141,7 @@ class _Drawing:
             ActionText(action.strip("()"), at_start=tuple(conditions[action]), end_effects=tuple(effects[action]))
             for action in actions
         ]
-        return domain_text(name, predicates, texts), problem_text(name, name, initial, ())
+        return sketched_domain(name, predicates, texts), sketched_problem(name, name, initial, ())
 
 
 def longest(element: Element) -> Fraction:
@@ -149,9 +149,9 @@ def longest(element: Element) -> Fraction:
     match element:
         case Act(_, lower):
             return lower
-        case Sequence(elements):
+        case InSequence(elements):
             return sum(map(longest, elements), Fraction(0))
-        case Parallel(elements):
+        case InParallel(elements):
             return max(map(longest, elements))
         case Choose(_, branches):
             return max(longest(branch) for _, branch in branches)
@@ -168,9 +168,9 @@ def precedence(element: Element) -> tuple[list[str], dict[str, list[str]]]:
             return [action], {action: []}
         case Within(inner):
             return precedence(inner)
-        case Sequence(elements):
+        case InSequence(elements):
             parts = [precedence(part) for part in elements]
-        case Parallel(elements):
+        case InParallel(elements):
             parts = [precedence(part) for part in elements]
         case Choose(_, branches):
             parts = [precedence(part) for _, part in branches]
@@ -179,7 +179,7 @@ def precedence(element: Element) -> tuple[list[str], dict[str, list[str]]]:
     actions: list[str] = []
     earlier: dict[str, list[str]] = {}
     for inside, before in parts:
-        passed = list(actions) if isinstance(element, Sequence) else []
+        passed = list(actions) if isinstance(element, InSequence) else []
         earlier |= {action: [*passed, *before[action]] for action in inside}
         actions += inside
     return actions, earlier

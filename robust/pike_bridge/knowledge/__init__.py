@@ -1,17 +1,132 @@
-"""Knowledge bases over finite-domain variables, behind one interface."""
+"""Knowledge bases over finite-domain variables by name, behind one interface; each is imported when it is created."""
 
-from robust.pike_bridge.knowledge.registry import (
-    Registration,
-    create_knowledge_base,
-    knowledge_bases,
-    reasons_about_time,
-    register_knowledge_base,
-)
+from __future__ import annotations
 
-__all__ = [
-    "Registration",
-    "create_knowledge_base",
-    "knowledge_bases",
-    "reasons_about_time",
-    "register_knowledge_base",
-]
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from robust.errors import InputError, did_you_mean
+from robust.pike_bridge.knowledge.interface import KnowledgeBase, KnowledgeStatistics
+from robust.pike_bridge.model import Tpnu
+from robust.pike_bridge.theory import Theory
+from robust.smt.limits import NEVER, Deadline
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """A knowledge base, and what it can be given beyond a theory, a deadline and statistics."""
+
+    load: Callable[[], Callable[..., KnowledgeBase]]
+    """Imports the class."""
+    summary: str
+    takes_network: bool = False
+    """Whether it reasons about time itself, so that temporal conflicts need not be known."""
+    takes_solver: bool = False
+    takes_shortcut: bool = False
+    knows_implicants: bool = False
+    """Whether it counts and lists all prime implicants: `HasImplicants`."""
+
+
+def _pitms() -> Callable[..., KnowledgeBase]:
+    from robust.pike_bridge.knowledge.tms import PiTms  # noqa: PLC0415 - only when it is created, as all of these
+
+    return PiTms
+
+
+def _atms() -> Callable[..., KnowledgeBase]:
+    from robust.pike_bridge.knowledge.tms import Atms  # noqa: PLC0415
+
+    return Atms
+
+
+def _bdd() -> Callable[..., KnowledgeBase]:
+    from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase  # noqa: PLC0415
+
+    return BddKnowledgeBase
+
+
+def _sat() -> Callable[..., KnowledgeBase]:
+    from robust.pike_bridge.knowledge.sat import SatKnowledgeBase  # noqa: PLC0415
+
+    return SatKnowledgeBase
+
+
+_REGISTRY: dict[str, Registration] = {
+    "pitms": Registration(
+        _pitms, "labels of prime implicants", takes_solver=True, takes_shortcut=True, knows_implicants=True
+    ),
+    "atms": Registration(_atms, "minimal labels", takes_solver=True, takes_shortcut=True),
+    "bdd": Registration(_bdd, "a binary decision diagram", knows_implicants=True),
+    "sat": Registration(_sat, "an incremental solver, nothing compiled", takes_network=True, takes_solver=True),
+}
+
+
+def knowledge_bases() -> Mapping[str, Registration]:
+    """What is registered, by name."""
+    return dict(_REGISTRY)
+
+
+def register_knowledge_base(name: str, registration: Registration) -> None:
+    """Make another knowledge base known.
+
+    Raises:
+        InputError: if the name is taken.
+    """
+    if name in _REGISTRY:
+        raise InputError(f"knowledge base {name!r} is registered already; expected another name")
+    _REGISTRY[name] = registration
+
+
+def reasons_about_time(name: str) -> bool:
+    """Whether the knowledge base of that name takes a network instead of temporal conflicts.
+
+    Raises:
+        InputError: if there is no such knowledge base.
+    """
+    return _registration(name).takes_network
+
+
+def create_knowledge_base(
+    name: str,
+    theory: Theory,
+    *,
+    network: Tpnu | None = None,
+    solver: str = "z3",
+    shortcut: bool = True,
+    deadline: Deadline = NEVER,
+    statistics: KnowledgeStatistics | None = None,
+) -> KnowledgeBase:
+    """Compile a theory into the knowledge base of that name.
+
+    Args:
+        network: for those that reason about time; its guarded temporal constraints become part of the theory.
+        solver: `z3` or `cvc5`, for those that ask one.
+        shortcut: whether a solver is asked first whether there is any model, for those that compile labels.
+        deadline: for compiling.
+        statistics: counters to add to; readable even if compiling ends early.
+
+    Raises:
+        InputError: if there is no such knowledge base, if it takes no network but got one, or if the theory is wrong.
+        SolverError: if the solver is unknown or not installed.
+        OutOfTimeError: if the deadline passes.
+    """
+    registration = _registration(name)
+    options: dict[str, Any] = {}
+    if network is not None:
+        if not registration.takes_network:
+            able = ", ".join(each for each, entry in _REGISTRY.items() if entry.takes_network)
+            expected = f"expected the temporal conflicts in the theory, or one of {able}"
+            raise InputError(f"knowledge base {name!r} takes no network; {expected}")
+        options["network"] = network
+    if registration.takes_solver:
+        options["solver"] = solver
+    if registration.takes_shortcut:
+        options["shortcut"] = shortcut
+    return registration.load()(theory, deadline=deadline, statistics=statistics, **options)
+
+
+def _registration(name: str) -> Registration:
+    if name not in _REGISTRY:
+        raise InputError(f"unknown knowledge base {name!r}{did_you_mean(name, _REGISTRY)}")
+    return _REGISTRY[name]

@@ -1,30 +1,37 @@
-"""A static order of variables in which those that occur together are close to each other."""
+"""A theory as one binary decision diagram: its order of variables, its prime implicants, and what is asked of it."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+import sys
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import reduce
 from math import prod
-from typing import Any, Protocol, TypeAlias, assert_never
+from operator import and_, invert, or_
+from typing import Any, Final, NamedTuple, TypeAlias, TypeVar
 
 from robust.pike_bridge.knowledge.interface import (
     Commitment,
     KnowledgeBase,
     KnowledgeStatistics,
+    Narrowing,
     OutOfSpaceError,
-    assignments_of,
-    check_theory,
-    fold,
-    is_consistent,
     narrowing,
 )
-from robust.pike_bridge.knowledge.labels import NOTHING, UNIT, Families, evaluate
 from robust.pike_bridge.model import Assignment, Guard
-from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory
-from robust.smt.limits import Deadline
+from robust.pike_bridge.theory import Formula, Theory, assignments_of, interpret, is_consistent
+from robust.smt.limits import NEVER, Deadline
 
 ROUNDS = 40
+"""Of the heuristic for orders."""
+LARGEST_DIAGRAM = 5_000_000
+"""Nodes; conjunction with one more constraint of this size takes seconds, which no deadline can cut short."""
+GLANCE = 32
+"""Conflicts of a question between two looks at the number of nodes, which takes longer than most conjunctions."""
+
+Node: TypeAlias = Any
+"""A function in `dd`, which has no types."""
+Key = TypeVar("Key", bound=Hashable)
+Value = TypeVar("Value")
 
 
 def force_order(variables: Sequence[str], groups: Sequence[Collection[str]]) -> list[str]:
@@ -59,51 +66,121 @@ def _spans(order: Sequence[str], groups: Sequence[Collection[str]]) -> int:
     return sum(max(map(place.__getitem__, group)) - min(map(place.__getitem__, group)) for group in groups if group)
 
 
-class Functions(Protocol):
-    """Functions over finite-domain variables, which can be compared, hashed, and conjoined by `&`."""
-
-    def top(self, function: Any) -> int | None:
-        """The first variable that a function depends on; None for constants."""
-
-    def cofactors(self, function: Any, variable: int) -> list[Any]:
-        """What is left of a function for each value of a variable."""
-
-    def is_false(self, function: Any) -> bool:
-        """Whether a function is the constant."""
+NOTHING: Final = 0
+"""The empty set."""
+UNIT: Final = 1
+"""The set of the empty environment."""
 
 
-def primes(root: Any, functions: Functions, families: Families, deadline: Deadline) -> int:
-    """The prime implicants of a function, as one of the families.
+class Branching(NamedTuple):
+    """Environments that do not assign a variable, and those that do, by value."""
+
+    variable: int
+    unassigned: int
+    assigned: tuple[int, ...]
+
+
+def evaluate(key: Key, known: dict[Key, Value], step: Callable[[Key], Value | list[Key]], deadline: Deadline) -> Value:
+    """The value of a key, by depth-first search without recursion.
+
+    Args:
+        known: values so far, to which all new ones are added.
+        step: the value of a key, or the keys whose values must be known first.
 
     Raises:
         OutOfTimeError: if the deadline passes.
     """
-    known: dict[Any, int] = {}
+    stack = [key]
+    while stack:
+        deadline.enforce()
+        one = stack[-1]
+        if one in known:
+            stack.pop()
+            continue
+        result = step(one)
+        if isinstance(result, list):
+            stack += result
+        else:
+            known[one] = result
+            stack.pop()
+    return known[key]
 
-    def step(function: Any) -> int | list[Any]:
-        variable = functions.top(function)
-        if variable is None:
-            return NOTHING if functions.is_false(function) else UNIT
-        parts = functions.cofactors(function, variable)
-        always = reduce(lambda first, second: first & second, parts)
-        missing = [each for each in (always, *parts) if each not in known]
+
+_CONSTANT: Final = Branching(sys.maxsize, NOTHING, ())
+"""In place of the constants, after all variables."""
+
+
+class Families:
+    """Sets of environments, each by a number; equal sets have equal numbers. Variables are numbered in their order."""
+
+    def __init__(self) -> None:
+        self._branchings: list[Branching] = [_CONSTANT, _CONSTANT]
+        self._numbers: dict[Branching, int] = {}
+        self._differences: dict[tuple[int, int], int] = {}
+        self._counts: dict[int, int] = {NOTHING: 0, UNIT: 1}
+
+    def __len__(self) -> int:
+        return len(self._branchings)
+
+    def branch(self, variable: int, unassigned: int, assigned: tuple[int, ...]) -> int:
+        """The set with these parts, which mention later variables only."""
+        if not any(assigned):
+            return unassigned
+        branching = Branching(variable, unassigned, assigned)
+        if branching not in self._numbers:
+            self._numbers[branching] = len(self._branchings)
+            self._branchings.append(branching)
+        return self._numbers[branching]
+
+    def difference(self, first: int, second: int, deadline: Deadline) -> int:
+        """The environments of the first set that are not in the second."""
+        return evaluate((first, second), self._differences, self._difference, deadline)
+
+    def count(self, family: int, deadline: Deadline) -> int:
+        """How many environments a set has."""
+
+        def step(one: int) -> int | list[int]:
+            branching = self._branchings[one]
+            parts = (branching.unassigned, *branching.assigned)
+            missing = [part for part in parts if part not in self._counts]
+            return missing or sum(map(self._counts.__getitem__, parts))
+
+        return evaluate(family, self._counts, step, deadline)
+
+    def environments(self, family: int) -> Iterator[tuple[tuple[int, int], ...]]:
+        """Each environment of a set, once, as variables with the numbers of their values."""
+        stack: list[tuple[int, tuple[tuple[int, int], ...]]] = [(family, ())]
+        while stack:
+            one, made = stack.pop()
+            if one in (NOTHING, UNIT):
+                if one == UNIT:
+                    yield made
+                continue
+            branching = self._branchings[one]
+            stack.append((branching.unassigned, made))
+            for number, part in enumerate(branching.assigned):
+                stack.append((part, (*made, (branching.variable, number))))
+
+    def _difference(self, pair: tuple[int, int]) -> int | list[tuple[int, int]]:
+        first, second = pair
+        if first in (NOTHING, second):
+            return NOTHING
+        if second == NOTHING:
+            return first
+        left, right = self._branchings[first], self._branchings[second]
+        if left.variable < right.variable:
+            pairs = [(left.unassigned, second)]
+        elif right.variable < left.variable:
+            pairs = [(first, right.unassigned)]
+        else:
+            pairs = [(left.unassigned, right.unassigned), *zip(left.assigned, right.assigned, strict=True)]
+        missing = [each for each in pairs if each not in self._differences]
         if missing:
             return missing
-        without = known[always]
-        assigned = tuple(families.difference(known[part], without, deadline) for part in parts)
-        return families.branch(variable, without, assigned)
-
-    return evaluate(root, known, step, deadline)
-
-
-NEVER = Deadline()
-LARGEST_DIAGRAM = 5_000_000
-"""Nodes; conjunction with one more constraint of this size takes seconds, which no deadline can cut short."""
-GLANCE = 32
-"""Conflicts of a question between two looks at the number of nodes, which takes longer than most conjunctions."""
-
-Node: TypeAlias = Any
-"""A function in `dd`, which has no types."""
+        unassigned, *assigned = map(self._differences.__getitem__, pairs)
+        if right.variable < left.variable:
+            return unassigned
+        return self.branch(left.variable, unassigned, tuple(assigned) or left.assigned)
 
 
 def create_manager() -> Any:
@@ -144,26 +221,19 @@ class Diagrams:
 
     def environment(self, assignments: Iterable[Assignment]) -> Node:
         """The conjunction of assignments."""
-        return reduce(
-            lambda first, second: first & second, map(self._values.__getitem__, assignments), self.manager.true
-        )
+        return self.all(self._values[each] for each in assignments)
+
+    def all(self, parts: Iterable[Node]) -> Node:
+        """The conjunction of diagrams."""
+        return reduce(and_, parts, self.manager.true)
 
     def any(self, parts: Iterable[Node]) -> Node:
         """The disjunction of diagrams."""
-        return reduce(lambda first, second: first | second, parts, self.manager.false)
+        return reduce(or_, parts, self.manager.false)
 
     def formula(self, formula: Formula) -> Node:
         """The diagram of a formula."""
-        return fold(formula, self._combine)
-
-    def top(self, node: Node) -> int | None:
-        """The place of the first variable that a diagram depends on; None for constants."""
-        place = self.depth(node)
-        return None if place == len(self.order) else place
-
-    def is_false(self, node: Node) -> bool:
-        """Whether the diagram has no models."""
-        return bool(node == self.manager.false)
+        return interpret(formula, self._values.__getitem__, invert, self.all, self.any)
 
     def cofactors(self, node: Node, place: int) -> list[Node]:
         """What is left of a diagram for each value of the variable at that place of the order."""
@@ -180,18 +250,26 @@ class Diagrams:
     def _code(self, variable: str, number: int) -> dict[str, bool]:
         return {digit: bool(number >> at & 1) for at, digit in enumerate(self.digits[variable])}
 
-    def _combine(self, formula: Formula, parts: list[Node]) -> Node:
-        match formula:
-            case Is(assignment):
-                return self._values[assignment]
-            case Not():
-                return ~parts[0]
-            case All():
-                return reduce(lambda first, second: first & second, parts, self.manager.true)
-            case Some():
-                return self.any(parts)
-            case _:
-                assert_never(formula)
+    def primes(self, root: Node, families: Families, deadline: Deadline) -> int:
+        """The prime implicants of a diagram, as one of the families.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        known: dict[Node, int] = {self.manager.false: NOTHING, self.manager.true: UNIT}
+
+        def step(node: Node) -> int | list[Node]:
+            place = self.depth(node)
+            parts = self.cofactors(node, place)
+            always = reduce(and_, parts)
+            missing = [each for each in (always, *parts) if each not in known]
+            if missing:
+                return missing
+            without = known[always]
+            assigned = tuple(families.difference(known[part], without, deadline) for part in parts)
+            return families.branch(place, without, assigned)
+
+        return evaluate(root, known, step, deadline)
 
 
 class BddKnowledgeBase(KnowledgeBase):
@@ -218,35 +296,22 @@ class BddKnowledgeBase(KnowledgeBase):
         statistics: KnowledgeStatistics | None = None,
         largest_diagram: int = LARGEST_DIAGRAM,
     ) -> None:
-        check_theory(theory)
-        self.theory = theory
-        self.statistics = statistics or KnowledgeStatistics()
+        super().__init__(theory, statistics)
         self._largest_diagram = largest_diagram
-        started = time.perf_counter()
-        try:
-            deadline.enforce()
+        with self._compiling(deadline):
             self._root = self._compile(deadline)
-        finally:
-            self.statistics.seconds += time.perf_counter() - started
-
-    def satisfiable(self, deadline: Deadline = NEVER) -> bool:
-        return self._ask((), deadline)
-
-    def could_commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> bool:
-        return self._ask(commitments, deadline)
 
     def commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> None:
         deadline.enforce()
-        self._root = self._narrowed(commitments, deadline)
+        self._root = self._narrowed(narrowing(commitments, self.theory), deadline)
         self.statistics.sizes["diagram nodes"] = len(self._root)
 
-    def find_model(
-        self, commitments: Sequence[Commitment], preferred: Mapping[str, str], deadline: Deadline = NEVER
-    ) -> Mapping[str, str] | None:
+    def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
+        return bool(self._narrowed(asked, deadline) != self._diagrams.manager.false)
+
+    def _model(self, asked: Narrowing, preferred: Mapping[str, str], deadline: Deadline) -> Mapping[str, str] | None:
         """One variable after the other keeps its preferred value, if it can."""
-        deadline.enforce()
-        self.statistics.queries += 1
-        root = self._narrowed(commitments, deadline)
+        root = self._narrowed(asked, deadline)
         false = self._diagrams.manager.false
         if root == false:
             return None
@@ -260,10 +325,8 @@ class BddKnowledgeBase(KnowledgeBase):
                     break
         return model
 
-    def count_models(self, deadline: Deadline = NEVER) -> int:
+    def _count(self, deadline: Deadline) -> int:
         """Exact: CUDD's own count is a floating-point number."""
-        deadline.enforce()
-        self.statistics.queries += 1
         known: dict[Node, int] = {}
         depth = self._diagrams.depth
         sizes = [len(self.theory.domains[variable]) for variable in self._diagrams.order]
@@ -301,14 +364,9 @@ class BddKnowledgeBase(KnowledgeBase):
     def _primes(self, deadline: Deadline) -> tuple[Families, int]:
         deadline.enforce()
         families = Families()
-        found = primes(self._root, self._diagrams, families, deadline)
+        found = self._diagrams.primes(self._root, families, deadline)
         self.statistics.sizes["implicant diagram nodes"] = len(families)
         return families, found
-
-    def models(self, deadline: Deadline = NEVER) -> Iterator[Mapping[str, str]]:
-        deadline.enforce()
-        self.statistics.queries += 1
-        return self._enumerate(deadline)
 
     def _enumerate(self, deadline: Deadline) -> Iterator[Mapping[str, str]]:
         false = self._diagrams.manager.false
@@ -358,13 +416,7 @@ class BddKnowledgeBase(KnowledgeBase):
             case _:
                 return self._diagrams.formula(item)
 
-    def _ask(self, commitments: Sequence[Commitment], deadline: Deadline) -> bool:
-        deadline.enforce()
-        self.statistics.queries += 1
-        return bool(self._narrowed(commitments, deadline) != self._diagrams.manager.false)
-
-    def _narrowed(self, commitments: Sequence[Commitment], deadline: Deadline) -> Node:
-        asked = narrowing(commitments, self.theory)
+    def _narrowed(self, asked: Narrowing, deadline: Deadline) -> Node:
         if not asked.consistent:
             return self._diagrams.manager.false
         root = self._root & self._diagrams.environment(Assignment(*item) for item in asked.required.items())

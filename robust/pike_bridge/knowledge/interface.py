@@ -1,134 +1,35 @@
-"""Traversals of propositional formulas that no depth can break, and their normal forms."""
+"""What every knowledge base answers, what is committed to, and the effort that compiling and asking take."""
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Final, Protocol, TypeAlias, TypeVar, assert_never, runtime_checkable
+from typing import Final, Protocol, TypeAlias, assert_never, runtime_checkable
 
-from robust.errors import InputError, did_you_mean
 from robust.pike_bridge.model import Assignment, Guard
-from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory
-from robust.smt.limits import Deadline, OutOfTimeError
-
-T = TypeVar("T")
-
-TRUE = All(())
-FALSE = Some(())
+from robust.pike_bridge.theory import Theory, check_assignments, check_theory, is_consistent
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 
-def operands(formula: Formula) -> tuple[Formula, ...]:
-    """The immediate subformulas."""
-    match formula:
-        case Is():
-            return ()
-        case Not(operand):
-            return (operand,)
-        case All(parts) | Some(parts):
-            return parts
-        case _:
-            assert_never(formula)
+@dataclass(frozen=True, slots=True)
+class Require:
+    """All assignments of the environment hold."""
+
+    environment: Guard
 
 
-def fold(formula: Formula, combine: Callable[[Formula, list[T]], T]) -> T:
-    """The value of a formula, computed from those of its operands, bottom up."""
-    order: list[Formula] = []
-    stack: list[Formula] = [formula]
-    while stack:
-        one = stack.pop()
-        order.append(one)
-        stack.extend(operands(one))
-    values: dict[int, T] = {}  # by identity: hashing a deep formula would recurse
-    for one in reversed(order):
-        if id(one) not in values:
-            values[id(one)] = combine(one, [values[id(operand)] for operand in operands(one)])
-    return values[id(formula)]
+@dataclass(frozen=True, slots=True)
+class Exclude:
+    """The environment is a conflict: not all of its assignments hold. Of the empty environment this is false."""
+
+    environment: Guard
 
 
-def conjunction_of(formulas: Iterable[Formula]) -> Formula:
-    """All of the formulas, with constants folded and nested conjunctions flattened."""
-    parts: list[Formula] = []
-    for formula in formulas:
-        if formula == FALSE:
-            return FALSE
-        parts.extend(formula.operands if isinstance(formula, All) else (formula,))
-    return parts[0] if len(parts) == 1 else All(tuple(parts))
-
-
-def disjunction_of(formulas: Iterable[Formula]) -> Formula:
-    """Some of the formulas, with constants folded and nested disjunctions flattened."""
-    parts: list[Formula] = []
-    for formula in formulas:
-        if formula == TRUE:
-            return TRUE
-        parts.extend(formula.operands if isinstance(formula, Some) else (formula,))
-    return parts[0] if len(parts) == 1 else Some(tuple(parts))
-
-
-def normal_form(formula: Formula, literal: Callable[[Assignment, bool], Formula]) -> Formula:
-    """The formula with negations pushed inwards by De Morgan's laws, and constants folded [PIKE §5.3].
-
-    Args:
-        literal: what an assignment (True) or its negation (False) becomes.
-    """
-
-    def both(one: Formula, parts: list[tuple[Formula, Formula]]) -> tuple[Formula, Formula]:
-        """The normal forms of a formula and of its negation."""
-        match one:
-            case Is(assignment):
-                return literal(assignment, True), literal(assignment, False)
-            case Not():
-                return parts[0][1], parts[0][0]
-            case All():
-                return conjunction_of(part[0] for part in parts), disjunction_of(part[1] for part in parts)
-            case Some():
-                return disjunction_of(part[0] for part in parts), conjunction_of(part[1] for part in parts)
-            case _:
-                assert_never(one)
-
-    return fold(formula, both)[0]
-
-
-def assignments_of(formula: Formula) -> set[Assignment]:
-    """Every assignment that a formula mentions."""
-    found: set[Assignment] = set()
-    stack = [formula]
-    while stack:
-        one = stack.pop()
-        if isinstance(one, Is):
-            found.add(one.assignment)
-        stack.extend(operands(one))
-    return found
-
-
-def check_assignments(assignments: Iterable[Assignment], theory: Theory, where: str) -> None:
-    """Reject what is not an assignment to a variable of the theory.
-
-    Raises:
-        InputError: naming the first such variable or value.
-    """
-    for variable, value in sorted(assignments):
-        if variable not in theory.domains:
-            raise InputError(f"{where} mentions unknown variable {variable!r}{did_you_mean(variable, theory.domains)}")
-        if value not in theory.domains[variable]:
-            hint = did_you_mean(value, theory.domains[variable])
-            raise InputError(f"{where} has {variable} = {value}, but {value!r} is not a value of {variable}{hint}")
-
-
-def check_theory(theory: Theory) -> None:
-    """Reject theories whose variables have no values or repeat them, and formulas about other variables or values.
-
-    Raises:
-        InputError: naming what is wrong.
-    """
-    for variable, values in theory.domains.items():
-        if not values or len(set(values)) < len(values):
-            raise InputError(f"variable {variable!r} has the values {values!r}; expected at least one, all different")
-    for formula in theory.constraints:
-        check_assignments(assignments_of(formula), theory, "a constraint")
-    for conflict in theory.conflicts:
-        check_assignments(conflict, theory, "a conflict")
+Commitment: TypeAlias = Require | Exclude
+"""The constraints that execution adds are assignments and conflicts, nothing else [PIKE §3, §5.7]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,39 +63,9 @@ def narrowing(commitments: Sequence[Commitment], theory: Theory) -> Narrowing:
                     excluded.append(environment)
             case _:
                 assert_never(commitment)
-    conflicts = tuple(dict.fromkeys(_left(each, required) for each in excluded if not _resolves(required, each)))
+    made = frozenset(Assignment(*item) for item in required.items())
+    conflicts = tuple(dict.fromkeys(each - made for each in excluded if is_consistent(each | made)))
     return Narrowing(required, conflicts, consistent and frozenset() not in conflicts)
-
-
-def is_consistent(environment: Guard) -> bool:
-    """Whether no variable has two values."""
-    return len({assignment.variable for assignment in environment}) == len(environment)
-
-
-def _resolves(required: Mapping[str, str], conflict: Guard) -> bool:
-    return any(required.get(variable, value) != value for variable, value in conflict)
-
-
-def _left(conflict: Guard, required: Mapping[str, str]) -> Guard:
-    return frozenset(Assignment(variable, value) for variable, value in conflict if variable not in required)
-
-
-@dataclass(frozen=True, slots=True)
-class Require:
-    """All assignments of the environment hold."""
-
-    environment: Guard
-
-
-@dataclass(frozen=True, slots=True)
-class Exclude:
-    """The environment is a conflict: not all of its assignments hold. Of the empty environment this is false."""
-
-    environment: Guard
-
-
-Commitment: TypeAlias = Require | Exclude
-"""The constraints that execution adds are assignments and conflicts, nothing else [PIKE §3, §5.7]."""
 
 
 @dataclass(slots=True)
@@ -215,52 +86,93 @@ class KnowledgeBase(ABC):
     """The models of a theory that execution narrows. Model: an assignment to all variables of the theory.
 
     Every method may take long and raises OutOfTimeError if its deadline passes (the knowledge base stays as it was
-    before the call), and KeyboardInterrupt on Ctrl-C.
+    before the call), KeyboardInterrupt on Ctrl-C, and InputError for commitments about unknown variables or values.
+
+    Raises:
+        InputError: if the theory mentions an unknown variable or value, or has a variable without values.
     """
 
     name: str
-    statistics: KnowledgeStatistics
 
-    @abstractmethod
-    def satisfiable(self, deadline: Deadline = ...) -> bool:
+    def __init__(self, theory: Theory, statistics: KnowledgeStatistics | None) -> None:
+        check_theory(theory)
+        self.theory = theory
+        self.statistics = statistics or KnowledgeStatistics()
+
+    def satisfiable(self, deadline: Deadline = NEVER) -> bool:
         """CorrectTeamPlanExists? of [PIKE §2.3]: whether a model is left."""
+        return self.could_commit((), deadline)
 
-    @abstractmethod
-    def could_commit(self, commitments: Sequence[Commitment], deadline: Deadline = ...) -> bool:
+    def could_commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> bool:
         """CouldCommitToAdditionalConstraints?: whether a model satisfies the commitments as well."""
+        asked = self._asked(commitments, deadline)
+        return asked.consistent and self._possible(asked, deadline)
 
     @abstractmethod
-    def commit(self, commitments: Sequence[Commitment], deadline: Deadline = ...) -> None:
+    def commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> None:
         """CommitToConstraints: from now on only models that satisfy the commitments count."""
 
-    @abstractmethod
     def find_model(
-        self, commitments: Sequence[Commitment], preferred: Mapping[str, str], deadline: Deadline = ...
+        self, commitments: Sequence[Commitment], preferred: Mapping[str, str], deadline: Deadline = NEVER
     ) -> Mapping[str, str] | None:
         """A model that satisfies the commitments as well; None if there is none.
 
         Args:
             preferred: values that variables keep where that costs nothing; each back end tries in its own way.
         """
+        asked = self._asked(commitments, deadline)
+        return self._model(asked, preferred, deadline) if asked.consistent else None
 
-    @abstractmethod
-    def count_models(self, deadline: Deadline = ...) -> int:
+    def count_models(self, deadline: Deadline = NEVER) -> int:
         """How many models are left."""
+        self._asked((), deadline)
+        return self._count(deadline)
+
+    def models(self, deadline: Deadline = NEVER) -> Iterator[Mapping[str, str]]:
+        """Every model that is left, once, in any order."""
+        self._asked((), deadline)
+        return self._enumerate(deadline)
 
     @abstractmethod
-    def models(self, deadline: Deadline = ...) -> Iterator[Mapping[str, str]]:
-        """Every model that is left, once, in any order."""
+    def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
+        """Whether a model satisfies what is asked, which does not contradict itself."""
+
+    @abstractmethod
+    def _model(self, asked: Narrowing, preferred: Mapping[str, str], deadline: Deadline) -> Mapping[str, str] | None:
+        """A model that satisfies what is asked, which does not contradict itself."""
+
+    @abstractmethod
+    def _count(self, deadline: Deadline) -> int: ...
+
+    @abstractmethod
+    def _enumerate(self, deadline: Deadline) -> Iterator[Mapping[str, str]]: ...
+
+    def _asked(self, commitments: Sequence[Commitment], deadline: Deadline) -> Narrowing:
+        """Count a query, and say what its commitments come to."""
+        deadline.enforce()
+        self.statistics.queries += 1
+        return narrowing(commitments, self.theory)
+
+    @contextmanager
+    def _compiling(self, deadline: Deadline) -> Iterator[None]:
+        """Measure how long compiling takes, also if it ends early."""
+        started = time.perf_counter()
+        try:
+            deadline.enforce()
+            yield
+        finally:
+            self.statistics.seconds += time.perf_counter() - started
 
 
 @runtime_checkable
 class HasImplicants(Protocol):
     """A knowledge base that knows all prime implicants of what is left of its theory [PIKE §5.1.2]."""
 
-    def implicant_count(self, deadline: Deadline = ...) -> int:
+    def implicant_count(self, deadline: Deadline = NEVER) -> int:
         """How many there are; OutOfTimeError if the deadline passes."""
         ...
 
-    def prime_implicants(self, deadline: Deadline = ...) -> Iterator[Guard]:
+    def prime_implicants(self, deadline: Deadline = NEVER) -> Iterator[Guard]:
         """Every one, once; there may be very many. OutOfTimeError if the deadline passes."""
         ...
 
@@ -280,7 +192,7 @@ class Effort:
     """Counts what label propagation does, and ends it in time."""
 
     statistics: KnowledgeStatistics
-    deadline: Deadline = Deadline()  # noqa: RUF009 - immutable
+    deadline: Deadline = NEVER
     largest_label: int = LARGEST_LABEL
     _unseen: int = field(default=0, init=False)
 

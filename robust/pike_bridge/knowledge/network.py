@@ -1,19 +1,23 @@
-"""The network of nodes and justifications that encodes a theory [PIKE §5.3, Figure 14].
+"""From a theory to labels: a smaller theory, the network of nodes that encodes it, and propagation [PIKE §5.3 to §5.5].
 
-Assumptions are single assignments. A conjunction is a node with one justification, whose antecedents are its conjuncts;
-a disjunction has one justification for each disjunct; the negation of an assignment is the disjunction of the other
-values. Each conflict justifies a contradiction node of its own. Equal subformulas share a node.
+What follows from single assignments is put into effect before anything is encoded. Values that cannot hold stay in the
+domains, and become conflicts of one assignment: so models and prime implicants remain those of the given theory.
+
+In the network [PIKE, Figure 14] assumptions are single assignments. A conjunction is a node with one justification,
+whose antecedents are its conjuncts; a disjunction has one justification for each disjunct; the negation of an
+assignment is the disjunction of the other values. Each conflict justifies a contradiction node of its own. Equal
+subformulas share a node.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 from heapq import heappop, heappush
 from typing import TypeAlias, assert_never
 
-from robust.pike_bridge.knowledge.interface import Effort, assignments_of, fold, is_consistent, normal_form
+from robust.pike_bridge.knowledge.interface import Effort
 from robust.pike_bridge.knowledge.labels import (
     Conflict,
     Label,
@@ -26,10 +30,121 @@ from robust.pike_bridge.knowledge.labels import (
     weave,
 )
 from robust.pike_bridge.model import Assignment, Guard, Vocabulary
-from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory
+from robust.pike_bridge.theory import (
+    FALSE,
+    TRUE,
+    All,
+    Formula,
+    Is,
+    Not,
+    Some,
+    Theory,
+    assignments_of,
+    fold,
+    is_consistent,
+    normal_form,
+)
+from robust.smt.limits import Deadline
 
 
-class Kind(Enum):
+def simplify(theory: Theory, deadline: Deadline) -> Theory:
+    """An equivalent theory over the same domains, by unit propagation to a fixed point.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    reduction = _Reduction({variable: set(values) for variable, values in theory.domains.items()})
+    constraints: list[Formula] = list(theory.constraints)
+    conflicts = [each for each in dict.fromkeys(theory.conflicts) if is_consistent(each)]
+    while True:
+        deadline.enforce()
+        removals = reduction.removals
+        constraints = list(_top_level(map(reduction.formula, constraints)))
+        conflicts = list(reduction.conflicts(conflicts))
+        constraints = reduction.learn(constraints, conflicts)
+        if reduction.contradictory or FALSE in constraints or frozenset() in conflicts:
+            return Theory(theory.domains, (FALSE,))
+        if reduction.removals == removals:
+            break
+    removed = [
+        frozenset({Assignment(variable, value)})
+        for variable, values in theory.domains.items()
+        for value in values
+        if value not in reduction.possible[variable]
+    ]
+    return Theory(theory.domains, tuple(constraints), (*removed, *dict.fromkeys(conflicts)))
+
+
+@dataclass(slots=True)
+class _Reduction:
+    possible: dict[str, set[str]]
+    removals: int = field(default=0)
+
+    @property
+    def contradictory(self) -> bool:
+        return not all(self.possible.values())
+
+    def remove(self, assignment: Assignment) -> None:
+        values = self.possible[assignment.variable]
+        if assignment.value in values:
+            values.remove(assignment.value)
+            self.removals += 1
+
+    def formula(self, formula: Formula) -> Formula:
+        """In negation normal form, with assignments replaced by what is known of them."""
+        return normal_form(formula, self._literal)
+
+    def conflicts(self, conflicts: Iterable[Guard]) -> Iterator[Guard]:
+        """Those that are not resolved, without assignments that hold anyway."""
+        for environment in conflicts:
+            if all(value in self.possible[variable] for variable, value in environment):
+                yield frozenset(each for each in environment if len(self.possible[each.variable]) > 1)
+
+    def learn(self, constraints: Iterable[Formula], conflicts: Iterable[Guard]) -> list[Formula]:
+        """Remove the values that a single constraint or conflict excludes; the constraints that say more than that."""
+        for environment in conflicts:
+            if len(environment) == 1:
+                self.remove(*environment)
+        return [constraint for constraint in constraints if not self._restricts(constraint)]
+
+    def _restricts(self, constraint: Formula) -> bool:
+        """If a constraint is about one variable alone, as a disjunction of literals, only those values are left."""
+        literals = constraint.operands if isinstance(constraint, Some) else (constraint,)
+        allowed: set[str] = set()
+        variable: str | None = None
+        for literal in literals:
+            match literal:
+                case Is(assignment):
+                    values = {assignment.value}
+                case Not(Is(assignment)):
+                    values = self.possible[assignment.variable] - {assignment.value}
+                case _:
+                    return False
+            if variable not in {None, assignment.variable}:
+                return False
+            variable = assignment.variable
+            allowed |= values
+        if variable is None:
+            return False
+        for value in list(self.possible[variable] - allowed):
+            self.remove(Assignment(variable, value))
+        return True
+
+    def _literal(self, assignment: Assignment, positive: bool) -> Formula:
+        values = self.possible[assignment.variable]
+        if assignment.value not in values:
+            return FALSE if positive else TRUE
+        if len(values) == 1:
+            return TRUE if positive else FALSE
+        return Is(assignment) if positive else Not(Is(assignment))
+
+
+def _top_level(constraints: Iterable[Formula]) -> Iterator[Formula]:
+    for constraint in constraints:
+        yield from constraint.operands if isinstance(constraint, All) else (constraint,)
+
+
+class NodeKind(Enum):
     """What a node stands for."""
 
     ASSUMPTION = "assumption"
@@ -42,7 +157,7 @@ class Node:
     """A proposition: that its formula holds. For a contradiction, the formula is what is contradictory."""
 
     index: int
-    kind: Kind
+    kind: NodeKind
     formula: Formula
 
 
@@ -55,7 +170,7 @@ class Justification:
 
 
 @dataclass(slots=True)
-class Network:
+class JustificationNetwork:
     """Nodes, each after its antecedents, and their justifications."""
 
     theory: Theory
@@ -73,7 +188,7 @@ class Network:
     def assumption(self, assignment: Assignment) -> int:
         """The node of an assignment."""
         if assignment not in self._assumptions:
-            self._assumptions[assignment] = self._node(Kind.ASSUMPTION, Is(assignment))
+            self._assumptions[assignment] = self._node(NodeKind.ASSUMPTION, Is(assignment))
         return self._assumptions[assignment]
 
     def encode(self, formula: Formula) -> int:
@@ -82,7 +197,7 @@ class Network:
 
     def contradict(self, conflict: Guard) -> int:
         """A new contradiction node, justified by the conflict's assignments."""
-        index = self._node(Kind.CONTRADICTION, All(tuple(Is(each) for each in sorted(conflict))))
+        index = self._node(NodeKind.CONTRADICTION, All(tuple(Is(each) for each in sorted(conflict))))
         self._justify([self.assumption(each) for each in sorted(conflict)], index)
         return index
 
@@ -111,12 +226,12 @@ class Network:
         if len(key[1]) == 1:
             return parts[0]
         if key not in self._known:
-            index = self._known[key] = self._node(Kind.DERIVED, formula)
+            index = self._known[key] = self._node(NodeKind.DERIVED, formula)
             for tail in tails:
                 self._justify(tail, index)
         return self._known[key]
 
-    def _node(self, kind: Kind, formula: Formula) -> int:
+    def _node(self, kind: NodeKind, formula: Formula) -> int:
         self.nodes.append(Node(len(self.nodes), kind, formula))
         self.incoming.append([])
         self.outgoing.append([])
@@ -130,12 +245,12 @@ class Network:
             self.outgoing[antecedent].append(justification)
 
 
-def encode(theory: Theory) -> Network:
+def encode(theory: Theory) -> JustificationNetwork:
     """The nodes of a theory's constraints, and contradiction nodes of its conflicts.
 
     Conflicts that assign two values to a variable never hold, and get no node.
     """
-    network = Network(theory)
+    network = JustificationNetwork(theory)
     network.constraints = list(dict.fromkeys(network.encode(constraint) for constraint in theory.constraints))
     for forbidden in dict.fromkeys(theory.conflicts):
         if is_consistent(forbidden):
@@ -155,7 +270,9 @@ class TruthMaintenance:
         resolve: what conflicts do to labels.
     """
 
-    def __init__(self, network: Network, vocabulary: Vocabulary, *, consensus: bool, resolve: Resolve) -> None:
+    def __init__(
+        self, network: JustificationNetwork, vocabulary: Vocabulary, *, consensus: bool, resolve: Resolve
+    ) -> None:
         self.network = network
         self.vocabulary = vocabulary
         self.nogoods: Label = {}
@@ -175,7 +292,7 @@ class TruthMaintenance:
         """
         self._labels = [{} for _ in self.network.nodes]
         for node in self.network.nodes:
-            if node.kind is Kind.ASSUMPTION:
+            if node.kind is NodeKind.ASSUMPTION:
                 self._enqueue(node.index, self._assumed(node.index))
         for justification in self.network.justifications:
             if not justification.antecedents:
@@ -226,7 +343,7 @@ class TruthMaintenance:
     def _update(self, node: int, new: Label, effort: Effort) -> None:
         """UPDATE [PIKE, Algorithm 6]."""
         effort.statistics.propagations += 1
-        if self.network.nodes[node].kind is Kind.CONTRADICTION:
+        if self.network.nodes[node].kind is NodeKind.CONTRADICTION:
             add_minimally(self._labels[node], new, effort)
             for scope, members in new.items():
                 for environment in members:

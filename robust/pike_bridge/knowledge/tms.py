@@ -1,5 +1,6 @@
-"""The goal node: the conjunction of all constraints and conflicts, kept as a product of independent factors.
+"""The truth-maintenance systems: πTMS [PIKE §5] and ATMS, and the goal node that both answer from.
 
+The goal is the conjunction of all constraints and conflicts, kept as a product of independent factors.
 Constraints and conflicts that share no variables, not even through others, have prime implicants of their own, and
 those of all are the products of these. Within a factor, labels are joined two at a time, such that the estimated
 result is the smallest, and a conflict is resolved as soon as a label mentions all of its variables.
@@ -7,8 +8,6 @@ result is the smallest, and a conflict is resolved as soon as a label mentions a
 
 from __future__ import annotations
 
-import time
-from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
@@ -16,15 +15,12 @@ from itertools import product
 from math import log2, prod
 
 from robust.pike_bridge.knowledge.interface import (
-    FALSE,
     LARGEST_LABEL,
     Commitment,
     Effort,
     KnowledgeBase,
     KnowledgeStatistics,
     Narrowing,
-    check_assignments,
-    check_theory,
     narrowing,
 )
 from robust.pike_bridge.knowledge.labels import (
@@ -43,12 +39,11 @@ from robust.pike_bridge.knowledge.labels import (
     weave,
     without_manifest,
 )
-from robust.pike_bridge.knowledge.network import Node, Resolve, TruthMaintenance, encode
+from robust.pike_bridge.knowledge.network import Node, Resolve, TruthMaintenance, encode, simplify
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
-from robust.pike_bridge.knowledge.simplify import simplify
 from robust.pike_bridge.model import Assignment, Environment, Guard, Vocabulary
-from robust.pike_bridge.theory import Theory
-from robust.smt.limits import Deadline
+from robust.pike_bridge.theory import FALSE, Theory, check_assignments
+from robust.smt.limits import NEVER, Deadline
 
 
 @dataclass(frozen=True, slots=True)
@@ -376,9 +371,6 @@ def _all_manifest(label: Label, conflict: Conflict, within: Scope) -> bool:
     return all(each & scope == scope for each in label) and all(one & scope == part for one in environments(label))
 
 
-NEVER = Deadline()
-
-
 @dataclass(frozen=True, slots=True)
 class NodeLabel:
     """A node and its label, decoded."""
@@ -404,6 +396,9 @@ class LabelKnowledgeBase(KnowledgeBase):
     """
 
     consensus: bool
+    """Whether labels are closed under consensus, so that what resolves a conflict does so for good."""
+    resolve: Resolve
+    """What conflicts do to labels."""
 
     def __init__(
         self,
@@ -415,42 +410,31 @@ class LabelKnowledgeBase(KnowledgeBase):
         statistics: KnowledgeStatistics | None = None,
         largest_label: int = LARGEST_LABEL,
     ) -> None:
-        check_theory(theory)
-        self.theory = theory
-        self.statistics = statistics or KnowledgeStatistics()
+        super().__init__(theory, statistics)
         self._vocabulary = Vocabulary(theory.domains)
         self._largest_label = largest_label
-        self._joining = self._create_joining()
+        self._joining = Joining(self._vocabulary, self.resolve, resolved=self.consensus)
         self._committed: tuple[Conflict, ...] = ()
-        started = time.perf_counter()
-        try:
-            deadline.enforce()
+        with self._compiling(deadline):
             possible = not shortcut or SatKnowledgeBase(theory, solver=solver, deadline=deadline).satisfiable(deadline)
             self.simplified = simplify(theory, deadline) if possible else Theory(theory.domains, (FALSE,))
             """The equivalent theory that was encoded."""
             self._factors = self._compile(self._effort(deadline))
-        finally:
-            self.statistics.seconds += time.perf_counter() - started
         self._measure()
-
-    def satisfiable(self, deadline: Deadline = NEVER) -> bool:
-        return self._could_hold(Narrowing({}, (), True), deadline)
-
-    def could_commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> bool:
-        return self._could_hold(narrowing(commitments, self.theory), deadline)
 
     def commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> None:
         deadline.enforce()
         asked = narrowing(commitments, self.theory)
         effort = self._effort(deadline)
-        conflicts = [self._conflict(each) for each in asked.conflicts]
+        conflicts = self._conflicts(asked)
         if asked.consistent:
             required = self._partial(asked.required)
             narrowed = require(self._factors, required, self._joining, effort)
             for each in conflicts:
                 narrowed = exclude(narrowed, each, self._joining, effort)
             # Requiring a value is excluding the others [PIKE §5.7].
-            others = [value for _, values in self._excluded_by(required) for value in values]
+            resolutions = conflict(required.environment, self._vocabulary).resolutions
+            others = [value for _, values in resolutions for value in values]
             conflicts += [conflict(value, self._vocabulary) for value in others]
         else:
             narrowed = [FALSITY]
@@ -459,32 +443,24 @@ class LabelKnowledgeBase(KnowledgeBase):
         self._committed += tuple(conflicts)
         self._measure()
 
-    def find_model(
-        self, commitments: Sequence[Commitment], preferred: Mapping[str, str], deadline: Deadline = NEVER
-    ) -> Mapping[str, str] | None:
+    def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
+        return could_hold(self._factors, self._partial(asked.required), self._conflicts(asked), deadline)
+
+    def _model(self, asked: Narrowing, preferred: Mapping[str, str], deadline: Deadline) -> Mapping[str, str] | None:
         """Independent parts keep all of their preferred values, if they can."""
-        deadline.enforce()
-        self.statistics.queries += 1
-        asked = narrowing(commitments, self.theory)
-        if not asked.consistent:
-            return None
         kept = {variable: preferred.get(variable, values[0]) for variable, values in self.theory.domains.items()}
-        conflicts = [self._conflict(each) for each in asked.conflicts]
         wanted = self._vocabulary.encode(Assignment(*item) for item in kept.items()) & self._vocabulary.made
-        found = find_model(self._factors, self._partial(asked.required), conflicts, wanted, deadline)
+        found = find_model(self._factors, self._partial(asked.required), self._conflicts(asked), wanted, deadline)
         return None if found is None else kept | dict(self._vocabulary.decode(found))
 
-    def count_models(self, deadline: Deadline = NEVER) -> int:
-        deadline.enforce()
-        self.statistics.queries += 1
+    def _count(self, deadline: Deadline) -> int:
         covers = self._covers(deadline)
         covered = sum(scope for scope, _ in covers)
-        free = prod(len(self.theory.domains[name]) for name in self.theory.domains if not self._field(name) & covered)
+        field = self._vocabulary.field
+        free = prod(len(values) for name, values in self.theory.domains.items() if not field(name) & covered)
         return free * prod(count_models(label, scope, self._vocabulary, deadline) for scope, label in covers)
 
-    def models(self, deadline: Deadline = NEVER) -> Iterator[Mapping[str, str]]:
-        deadline.enforce()
-        self.statistics.queries += 1
+    def _enumerate(self, deadline: Deadline) -> Iterator[Mapping[str, str]]:
         return models(self._covers(deadline), self._vocabulary, deadline)
 
     def explain(self, environment: Guard, deadline: Deadline = NEVER) -> Guard | None:
@@ -533,10 +509,6 @@ class LabelKnowledgeBase(KnowledgeBase):
         """How many environments the goal's label has."""
         return prod(size(factor.label) for factor in self._factors)
 
-    @abstractmethod
-    def _create_joining(self) -> Joining:
-        """What conflicts do to labels."""
-
     def _compile(self, effort: Effort) -> list[Factor]:
         network = encode(self.simplified)
         sizes = self.statistics.sizes
@@ -552,14 +524,6 @@ class LabelKnowledgeBase(KnowledgeBase):
         self._maintenance.run(effort)
         labels = [self._maintenance.own_label(node) for node in network.constraints]
         return factors(labels, self._maintenance.conflicts(), self._joining, effort)
-
-    def _could_hold(self, asked: Narrowing, deadline: Deadline) -> bool:
-        deadline.enforce()
-        self.statistics.queries += 1
-        if not asked.consistent:
-            return False
-        conflicts = [self._conflict(each) for each in asked.conflicts]
-        return could_hold(self._factors, self._partial(asked.required), conflicts, deadline)
 
     def _covers(self, deadline: Deadline) -> list[tuple[Scope, Label]]:
         """For each factor its scope, and a label that resolves all conflicts."""
@@ -579,11 +543,8 @@ class LabelKnowledgeBase(KnowledgeBase):
         self.statistics.sizes["factors"] = len(self._factors)
         self.statistics.sizes["environments"] = sum(size(factor.label) for factor in self._factors)
 
-    def _field(self, variable: str) -> Scope:
-        return self._vocabulary.field(variable)
-
-    def _conflict(self, guard: Guard) -> Conflict:
-        return conflict(self._vocabulary.encode(guard), self._vocabulary)
+    def _conflicts(self, asked: Narrowing) -> list[Conflict]:
+        return [conflict(self._vocabulary.encode(each), self._vocabulary) for each in asked.conflicts]
 
     def _partial(self, required: Mapping[str, str]) -> Partial:
         """An environment; what variables without another value have goes without saying."""
@@ -592,11 +553,8 @@ class LabelKnowledgeBase(KnowledgeBase):
             if len(self.theory.domains[variable]) == 1:
                 continue
             made = self._vocabulary.assign(variable, value) & self._vocabulary.made
-            partial = partial.with_assignment(made, self._field(variable))
+            partial = partial.with_assignment(made, self._vocabulary.field(variable))
         return partial
-
-    def _excluded_by(self, partial: Partial) -> tuple[tuple[Scope, tuple[int, ...]], ...]:
-        return conflict(partial.environment, self._vocabulary).resolutions
 
 
 class Atms(LabelKnowledgeBase):
@@ -607,9 +565,7 @@ class Atms(LabelKnowledgeBase):
 
     name = "atms"
     consensus = False
-
-    def _create_joining(self) -> Joining:
-        return Joining(self._vocabulary, without_manifest, resolved=False)
+    resolve = staticmethod(without_manifest)
 
 
 class PiTms(LabelKnowledgeBase):
@@ -617,6 +573,7 @@ class PiTms(LabelKnowledgeBase):
 
     name = "pitms"
     consensus = True
+    resolve = staticmethod(split)
 
     def prime_implicants(self, deadline: Deadline = NEVER) -> Iterator[Guard]:
         """Every prime implicant of what is left of the theory, once; there may be very many.
@@ -636,6 +593,3 @@ class PiTms(LabelKnowledgeBase):
         """
         deadline.enforce()
         return self.goal_size()
-
-    def _create_joining(self) -> Joining:
-        return Joining(self._vocabulary, split, resolved=True)

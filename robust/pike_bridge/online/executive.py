@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import assert_never
 
-from robust.pike_bridge.model import Activity, Assignment, TeamPlan
+from robust.pike_bridge.model import Assignment, Guard, TeamPlan
 from robust.pike_bridge.online.progress import (
     Chosen,
     Completion,
@@ -27,7 +27,7 @@ from robust.pike_bridge.online.progress import (
     Succeeded,
 )
 from robust.pike_bridge.online.reasoner import Reasoner
-from robust.smt.limits import Deadline
+from robust.smt.limits import NEVER, Deadline
 
 Ranking = Callable[[Sequence[str]], Sequence[str]]
 """Puts alternatives in the order in which they are tried."""
@@ -57,7 +57,7 @@ class PlanExecutive:
         *,
         ranking: Ranking = as_written,
         monitor: bool = True,
-        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+        deadline: Deadline = NEVER,
     ) -> None:
         self.plan = plan
         self.progress = Progress(plan)
@@ -115,12 +115,15 @@ class PlanExecutive:
         for message in messages:
             decisions += self._take(message)
         if self._changed and not self.reasoner.possible(self._deadline):
-            return [*decisions, self._fail()]
+            self.outcome = Failed(self.progress.now, "no correct execution is left")
+            return [*decisions, self.outcome]
         self._changed = False
         decisions += self._execute_all()
         self._wake_known = False
         if self._is_finished():
-            self.outcome = Succeeded(self.progress.now, tuple(sorted(self._assignments())))
+            self.outcome = Succeeded(
+                self.progress.now, tuple(Assignment(*each) for each in sorted(self.progress.chosen.items()))
+            )
             decisions.append(self.outcome)
         return decisions
 
@@ -132,17 +135,12 @@ class PlanExecutive:
         self._recorded = {each.choice: each.value for each in decisions if isinstance(each, Chosen)}
         self._advance(now, [])
         for message in messages:
-            for _ in self._take(message):
-                pass
-        for decision in decisions:
-            match decision:
-                case Executed(event, _, reported=False):
-                    for _ in self._mark(event):
-                        pass
-                case Failed() | Succeeded():
-                    self.outcome = decision
-                case _:
-                    pass  # follows from the messages or from the events
+            list(self._take(message))
+        for decision in decisions:  # all others follow from the messages or from the events
+            if isinstance(decision, Executed) and not decision.reported:
+                list(self._mark(decision.event))
+            elif isinstance(decision, Failed | Succeeded):
+                self.outcome = decision
         self._recorded = None
         self._wake_known = False
 
@@ -154,8 +152,7 @@ class PlanExecutive:
         """
         if choice in self.progress.chosen:
             return (self.progress.chosen[choice],)
-        domain = self.plan.network.domains[choice]
-        return tuple(each for each in domain if self._could(frozenset({Assignment(choice, each)})))
+        return tuple(self._possible(choice, self.plan.network.domains[choice]))
 
     # -- what has happened -------------------------------------------------------------------------------------------
 
@@ -257,7 +254,8 @@ class PlanExecutive:
         self.reasoner.executed(event)
         self._changed = True
         for assignment in sorted(self.progress.structure.guards[event]):
-            self._require(assignment)
+            if assignment.variable not in self.progress.chosen:  # an event's guard holds because it was executed
+                self._choose(*assignment)
         if self._monitor is not None:
             self._monitor.executed(event)
         yield Executed(event, now, reported)
@@ -271,24 +269,14 @@ class PlanExecutive:
             activity = self.plan.network.activities[place]
             if self.progress.certain(activity.guard) and activity.target in self.progress.pending:
                 self.running[place] = now
-                yield self._dispatched(activity)
-
-    def _dispatched(self, activity: Activity) -> Dispatched:
-        return Dispatched(
-            activity.action, activity.agent, self.progress.now, activity.target, activity.lower, activity.upper
-        )
+                action, end = activity.action, activity.target
+                yield Dispatched(action, activity.agent, now, end, activity.lower, activity.upper)
 
     def _decide(self, choice: str) -> str | None:
         """The first value that could be committed to; None if the execution has failed already."""
         if self._recorded is not None:
             return self._recorded.get(choice)
-        values = self._ranking(self.plan.network.domains[choice])
-        return next((each for each in values if self._could(frozenset({Assignment(choice, each)}))), None)
-
-    def _require(self, assignment: Assignment) -> None:
-        """An event's guard holds because it was executed."""
-        if assignment.variable not in self.progress.chosen:
-            self._choose(assignment.variable, assignment.value)
+        return next(self._possible(choice, self._ranking(self.plan.network.domains[choice])), None)
 
     def _choose(self, choice: str, value: str) -> None:
         self.progress.chosen[choice] = value
@@ -298,7 +286,10 @@ class PlanExecutive:
         for event in [each for each in self.progress.pending if not self.progress.compatible(guards[each])]:
             del self.progress.pending[event]
 
-    def _could(self, environment: frozenset[Assignment]) -> bool:
+    def _possible(self, choice: str, values: Iterable[str]) -> Iterator[str]:
+        return (each for each in values if self._could(frozenset({Assignment(choice, each)})))
+
+    def _could(self, environment: Guard) -> bool:
         return self.reasoner.could(environment, self._deadline)
 
     def _is_finished(self) -> bool:
@@ -309,13 +300,6 @@ class PlanExecutive:
                 return False
             del self.progress.pending[event]
         return True
-
-    def _fail(self) -> Failed:
-        self.outcome = Failed(self.progress.now, "no correct execution is left")
-        return self.outcome
-
-    def _assignments(self) -> Iterator[Assignment]:
-        return (Assignment(*item) for item in self.progress.chosen.items())
 
     def _rejected(self, message: Message, reason: str) -> Rejected:
         return Rejected(str(message), reason, self.progress.now)

@@ -1,25 +1,33 @@
-"""Answers to *why* and *why not*, as data, in words, and for JSON."""
+"""Why, and why not: questions to an executive at any time, and their answers as data, in words, and for JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from fractions import Fraction
-from typing import Any, TypeAlias
+from functools import cached_property
+from itertools import takewhile
+from typing import Any, ClassVar, TypeAlias
 
 from robust.errors import InputError, did_you_mean
 from robust.numbers import format_number
 from robust.pike_bridge.model import Activity, Assignment, may_produce, starts_with
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.explain import OF_PLAN, Fact, Kind, Situation, Statement, durations, listed
+from robust.pike_bridge.online.explain import OF_PLAN, About, Fact, FormalFact, Situation, durations, listed
 from robust.pike_bridge.online.progress import Chosen, Decision, Dispatched, Executed, Failed, Progress
 from robust.pike_bridge.semantics import Execution, holds
-from robust.smt.limits import Deadline
+from robust.smt.limits import NEVER, Deadline
+
+_FEW = 6
+"""With so many inferences the simplest conflict is sought."""
+
+
+# -- answers -----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
-class Conflict:
+class Clash:
     """Facts that contradict each other, with what the plan demands; without any one of them they would not.
 
     `sequence`: the plan puts the activities whose least durations are among them one after the other.
@@ -29,42 +37,43 @@ class Conflict:
     sequence: bool = False
 
     @property
+    def choices(self) -> str:
+        """The choices that it rests on: `xA1 = mug, xA2 = coffee`."""
+        return ", ".join(self._texts(About.CHOICE, About.INFERENCE))
+
+    @property
     def clauses(self) -> tuple[str, ...]:
         """All but choices and what was asked: first what has happened, then what the plan demands."""
-        return (*self._happened(), *self._demanded())
+        happened = (", ".join(self._texts(*kinds)) for kinds in ((About.EVENT, About.TIME), (About.REPORT,)))
+        return (*self._texts(About.LINK), *filter(None, happened), *self._demanded())
 
     @property
     def text(self) -> str:
         return "\n".join([self.choices, *self.clauses] if self.choices else self.clauses)
 
-    def as_dict(self) -> list[dict[str, str]]:
-        """The `conflict` of `robust/pike-run/1`."""
-        return [each.as_dict() for each in self.facts]
+    def under(self, head: str) -> tuple[str, ...]:
+        """A heading with the choices that it rests on, then one line for each other fact."""
+        given = f", as {self.choices}" if self.choices else ""
+        clauses = self.clauses
+        if clauses:
+            return (f"{head}{given}:", *(f"  {clause}" for clause in clauses))
+        return (f"{head}{given or ': the plan never allows it'}",)
 
-    @property
-    def choices(self) -> str:
-        """The choices that it rests on: `xA1 = mug, xA2 = coffee`."""
-        return ", ".join(each.text for each in self.facts if each.kind in {Kind.CHOICE, Kind.INFERENCE})
-
-    def _happened(self) -> Iterator[str]:
-        yield from (each.text for each in self.facts if each.kind is Kind.LINK)
-        for kinds in ({Kind.EVENT, Kind.TIME}, {Kind.REPORT}):
-            texts = [each.text for each in self.facts if each.kind in kinds]
-            if texts:
-                yield ", ".join(texts)
+    def _texts(self, *kinds: About) -> list[str]:
+        return [each.text for each in self.facts if each.kind in kinds]
 
     def _demanded(self) -> Iterator[str]:
         demands = [each for each in self.facts if each.kind in OF_PLAN]
-        yield from (each.text for each in demands if each.kind is Kind.CONDITION)
-        least = [each.activity for each in demands if each.kind is Kind.DURATION and each.activity]
-        bounds = [each for each in demands if each.kind is Kind.BOUND]
+        yield from self._texts(About.CONDITION)
+        least = [each.activity for each in demands if each.activity]
+        bounds = [each for each in demands if each.kind is About.BOUND]
         total = sum((each.lower for each in least), Fraction(0))
         exceeded = self.sequence and len(bounds) == 1 and bounds[0].limit is not None and total > bounds[0].limit
         if least:
             yield durations(least) + (f": {format_number(total)} in all" if exceeded and len(least) > 1 else "")
-        yield from (each.text for each in demands if each.kind is Kind.DURATION and not each.activity)
+        yield from (each.text for each in demands if each.kind is About.DURATION and not each.activity)
         yield from (f"but {each.text}" if exceeded else each.text for each in bounds)
-        if [each.kind for each in demands] == [Kind.ORDER]:
+        if [each.kind for each in demands] == [About.ORDER]:
             yield "the plan demands another order of events"
 
 
@@ -78,17 +87,26 @@ class Support:
     time: Fraction
     """When it is established."""
 
-    def as_dict(self) -> dict[str, str]:
-        return {
-            "literal": self.literal,
-            "producer": self.producer,
-            "consumer": self.consumer,
-            "time": str(self.time),
-        }
+
+class Reason:
+    """An answer; its `text` tells it."""
+
+    __slots__ = ()
+    KIND: ClassVar[str]
+    SHOWN: ClassVar[tuple[str, ...]]
+    """What of it is in JSON."""
+
+    @property
+    def text(self) -> str:
+        raise NotImplementedError
+
+    def as_dict(self) -> dict[str, Any]:
+        """A reason of `robust/pike-run/1`."""
+        return {"kind": self.KIND, **{name: answer(getattr(self, name)) for name in self.SHOWN}}
 
 
 @dataclass(frozen=True, slots=True)
-class WhyExecuted:
+class WhyExecuted(Reason):
     """Why an event was, or may be, executed: a continuation in which it is, and what it is good for there.
 
     Attributes:
@@ -98,6 +116,9 @@ class WhyExecuted:
         latest: until when it can be executed; None if that is not limited.
         continuation: choices, and times of all their events; None if none is left.
     """
+
+    KIND = "execution"
+    SHOWN = ("event", "text", "needs", "serves", "latest", "continuation")
 
     event: str
     name: str
@@ -110,7 +131,7 @@ class WhyExecuted:
     def parts(self) -> tuple[str, ...]:
         """What is to be said, apart."""
         needed = _grouped((each.producer, each) for each in self.needs)
-        found = [*support_parts(self.serves), *(f"uses {what} from {whom}" for whom, what in needed)]
+        found = [*_served(self.serves), *(f"uses {what} from {whom}" for whom, what in needed)]
         if self.latest is not None:
             found.append(f"not later than {format_number(self.latest)}")
         return tuple(found)
@@ -119,21 +140,9 @@ class WhyExecuted:
     def text(self) -> str:
         return "; ".join(self.parts) or f"nothing speaks against {self.name}"
 
-    def as_dict(self) -> dict[str, Any]:
-        """A reason of `robust/pike-run/1`."""
-        return {
-            "kind": "execution",
-            "event": self.event,
-            "text": self.text,
-            "needs": [each.as_dict() for each in self.needs],
-            "serves": [each.as_dict() for each in self.serves],
-            "latest": None if self.latest is None else str(self.latest),
-            "continuation": continuation_answer(self.continuation),
-        }
-
 
 @dataclass(frozen=True, slots=True)
-class WhyChosen:
+class WhyChosen(Reason):
     """Why a choice has a value, or must have it.
 
     Attributes:
@@ -142,47 +151,34 @@ class WhyChosen:
         serves: what the activities of the value establish for others.
     """
 
+    KIND = "choice"
+    SHOWN = ("choice", "value", "text", "possible", "impossible", "serves", "continuation")
+
     choice: str
     value: str | None
     """None if several values are possible."""
     possible: tuple[str, ...]
-    impossible: Mapping[str, Conflict]
+    impossible: Mapping[str, Clash]
     serves: tuple[Support, ...] = ()
     continuation: Execution | None = None
 
     @property
     def excluding(self) -> tuple[str, ...]:
         """Why it has no other value."""
-        return tuple(
-            line for value, conflict in self.impossible.items() for line in impossible_lines(f"not {value}", conflict)
-        )
+        return tuple(line for value, clash in self.impossible.items() for line in clash.under(f"not {value}"))
 
     @property
     def parts(self) -> tuple[str, ...]:
         """What its value is good for, and what else would have been possible."""
-        found = support_parts(self.serves)
+        found = _served(self.serves)
         if self.possible:
-            also = listed(self.possible)
             verb = "is" if len(self.possible) == 1 else "are"
-            found.append(f"{also} {verb} possible" + (", too" if self.value else ""))
+            found.append(f"{listed(self.possible)} {verb} possible" + (", too" if self.value else ""))
         return tuple(found)
 
     @property
     def text(self) -> str:
         return "\n".join((*self.excluding, "; ".join(self.parts)) if self.parts else self.excluding)
-
-    def as_dict(self) -> dict[str, Any]:
-        """A reason of `robust/pike-run/1`."""
-        return {
-            "kind": "choice",
-            "choice": self.choice,
-            "value": self.value,
-            "text": self.text,
-            "possible": list(self.possible),
-            "impossible": {value: conflict.as_dict() for value, conflict in self.impossible.items()},
-            "serves": [each.as_dict() for each in self.serves],
-            "continuation": continuation_answer(self.continuation),
-        }
 
 
 class Obstacle(Enum):
@@ -198,7 +194,7 @@ class Obstacle(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class WhyNot:
+class WhyNot(Reason):
     """Why an event is not executed now, a choice has not a value, or no correct execution is left.
 
     Attributes:
@@ -209,86 +205,67 @@ class WhyNot:
         continuation: a correct execution with it, if it is possible.
     """
 
+    KIND = "obstacle"
+    SHOWN = ("subject", "obstacle", "text", "earliest", "conflict", "continuation")
+
     subject: str
     obstacle: Obstacle
     reason: str = ""
     earliest: Fraction | None = None
-    conflict: Conflict | None = None
+    conflict: Clash | None = None
     continuation: Execution | None = None
 
     @property
     def lines(self) -> tuple[str, ...]:
-        if self.conflict is None:
-            return (self.reason,)
-        return tuple(impossible_lines(self.reason, self.conflict))
+        return (self.reason,) if self.conflict is None else self.conflict.under(self.reason)
 
     @property
     def text(self) -> str:
         return "\n".join(self.lines)
 
-    def as_dict(self) -> dict[str, Any]:
-        """A reason of `robust/pike-run/1`."""
-        return {
-            "kind": "obstacle",
-            "subject": self.subject,
-            "obstacle": self.obstacle.value,
-            "text": self.text,
-            "earliest": None if self.earliest is None else str(self.earliest),
-            "conflict": None if self.conflict is None else self.conflict.as_dict(),
-            "continuation": continuation_answer(self.continuation),
-        }
+
+def answer(value: object) -> Any:  # noqa: PLR0911 - one for each kind
+    """A part of a reason for JSON; continuations are in the order of time."""
+    match value:
+        case Clash(facts):
+            return [each.as_dict() for each in facts]
+        case Support():
+            return {each.name: answer(getattr(value, each.name)) for each in fields(value)}
+        case Execution():
+            schedule = sorted(value.schedule.items(), key=lambda item: (item[1], item[0]))
+            return {"scenario": dict(value.scenario), "schedule": {event: str(time) for event, time in schedule}}
+        case Fraction():
+            return str(value)
+        case Enum():
+            return value.value
+        case tuple():
+            return [answer(each) for each in value]
+        case Mapping():
+            return {key: answer(each) for key, each in value.items()}
+        case _:
+            return value
 
 
-Reason: TypeAlias = WhyExecuted | WhyChosen | WhyNot
-
-
-def continuation_answer(execution: Execution | None) -> dict[str, Any] | None:
-    """A continuation for JSON, in the order of time."""
-    if execution is None:
-        return None
-    schedule = sorted(execution.schedule.items(), key=lambda item: (item[1], item[0]))
-    return {"scenario": dict(execution.scenario), "schedule": {event: str(time) for event, time in schedule}}
-
-
-def impossible_lines(head: str, conflict: Conflict) -> Iterator[str]:
-    """A heading with the choices that it rests on, then one line for each other fact."""
-    given = f", as {conflict.choices}" if conflict.choices else ""
-    if conflict.clauses:
-        yield f"{head}{given}:"
-        yield from (f"  {clause}" for clause in conflict.clauses)
-    else:
-        yield f"{head}{given or ': the plan never allows it'}"
-
-
-def support_parts(supports: tuple[Support, ...]) -> list[str]:
+def _served(supports: tuple[Support, ...]) -> list[str]:
     """`establishes (have mug) for (pour-coffee human)`, and so on, one for each consumer."""
     return [f"establishes {what} for {who}" for who, what in _grouped((each.consumer, each) for each in supports)]
 
 
 def _grouped(links: Iterable[tuple[str, Support]]) -> list[tuple[str, str]]:
     """For each of the other ends of links the literals, listed."""
-    literals: dict[str, list[str]] = {}
+    literals: dict[str, dict[str, None]] = {}
     for end, link in links:
-        known = literals.setdefault(end, [])
-        if link.literal not in known:
-            known.append(link.literal)
-    return [(end, listed(names)) for end, names in literals.items()]
+        literals.setdefault(end, {})[link.literal] = None
+    return [(end, listed(list(names))) for end, names in literals.items()]
 
+
+# -- questions ---------------------------------------------------------------------------------------------------------
 
 Question: TypeAlias = str | Assignment
 """An event by its name, or a choice with a value."""
 
-_FEW = 6
-"""With so many inferences the simplest conflict is sought."""
 
-
-def why(
-    executive: PlanExecutive,
-    question: Question,
-    *,
-    solver: str = "z3",
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
-) -> WhyExecuted | WhyChosen | WhyNot:
+def why(executive: PlanExecutive, question: Question, *, solver: str = "z3", deadline: Deadline = NEVER) -> Reason:
     """Why an event is executed, or may be, or a choice has a value, as far as the facts of now tell.
 
     What is not so, and cannot be now, is answered as by :func:`why_not`.
@@ -308,13 +285,7 @@ def why(
     return inquiry.executed(question, obstacle.continuation) if obstacle.continuation is not None else obstacle
 
 
-def why_not(
-    executive: PlanExecutive,
-    question: Question,
-    *,
-    solver: str = "z3",
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
-) -> WhyNot:
+def why_not(executive: PlanExecutive, question: Question, *, solver: str = "z3", deadline: Deadline = NEVER) -> WhyNot:
     """Why an event may not be executed now, or a choice not have a value.
 
     Raises:
@@ -331,12 +302,7 @@ def why_not(
     return inquiry.why_not_event(question)
 
 
-def why_failed(
-    executive: PlanExecutive,
-    *,
-    solver: str = "z3",
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
-) -> WhyNot:
+def why_failed(executive: PlanExecutive, *, solver: str = "z3", deadline: Deadline = NEVER) -> WhyNot:
     """Why no correct execution is left; that one is, if so.
 
     Raises:
@@ -349,28 +315,16 @@ def why_failed(
 class Inquiry:
     """All questions about one moment of an execution, which share a session."""
 
-    def __init__(
-        self,
-        progress: Progress,
-        *,
-        solver: str = "z3",
-        deadline: Deadline = Deadline(),  # noqa: B008 - immutable
-    ) -> None:
+    def __init__(self, progress: Progress, *, solver: str = "z3", deadline: Deadline = NEVER) -> None:
         self.situation = Situation(progress, solver=solver, deadline=deadline)
         self._progress = self.situation.progress
         self._plan = progress.plan
         self._wording = self.situation.wording
-        self._statements = self.situation.statements
-        self._continuation: Execution | None = None
-        self._sought = False
 
-    @property
+    @cached_property
     def continuation(self) -> Execution | None:
         """A correct execution that is left."""
-        if not self._sought:
-            self._continuation = self.situation.continuation()
-            self._sought = True
-        return self._continuation
+        return self.situation.continuation()
 
     def check(self, question: Question) -> None:
         """InputError if a question is about something that the plan does not have."""
@@ -415,19 +369,17 @@ class Inquiry:
 
     def chosen(self, assignment: Assignment) -> WhyChosen:
         """Why a choice has a value: what excluded the others when it was made, and what the value serves."""
-        domain = self._plan.network.domains[assignment.variable]
-        inquiry = self._before(assignment.variable)
-        others = [Assignment(assignment.variable, value) for value in domain if value != assignment.value]
-        impossible, possible = {}, []
-        for other in others:
-            conflict = inquiry.conflict_with(other)
-            if conflict is None:
-                possible.append(other.value)
-            else:
-                impossible[other.value] = conflict
+        choice, inquiry = assignment.variable, self._before(assignment.variable)
+        clashes = {
+            value: inquiry.conflict_with(Assignment(choice, value))
+            for value in self._plan.network.domains[choice]
+            if value != assignment.value
+        }
+        possible = tuple(value for value, clash in clashes.items() if clash is None)
+        impossible = {value: clash for value, clash in clashes.items() if clash is not None}
         found = self._with(assignment)
         serves = () if found is None else tuple(self._served_by(assignment, found))
-        return WhyChosen(assignment.variable, assignment.value, tuple(possible), impossible, serves, found)
+        return WhyChosen(choice, assignment.value, possible, impossible, serves, found)
 
     def inferred(self, possible: Mapping[str, Sequence[str]]) -> dict[str, WhyChosen]:
         """Why choices have no other values than the given ones, each conflict resting on simpler ones before it.
@@ -435,8 +387,13 @@ class Inquiry:
         That a choice must have its value, which has been explained, is then a fact for the next.
         """
         domains = self._plan.network.domains
-        found: dict[str, dict[str, Conflict]] = {
-            choice: dict(self._excluded(choice, domains[choice], values)) for choice, values in possible.items()
+        found: dict[str, dict[str, Clash]] = {
+            choice: {
+                value: clash
+                for value in domains[choice]
+                if value not in values and (clash := self.conflict_with(Assignment(choice, value))) is not None
+            }
+            for choice, values in possible.items()
         }
         ordered = sorted(found, key=lambda choice: sum(len(each.facts) for each in found[choice].values()))
         known: list[Assignment] = []
@@ -453,16 +410,16 @@ class Inquiry:
                 known.append(Assignment(choice, only))
         return answers
 
-    def _simplest(self, assignment: Assignment, conflict: Conflict, known: Sequence[Assignment]) -> Conflict:
+    def _simplest(self, assignment: Assignment, conflict: Clash, known: Sequence[Assignment]) -> Clash:
         """Of conflicts that rest on one of the known choices, or on none, that with the fewest facts."""
         others = (self.conflict_with(assignment, [each]) for each in known[:_FEW])
         return min([conflict, *(each for each in others if each is not None)], key=lambda each: len(each.facts))
 
-    def conflict_with(self, assignment: Assignment, known: Iterable[Assignment] = ()) -> Conflict | None:
+    def conflict_with(self, assignment: Assignment, known: Iterable[Assignment] = ()) -> Clash | None:
         """Why a choice cannot have a value, where others that were inferred are facts; None if it can."""
         hypotheses = [
-            *self._statements.assignments(Kind.ASSUMPTION, [assignment]),
-            *self._statements.assignments(Kind.INFERENCE, known),
+            *self.situation.assignments(About.ASSUMPTION, [assignment]),
+            *self.situation.assignments(About.INFERENCE, known),
         ]
         return self._told(self.situation.conflict(hypotheses))
 
@@ -486,7 +443,7 @@ class Inquiry:
         simple = self._simply_not(event)
         if simple is not None:
             return simple
-        hypotheses = [self._statements.executed_now(event), *self._statements.unreported()]
+        hypotheses = [self.situation.executed_now(event), *self.situation.unreported()]
         conflict = self._told(self.situation.conflict(hypotheses))
         if conflict is not None:
             return WhyNot(name, Obstacle.CONFLICT, f"{name} is impossible at {now}", conflict=conflict)
@@ -532,17 +489,13 @@ class Inquiry:
 
     def _too_early(self, event: str, name: str) -> WhyNot | None:
         progress = self._progress
-        guard = progress.structure.guards[event]
-        for constraint in progress.structure.incoming[event]:
-            lower = constraint.lower
-            if lower is None or lower < 0 or not progress.certain(constraint.guard, guard):
-                continue
-            source, earlier = self._wording.event(constraint.source), progress.times.get(constraint.source)
+        for source, lower in progress.lower_bounds(event):
+            earlier, told = progress.times.get(source), self._wording.event(source)
             if earlier is None and lower > 0:
-                return WhyNot(name, Obstacle.EARLY, f"{name} comes after {source}, which is still to come")
+                return WhyNot(name, Obstacle.EARLY, f"{name} comes after {told}, which is still to come")
             if earlier is not None and progress.now < earlier + lower:
                 first = earlier + lower
-                distance = f"at least {format_number(lower)} after {source} at {format_number(earlier)}"
+                distance = f"at least {format_number(lower)} after {told} at {format_number(earlier)}"
                 text = f"{name} is {distance}: {format_number(first)} or later"
                 return WhyNot(name, Obstacle.EARLY, text, earliest=first)
         return None
@@ -552,45 +505,32 @@ class Inquiry:
     def _with(self, assignment: Assignment) -> Execution | None:
         if self.continuation is not None and self.continuation.scenario[assignment.variable] == assignment.value:
             return self.continuation
-        return self.situation.continuation(self._statements.assignments(Kind.ASSUMPTION, [assignment]))
+        return self.situation.continuation(self.situation.assignments(About.ASSUMPTION, [assignment]))
 
     def _before(self, choice: str) -> Inquiry:
         """The moment at which a choice was made, without it and what came after; broken links stay broken."""
         progress = self._progress
         if choice not in progress.chosen:
             return self
-        names = list(progress.chosen)
-        made = {name: progress.chosen[name] for name in names[: names.index(choice)]}
+        made = dict(takewhile(lambda each: each[0] != choice, progress.chosen.items()))
         event = next(each.event for each in self._plan.network.choices if each.name == choice)
-        earlier = Progress(self._plan, progress.now, {}, made, set(progress.void))
-        for name, time in progress.times.items():
-            if earlier.certain(earlier.structure.guards[name]):
-                earlier.times[name] = time
-                if name == event:
-                    earlier.now = time
-                    break
-        guards = earlier.structure.guards
-        earlier.pending = {
-            each: None for each in earlier.pending if each not in earlier.times and earlier.compatible(guards[each])
-        }
+        guards = progress.structure.guards
+        names = [name for name in progress.times if made.items() >= guards[name]]
+        if event in names:
+            names = names[: names.index(event) + 1]
+        times = {name: progress.times[name] for name in names}
+        earlier = progress.rewound(times.get(event or "", progress.now), times, made)
         return Inquiry(earlier, solver=self.situation.solver, deadline=self.situation.deadline)
 
-    def _excluded(self, choice: str, domain: Sequence[str], possible: Sequence[str]) -> Iterator[tuple[str, Conflict]]:
-        for value in domain:
-            if value not in possible:
-                conflict = self.conflict_with(Assignment(choice, value))
-                if conflict is not None:
-                    yield value, conflict
-
-    def _told(self, statements: Iterable[Statement] | None) -> Conflict | None:
-        if statements is None:
+    def _told(self, found: Sequence[FormalFact] | None) -> Clash | None:
+        if found is None:
             return None
-        facts = [each.fact for each in statements]
+        facts = [each.fact for each in found]
         least: list[Activity] = [each.activity for each in facts if each.activity is not None]
         sequence = self._wording.sequence(least)
         if sequence is not None:
             facts.sort(key=lambda fact: sequence.index(fact.activity) if fact.activity in sequence else -1)
-        return Conflict(tuple(facts), sequence is not None)
+        return Clash(tuple(facts), sequence is not None)
 
     def _links(self, execution: Execution) -> Iterator[_Link]:
         """The link that supports each condition of an execution: of effects that do, the latest."""
@@ -618,11 +558,10 @@ class Inquiry:
     def _served_by(self, assignment: Assignment, execution: Execution) -> Iterator[Support]:
         """What activities that the assignment activates establish for activities that it does not."""
         activities = self._plan.network.activities
-        for link in self._links(execution):
-            inside = link.producer is not None and assignment in activities[link.producer].guard
-            outside = link.consumer is None or assignment not in activities[link.consumer].guard
-            if inside and outside:
-                yield link.support
+        inside = {place for place, activity in enumerate(activities) if assignment in activity.guard}
+        return (
+            each.support for each in self._links(execution) if each.producer in inside and each.consumer not in inside
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -652,7 +591,7 @@ def step_reasons(
     inferred: Mapping[str, tuple[str, ...]],
     *,
     solver: str = "z3",
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    deadline: Deadline = NEVER,
 ) -> StepReasons:
     """The reasons of the step that an executive has just taken.
 
@@ -668,32 +607,20 @@ def step_reasons(
         SolverError: if the solver is unknown or not installed.
     """
     inquiry = Inquiry(executive.progress, solver=solver, deadline=deadline)
-    begun = _begun(decisions)
-    reasons = tuple(_reason(inquiry, each, begun) for each in decisions)
-    return StepReasons(inquiry.continuation, reasons, inquiry.inferred(inferred))
-
-
-def _begun(decisions: Sequence[Decision]) -> Mapping[str, str]:
-    """At which event each dispatched activity began, by the event at which it ends."""
-    found, event = {}, ""
+    reasons: list[Reason | None] = []
+    event = ""
     for decision in decisions:
+        reason: Reason | None = None
         match decision:
-            case Executed(name, _, _):
-                event = name
-            case Dispatched():
-                found[decision.end] = event
+            case Executed():
+                event = decision.event
+            case Dispatched():  # it begins at the event that was executed before
+                reason = inquiry.executed(event)
+            case Chosen(choice, value, observed=False):
+                reason = inquiry.chosen(Assignment(choice, value))
+            case Failed():
+                reason = inquiry.failed()
             case _:
                 pass
-    return found
-
-
-def _reason(inquiry: Inquiry, decision: Decision, begun: Mapping[str, str]) -> Reason | None:
-    match decision:
-        case Dispatched():
-            return inquiry.executed(begun[decision.end])
-        case Chosen(choice, value, _, observed=False):
-            return inquiry.chosen(Assignment(choice, value))
-        case Failed():
-            return inquiry.failed()
-        case _:
-            return None
+        reasons.append(reason)
+    return StepReasons(inquiry.continuation, tuple(reasons), inquiry.inferred(inferred))

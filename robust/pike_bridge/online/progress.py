@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from math import gcd, lcm
@@ -11,12 +12,25 @@ from typing import TypeAlias
 
 import networkx
 
-from robust.pike_bridge.model import Assignment, Condition, Constraint, Effect, Guard, Literal, TeamPlan, may_produce
+from robust.errors import InputError, Location
+from robust.json_text import JsonTypes, Tagged, named
+from robust.numbers import shorten
+from robust.pike_bridge.model import (
+    ALWAYS,
+    Assignment,
+    Condition,
+    Constraint,
+    Effect,
+    Guard,
+    Literal,
+    TeamPlan,
+    may_produce,
+)
 from robust.plan.model import Atom
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class Outcome(Tagged):
     """A human or nature has decided an uncontrollable choice: U(t)."""
 
     choice: str
@@ -27,7 +41,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Completion:
+class Completion(Tagged):
     """A dispatched activity has ended: A(t). `event`, its end, is needed only if several of the same action run."""
 
     action: str
@@ -38,7 +52,7 @@ class Completion:
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class Estimate(Tagged):
     """What is seen of the state now: P(t). If `complete`, every atom that is not said to be true is false."""
 
     true: frozenset[Atom] = frozenset()
@@ -54,7 +68,7 @@ Message: TypeAlias = Outcome | Completion | Estimate
 
 
 @dataclass(frozen=True, slots=True)
-class Executed:
+class Executed(Tagged):
     """An event has its time; `reported` says that the world decided it, by ending an activity."""
 
     event: str
@@ -63,7 +77,7 @@ class Executed:
 
 
 @dataclass(frozen=True, slots=True)
-class Dispatched:
+class Dispatched(Tagged):
     """An activity begins now: its agent is to do it."""
 
     action: str
@@ -76,7 +90,7 @@ class Dispatched:
 
 
 @dataclass(frozen=True, slots=True)
-class Chosen:
+class Chosen(Tagged):
     """A choice has its value; `observed` says that it was not ours to make."""
 
     choice: str
@@ -86,7 +100,7 @@ class Chosen:
 
 
 @dataclass(frozen=True, slots=True)
-class Violated:
+class Violated(Tagged):
     """Something that later activities rely on is not so any more: causal links are broken.
 
     It need not be the end: other support may be left.
@@ -103,7 +117,7 @@ class Violated:
 
 
 @dataclass(frozen=True, slots=True)
-class Rejected:
+class Rejected(Tagged):
     """A message that changes nothing, and why."""
 
     message: str
@@ -112,7 +126,7 @@ class Rejected:
 
 
 @dataclass(frozen=True, slots=True)
-class Failed:
+class Failed(Tagged):
     """No correct execution is left: from now on nothing is dispatched."""
 
     time: Fraction
@@ -120,15 +134,33 @@ class Failed:
 
 
 @dataclass(frozen=True, slots=True)
-class Succeeded:
+class Succeeded(Tagged):
     """Every activated event has been executed, correctly."""
 
     time: Fraction
-    scenario: tuple[Assignment, ...] = field(default=())
+    scenario: tuple[Assignment, ...] = field(default=(), metadata=named("choices"))
     """What was chosen, by whomever."""
 
 
 Decision: TypeAlias = Executed | Dispatched | Chosen | Violated | Rejected | Failed | Succeeded
+
+
+def parse_atom(text: str, location: Location | None = None) -> Atom:
+    """`(predicate argument ...)`; upper and lower case are the same.
+
+    Raises:
+        InputError: for any other text.
+    """
+    match = _ATOM.fullmatch(text.strip())
+    if match is None:
+        raise InputError(f"found {shorten(text)}, expected an atom such as '(at cup table)'", location)
+    predicate, *arguments = match.group(1).lower().split()
+    return Atom(predicate, tuple(arguments))
+
+
+_ATOM = re.compile(r"\(\s*([^\s()]+(?:\s+[^\s()]+)*)\s*\)")
+JSON = JsonTypes({Atom: parse_atom})
+"""Messages and decisions as JSON objects, and back."""
 
 
 @dataclass
@@ -145,11 +177,22 @@ class Progress:
     """Choices that were made or observed."""
     void: set[tuple[Effect, Condition]] = field(default_factory=set)
     """Effects that do not support conditions any more: broken causal links."""
-    pending: dict[str, None] = field(default_factory=dict)
+    pending: dict[str, None] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.pending = dict.fromkeys(event.name for event in self.plan.network.events)
         self.structure = Structure(self.plan)
+        guards = self.structure.guards
+        self.pending = {event: None for event in guards if event not in self.times and self.compatible(guards[event])}
+
+    def copy(self) -> Progress:
+        """What later steps leave as it is."""
+        copied = self.rewound(self.now, self.times, self.chosen)
+        copied.pending = dict(self.pending)
+        return copied
+
+    def rewound(self, now: Fraction, times: Mapping[str, Fraction], chosen: Mapping[str, str]) -> Progress:
+        """As if only some of it had happened by now; broken links stay broken."""
+        return Progress(self.plan, now, dict(times), dict(chosen), set(self.void))
 
     @property
     def grid(self) -> Fraction:
@@ -160,19 +203,19 @@ class Progress:
         """Whether no choice is known to be otherwise."""
         return all(self.chosen.get(variable, value) == value for variable, value in guard)
 
-    def certain(self, guard: Guard, given: Guard = frozenset()) -> bool:
+    def certain(self, guard: Guard, given: Guard = ALWAYS) -> bool:
         """Whether the guard holds by what is known, and what is given."""
         return all(self.chosen.get(each.variable) == each.value or each in given for each in guard)
 
-    def external(self, event: str) -> tuple[Guard, ...]:
-        """In which environments the event is not ours to execute [PIKE §3, constraint 2].
+    def external(self, event: str) -> list[Guard]:
+        """In which environments that are left the event is not ours to execute [PIKE §3, constraint 2].
 
         It is not at the end of an activity, which the world reports; and as long as an uncontrollable choice that is
         made there, or that its guard mentions, has not been observed.
         """
         if any(choice not in self.chosen for choice in self.structure.awaited[event]):
-            return (frozenset(),)
-        return self.structure.ends[event]
+            return [ALWAYS]
+        return [label for label in self.structure.ends[event] if self.compatible(label)]
 
     def ours(self, event: str) -> bool:
         """Whether the executive may execute the event in some scenario."""
@@ -189,43 +232,34 @@ class Progress:
             if not any(earlier in self.pending for earlier in self.structure.not_before[event]):
                 yield event
 
+    def lower_bounds(self, event: str) -> Iterator[tuple[str, Fraction]]:
+        """Events with how much later the event is at least, by single constraints that hold whenever it is executed."""
+        guard = self.structure.guards[event]
+        for constraint in self.structure.incoming[event]:
+            if constraint.lower is not None and self.certain(constraint.guard, guard):
+                yield constraint.source, constraint.lower
+
     def waits(self, event: str) -> bool:
         """Whether, as far as single constraints tell, the event comes no earlier than one that is not ours."""
-        guard, guards = self.structure.guards[event], self.structure.guards
+        guards = self.structure.guards
         return any(
-            constraint.source in self.pending
-            and constraint.lower is not None
-            and constraint.lower >= 0
-            and self.certain(constraint.guard | guards[constraint.source], guard)
-            and not self.ours(constraint.source)
-            for constraint in self.structure.incoming[event]
+            lower >= 0
+            and earlier in self.pending
+            and self.certain(guards[earlier], guards[event])
+            and not self.ours(earlier)
+            for earlier, lower in self.lower_bounds(event)
         )
 
     def blocked(self, event: str) -> bool:
         """Whether the event cannot be executed now, as far as one constraint tells that holds whenever it is."""
-        guard = self.structure.guards[event]
-        for constraint in self.structure.incoming[event]:
-            lower = constraint.lower
-            if lower is None or lower < 0 or not self.certain(constraint.guard, guard):
-                continue
-            earlier = self.times.get(constraint.source)
-            if earlier is not None:
-                if self.now - earlier < lower:
-                    return True
-            elif lower > 0:
-                return True
-        return False
+        return any(
+            self.now - self.times[earlier] < lower if earlier in self.times else lower > 0
+            for earlier, lower in self.lower_bounds(event)
+        )
 
     def earliest(self, event: str) -> Fraction | None:
         """When single constraints to executed events allow the event; None if they allow it any time."""
-        guard = self.structure.guards[event]
-        bounds = [
-            self.times[constraint.source] + constraint.lower
-            for constraint in self.structure.incoming[event]
-            if constraint.lower is not None
-            and constraint.source in self.times
-            and self.certain(constraint.guard, guard)
-        ]
+        bounds = (self.times[each] + lower for each, lower in self.lower_bounds(event) if each in self.times)
         return max(bounds, default=None)
 
     def latest(self) -> Fraction | None:
@@ -265,10 +299,10 @@ class Structure:
             )
             for name, guard in self.guards.items()
         }
-        ends: dict[str, list[Guard]] = {event.name: [] for event in network.events}
+        self.ends: dict[str, list[Guard]] = {event.name: [] for event in network.events}
+        """The guards of the activities that end at each event."""
         for activity in network.activities:
-            ends[activity.target].append(activity.guard)
-        self.ends: dict[str, tuple[Guard, ...]] = {name: tuple(labels) for name, labels in ends.items()}
+            self.ends[activity.target].append(activity.guard)
         self.not_before: dict[str, tuple[str, ...]] = self._not_before()
         """Events that are executed no later than an event, whenever that is; no two are so for one another."""
         self.before: dict[str, tuple[str, ...]] = {
@@ -320,7 +354,7 @@ def _reversed(constraint: Constraint) -> Constraint:
 
 
 @dataclass(frozen=True, slots=True)
-class Violation:
+class Breach:
     """What is announced, and the links that it breaks."""
 
     decision: Violated
@@ -350,7 +384,7 @@ class Monitor:
             self._latest[effect.literal.atom] = effect
             self._producers.setdefault(effect.literal, []).append(effect)
 
-    def compare(self, estimate: Estimate) -> Iterator[Violation]:
+    def compare(self, estimate: Estimate) -> Iterator[Breach]:
         """Each expectation that is contradicted and that a later condition may rely on."""
         for atom, effect in list(self._latest.items()):
             if effect not in self._broken and self._contradicts(estimate, atom, effect.literal.positive):
@@ -361,7 +395,7 @@ class Monitor:
                 )
                 if links:
                     self._broken.add(effect)
-                    yield Violation(self._announcement(effect, [condition for _, condition in links]), links)
+                    yield Breach(self._announcement(effect, [condition for _, condition in links]), links)
 
     def _contradicts(self, estimate: Estimate, atom: Atom, expected: bool) -> bool:
         if expected:

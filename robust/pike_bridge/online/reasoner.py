@@ -113,6 +113,22 @@ class WitnessedReasoner(Reasoner):
             return False
         return self._find_continuation(environment, deadline)
 
+    def next_time(self, deadline: Deadline) -> Fraction | None:
+        """When something is executable first; if nothing is without a message, when it is too late for any."""
+        earliest = self._earliest_execution(deadline)
+        if earliest is not None:
+            return self._opening(earliest)
+        last = self.quiet_until(deadline)
+        return None if last is None else self._closing(last)
+
+    @abstractmethod
+    def quiet_until(self, deadline: Deadline) -> Fraction | None:
+        """The greatest time before which nothing need be executed; None if nothing ever need, or nothing is correct."""
+
+    @abstractmethod
+    def _earliest_execution(self, deadline: Deadline) -> Fraction | None:
+        """The least time after now at which an event is executable if nothing happens before."""
+
     @abstractmethod
     def _find_continuation(self, environment: Guard, deadline: Deadline) -> bool:
         """Look for a continuation in the environment, and make it the witness."""
@@ -142,3 +158,41 @@ class WitnessedReasoner(Reasoner):
 
 def _agrees(environment: Guard, scenario: Mapping[str, str]) -> bool:
     return all(scenario.get(variable) == value for variable, value in environment)
+
+
+class Accompanied(Reasoner):
+    """Answers are the first one's; the companion is told the same facts."""
+
+    def __init__(self, deciding: Reasoner, companion: Reasoner) -> None:
+        super().__init__(deciding.progress)
+        self.name = deciding.name
+        self.deciding = deciding
+        self.companion = companion
+
+    def observed(self, assignment: Assignment) -> None:
+        self.deciding.observed(assignment)
+        self.companion.observed(assignment)
+
+    def executed(self, event: str) -> None:
+        self.deciding.executed(event)
+        self.companion.executed(event)
+
+    def voided(self, effect: Effect, condition: Condition) -> None:
+        self.deciding.voided(effect, condition)
+        self.companion.voided(effect, condition)
+
+    def advanced(self) -> None:
+        self.deciding.advanced()
+        self.companion.advanced()
+
+    def possible(self, deadline: Deadline) -> bool:
+        return self.deciding.possible(deadline)
+
+    def executable(self, event: str, deadline: Deadline) -> bool:
+        return self.deciding.executable(event, deadline)
+
+    def could(self, environment: Guard, deadline: Deadline) -> bool:
+        return self.deciding.could(environment, deadline)
+
+    def next_time(self, deadline: Deadline) -> Fraction | None:
+        return self.deciding.next_time(deadline)

@@ -5,25 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from robust.errors import InputError, did_you_mean
 from robust.pike_bridge.compile import Compilation, Compiling, Temporal
-from robust.pike_bridge.knowledge import knowledge_bases
+from robust.pike_bridge.online import SMT, reasoner_names
+from robust.pike_bridge.online.knowledge_reasoners import DistanceTable, LazyReasoner, WindowReasoner
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoner import Reasoner
-from robust.smt.limits import Deadline
+from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.temporal.labeled_apsp import labeled_distances
+from robust.smt.limits import NEVER, Deadline
+from robust.smt.terms import Terms
 
-if TYPE_CHECKING:
-    from robust.pike_bridge.online.dispatching import DistanceTable
-
-SMT = "smt"
-"""The reasoner that compiles nothing."""
-
-
-def reasoner_names() -> tuple[str, ...]:
-    """What :func:`make_reasoner` knows: `smt`, and the knowledge bases."""
-    return (SMT, *knowledge_bases())
+__all__ = ["SMT", "CompiledReasoners", "make_reasoner", "reasoner_names"]
 
 
 @dataclass
@@ -44,7 +38,7 @@ class CompiledReasoners:
     backend: str
     temporal: Temporal = Temporal.LAZY
     solver: str = "z3"
-    deadline: Deadline = Deadline()  # noqa: RUF009 - immutable
+    deadline: Deadline = NEVER
     compilation: Compilation | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     """By stage: those of :class:`~robust.pike_bridge.compile.Compiling`, and windows."""
@@ -55,25 +49,15 @@ class CompiledReasoners:
         )
         self.seconds = compiling.seconds
         self.compilation = compiling.run()
-        match self.temporal:
-            case Temporal.LAZY:
-                from robust.pike_bridge.online.lazy import LazyReasoner  # noqa: PLC0415 - only what is used
-
-                return LazyReasoner(progress, self.compilation)
-            case Temporal.APSP:
-                from robust.pike_bridge.online.dispatching import WindowReasoner  # noqa: PLC0415
-
-                started = time.perf_counter()
-                try:
-                    table = self._table(self.compilation)
-                finally:
-                    compiling.seconds["windows"] = time.perf_counter() - started
-                return WindowReasoner(progress, self.compilation, table)
+        if self.temporal is Temporal.LAZY:
+            return LazyReasoner(progress, self.compilation)
+        started = time.perf_counter()
+        try:
+            return WindowReasoner(progress, self.compilation, self._table(self.compilation))
+        finally:
+            compiling.seconds["windows"] = time.perf_counter() - started
 
     def _table(self, compilation: Compilation) -> DistanceTable:
-        from robust.pike_bridge.online.dispatching import DistanceTable  # noqa: PLC0415
-        from robust.pike_bridge.temporal.labeled_apsp import labeled_distances  # noqa: PLC0415
-
         network = compilation.augmented.network
         # A back end that reasons about time itself needs no conflicts, and so had no distances.
         distances = compilation.distances or labeled_distances(network, self.deadline)
@@ -81,11 +65,7 @@ class CompiledReasoners:
 
 
 def make_reasoner(
-    name: str,
-    *,
-    solver: str = "z3",
-    temporal: Temporal = Temporal.LAZY,
-    deadline: Deadline = Deadline(),  # noqa: B008 - immutable
+    name: str, *, solver: str = "z3", temporal: Temporal = Temporal.LAZY, deadline: Deadline = NEVER
 ) -> Callable[[Progress], Reasoner]:
     """What makes the reasoner of that name for an execution.
 
@@ -102,8 +82,5 @@ def make_reasoner(
         raise InputError(f"unknown reasoner {name!r}{did_you_mean(name, reasoner_names())}")
     if name != SMT:
         return CompiledReasoners(name, temporal=temporal, solver=solver, deadline=deadline)
-    from robust.pike_bridge.online.semantic import SemanticReasoner  # noqa: PLC0415 - imports solvers
-    from robust.smt.terms import Terms  # noqa: PLC0415
-
     terms = Terms()  # shared: executives that plan anew ask about one candidate after the other
     return lambda progress: SemanticReasoner(progress, solver=solver, terms=terms)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 
-from robust.pike_bridge.model import Assignment, Condition, Effect, Guard
+from robust.pike_bridge.model import ALWAYS, Assignment, Condition, Effect, Guard
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoner import WitnessedReasoner
 from robust.pike_bridge.semantics import Execution, Semantics, holds
@@ -27,9 +27,32 @@ class OnlineSemantics(Semantics):
     """The semantics of executions in which links can break and "before" means by ε, as in augmented plans."""
 
     def __init__(self, progress: Progress, terms: Terms | None = None) -> None:
+        self._progress = progress
         self._epsilon = progress.plan.epsilon
         self._void: dict[tuple[Effect, Condition], Formula] = {}
         super().__init__(progress.plan, terms)
+
+    def ours(self, event: str) -> Formula:
+        """That the event is activated, and the executive's to execute."""
+        theirs = (self.terms.negation(self.guard(label)) for label in self._progress.external(event))
+        return self.terms.conjunction((self.guard(self._progress.structure.guards[event]), *theirs))
+
+    def not_earlier(self, event: str, moment: Polynomial[str], environment: Guard = ALWAYS) -> Formula:
+        """That the event, if it is activated in the environment, is at a moment or later."""
+        guard = self._progress.structure.guards[event] | environment
+        return self.unless(guard, self.terms.at_least(self._time(event) - moment))
+
+    def not_ours_before(self, event: str, moment: Polynomial[str]) -> list[Formula]:
+        """That the event, wherever it is not the executive's to execute, is at a moment or later."""
+        return [self.not_earlier(event, moment, label) for label in self._progress.external(event)]
+
+    def execution(self, session: Session) -> Execution:
+        """The solver's model; what is known already is not read from it again, because reading takes long."""
+        progress = self._progress
+        scenario = self.chosen(session.values(self.choices)) | progress.chosen
+        coming = [name for name in progress.pending if holds(progress.structure.guards[name], scenario)]
+        values = session.values(self.times(coming))
+        return Execution(scenario, {**progress.times, **{name: self.time(name, values) for name in coming}})
 
     def void(self, effect: Effect, condition: Condition) -> Formula:
         """That the effect does not support the condition."""
@@ -51,8 +74,16 @@ class OnlineSemantics(Semantics):
         return self._orders[order]
 
 
+def satisfiable(session: Session, question: str, deadline: Deadline) -> bool:
+    """The solver's word; OutOfTimeError if the deadline passes or it does not know."""
+    verdict = session.check(question, deadline)
+    if verdict is Verdict.UNKNOWN:
+        raise OutOfTimeError
+    return verdict is Verdict.SATISFIABLE
+
+
 class SemanticReasoner(WitnessedReasoner):
-    """Asks one solver session.
+    """Asks one solver session, which knows all that has happened by now.
 
     Args:
         terms: where formulas are built; reasoners about plans that are much alike are made faster if they share them.
@@ -74,6 +105,11 @@ class SemanticReasoner(WitnessedReasoner):
         self._first = Polynomial.variable(_FIRST)
         self._told = False
         """Whether the session knows the present time."""
+        for event, time in progress.times.items():
+            self._tell_execution(event, time)
+        for each in progress.chosen.items():
+            self._session.add(self._semantics.guard(frozenset({Assignment(*each)})))
+        self._session.add(*(self._semantics.void(*each) for each in progress.void))
 
     def observed(self, assignment: Assignment) -> None:
         super().observed(assignment)
@@ -81,8 +117,7 @@ class SemanticReasoner(WitnessedReasoner):
 
     def executed(self, event: str) -> None:
         super().executed(event)
-        guard = self._semantics.guard(self.progress.structure.guards[event])
-        self._session.add(guard, self._semantics.at(event, self.progress.now))
+        self._tell_execution(event, self.progress.now)
 
     def voided(self, effect: Effect, condition: Condition) -> None:
         super().voided(effect, condition)
@@ -91,15 +126,6 @@ class SemanticReasoner(WitnessedReasoner):
     def advanced(self) -> None:
         super().advanced()
         self._told = False
-
-    def next_time(self, deadline: Deadline) -> Fraction | None:
-        """When something is executable first; if nothing is without a message, when it is too late for any."""
-        self._tell_time()
-        earliest = self._earliest_execution(deadline)
-        if earliest is not None:
-            return self._opening(earliest)
-        last = self._latest(deadline)
-        return None if last is None else self._closing(last)
 
     def allows(self, moment: Fraction, environment: Guard, event: str | None, deadline: Deadline) -> bool:
         """Whether some continuation in the environment has nothing before a moment, and then the event, if given."""
@@ -120,7 +146,7 @@ class SemanticReasoner(WitnessedReasoner):
         guard = self.progress.structure.guards[event]
         same = [self._terms.equal(self._semantics.time_of(event) - self._first)]
         if first:
-            same += [self._not_earlier(each, self._first) for each in self.progress.frontier]
+            same += [self._semantics.not_earlier(each, self._first) for each in self.progress.frontier]
         with self._session.frame(*same, *self._from(moment, guard)):
             least = self._best(moment, deadline, sign=1)
             if least is None:
@@ -129,16 +155,11 @@ class SemanticReasoner(WitnessedReasoner):
             greatest = self._best(horizon, deadline, sign=-1)
         return least, None if greatest == horizon else greatest
 
-    def quiet_until(self, deadline: Deadline) -> Fraction | None:
-        """The greatest time before which nothing need be executed; None if nothing ever need, or nothing is correct."""
-        self._tell_time()
-        return self._latest(deadline)
-
     def _from(self, moment: Fraction, environment: Guard) -> Iterator[Formula]:
         self._tell_time()
         yield self._semantics.guard(environment)
         for event in self.progress.frontier:
-            yield self._not_earlier(event, Polynomial.constant(moment))
+            yield self._semantics.not_earlier(event, Polynomial.constant(moment))
 
     def _find_continuation(self, environment: Guard, deadline: Deadline) -> bool:
         self._tell_time()
@@ -147,7 +168,7 @@ class SemanticReasoner(WitnessedReasoner):
     def _find_execution(self, event: str, deadline: Deadline) -> bool:
         self._tell_time()
         now = Polynomial.constant(self.progress.now)
-        ours = self._ours(event)
+        ours = self._semantics.ours(event)
         if ours is self._terms.false:
             return False
         later = self._externals_after(now)
@@ -157,64 +178,32 @@ class SemanticReasoner(WitnessedReasoner):
         with self._session.frame(*hypothesis):
             if not self._check(deadline):
                 return False
-            self._witness = self._model()
+            self._witness = self._semantics.execution(self._session)
             return True
 
     def _check(self, deadline: Deadline) -> bool:
-        match self._session.check("a continuation", deadline):
-            case Verdict.SATISFIABLE:
-                return True
-            case Verdict.UNSATISFIABLE:
-                return False
-            case Verdict.UNKNOWN:
-                raise OutOfTimeError
+        return satisfiable(self._session, "a continuation", deadline)
 
-    def _model(self) -> Execution:
-        """The solver's model; what is known already is not read from it again, because reading takes long."""
-        read = self._semantics.chosen(self._session.values(self._semantics.choices))
-        scenario = read | self.progress.chosen
-        guards, pending = self.progress.structure.guards, self.progress.pending
-        coming = [name for name in pending if holds(guards[name], scenario)]
-        values = self._session.values(self._semantics.times(coming))
-        times = {name: self._semantics.time(name, values) for name in coming}
-        return Execution(scenario, {**self.progress.times, **times})
+    def _tell_execution(self, event: str, time: Fraction) -> None:
+        guard = self._semantics.guard(self.progress.structure.guards[event])
+        self._session.add(guard, self._semantics.at(event, time))
 
     def _tell_time(self) -> None:
         """No pending event is in the past; it is enough to say so of the frontier."""
         if not self._told:
             now = Polynomial.constant(self.progress.now)
-            self._session.add(*(self._not_earlier(event, now) for event in self.progress.frontier))
+            self._session.add(*(self._semantics.not_earlier(event, now) for event in self.progress.frontier))
             self._told = True
-
-    def _not_earlier(self, event: str, moment: Polynomial[str], environment: Guard = frozenset()) -> Formula:
-        guard = self.progress.structure.guards[event] | environment
-        return self._semantics.unless(guard, self._terms.at_least(self._semantics.time_of(event) - moment))
-
-    def _ours(self, event: str) -> Formula:
-        """That the event is activated, and the executive's to execute."""
-        guard = self.progress.structure.guards[event]
-        return self._terms.conjunction(
-            (
-                self._semantics.guard(guard),
-                *(
-                    self._terms.negation(self._semantics.guard(label))
-                    for label in self.progress.external(event)
-                    if self.progress.compatible(label)
-                ),
-            )
-        )
 
     def _externals_after(self, moment: Polynomial[str]) -> Iterator[Formula]:
         """That what is not the executive's to execute is later than a moment before which nothing pending is."""
         pending, before = self.progress.pending, self.progress.structure.before
         for event in pending:
             if not any(earlier in pending for earlier in before[event]):
-                for label in self.progress.external(event):
-                    if self.progress.compatible(label):
-                        yield self._not_earlier(event, moment + self._epsilon, label)
+                yield from self._semantics.not_ours_before(event, moment + self._epsilon)
 
     def _earliest_execution(self, deadline: Deadline) -> Fraction | None:
-        """The least time after now at which an event is executable if nothing happens before."""
+        self._tell_time()
         progress = self.progress
         candidates = [event for event in progress.frontier if progress.ours(event) and not progress.waits(event)]
         if not candidates:
@@ -226,20 +215,20 @@ class SemanticReasoner(WitnessedReasoner):
         hypothesis = [
             self._terms.disjunction(
                 self._terms.conjunction(
-                    (self._ours(event), self._terms.equal(self._semantics.time_of(event) - self._first))
+                    (self._semantics.ours(event), self._terms.equal(self._semantics.time_of(event) - self._first))
                 )
                 for event in candidates
             ),
-            *(self._not_earlier(event, self._first) for event in self.progress.frontier),
+            *(self._semantics.not_earlier(event, self._first) for event in self.progress.frontier),
             *self._externals_after(self._first),
             self._terms.at_least(self._first - floor),
         ]
         with self._session.frame(*hypothesis):
             return self._best(floor, deadline, sign=1)
 
-    def _latest(self, deadline: Deadline) -> Fraction | None:
-        """The greatest time before which nothing need be executed; None if there is none."""
-        hypothesis = [self._not_earlier(event, self._first) for event in self.progress.frontier]
+    def quiet_until(self, deadline: Deadline) -> Fraction | None:
+        self._tell_time()
+        hypothesis = [self._semantics.not_earlier(event, self._first) for event in self.progress.frontier]
         ceiling = self.progress.latest()
         with self._session.frame(*hypothesis):
             if ceiling is None:

@@ -10,34 +10,71 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import TypeAlias, assert_never
+from typing import Any, TypeAlias, assert_never
 
-from robust.errors import InputError, Location
+from robust.errors import InputError, Location, did_you_mean
+from robust.json_text import Array, Tagged, parse_line
+from robust.numbers import shorten
 from robust.pike_bridge.compile import checked_assumptions
 from robust.pike_bridge.model import ALWAYS, Guard, TeamPlan
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import conflict
 from robust.pike_bridge.online.journal import Journal, JournalStep, resume
-from robust.pike_bridge.online.progress import Decision, Failed, Message, Succeeded
-from robust.pike_bridge.online.wire import (
-    MESSAGE_KINDS,
-    Encoded,
-    Fields,
-    check_message,
-    decode_message,
-    encode_decision,
-    in_line,
-    parse_line,
+from robust.pike_bridge.online.progress import (
+    JSON,
+    Completion,
+    Decision,
+    Estimate,
+    Message,
+    Outcome,
 )
-from robust.smt.limits import Deadline
+from robust.records import in_line
+from robust.smt.limits import NEVER, Deadline
 
 SCHEMA = "robust/pike-stdio/1"
 INPUT = "input"
 """What error messages call the lines that come in."""
 CLOSING = ("wake", "end", "possible", "state", "why", "error")
 """The last object of an answer is of one of these kinds."""
-QUERIES = ("possible", "state", "why")
-_KINDS = (*MESSAGE_KINDS, "tick", "together", *QUERIES)
+Encoded: TypeAlias = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Tick(Tagged):
+    """Nothing but time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Together(Tagged):
+    """Several messages about one moment."""
+
+    messages: tuple[Message, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class AskPossible(Tagged):
+    """Which values have open choices left?"""
+
+    KIND = "possible"
+
+
+@dataclass(frozen=True, slots=True)
+class AskState(Tagged):
+    """What has happened so far?"""
+
+    KIND = "state"
+
+
+@dataclass(frozen=True, slots=True)
+class AskWhy(Tagged):
+    """Why is no correct execution left, under assumptions?"""
+
+    KIND = "why"
+    assume: Mapping[str, str] = field(default_factory=dict)
+
+
+Query: TypeAlias = AskPossible | AskState | AskWhy
+News: TypeAlias = Message | Tick | Together
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +87,11 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True)
-class Query:
+class Asked:
     """A question, which changes nothing."""
 
     line: int
-    kind: str
+    query: Query
     assume: Guard = ALWAYS
 
 
@@ -66,7 +103,7 @@ class Wrong:
     message: str
 
 
-Request: TypeAlias = Told | Query | Wrong
+Request: TypeAlias = Told | Asked | Wrong
 
 
 def read_request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
@@ -80,36 +117,66 @@ def read_request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Requ
 
 def _request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
     try:
-        fields = Fields(parse_line(text.decode(), INPUT))
+        found = parse_line(text.decode(), INPUT)
     except UnicodeDecodeError:
         raise InputError("found bytes that are no UTF-8, expected a JSON object") from None
-    kind = fields.one_of("kind", _KINDS)
-    if kind in QUERIES:
-        assume = checked_assumptions(plan, fields.assignments("assume")) if kind == "why" else ALWAYS
-        fields.end()
-        return Query(line, kind, assume)
-    messages = tuple(_messages(fields, kind, plan))
-    if not timed and fields.has("time"):
-        raise InputError("found a time, expected none: the clock is real", fields.where("time"))
-    time = fields.number("time") if timed else None
-    fields.end()
-    return Told(line, time, messages)
+    said: News | Query = JSON.read(News | Query, found, beside=("time",))
+    asked = isinstance(said, Query)
+    if "time" in found.members and (asked or not timed):
+        reason = "questions have none" if asked else "the clock is real"
+        raise InputError(f"found a time, expected none: {reason}", found.members["time"].location)
+    match said:
+        case AskWhy(assume):
+            return Asked(line, said, checked_assumptions(plan, assume))
+        case AskPossible() | AskState():
+            return Asked(line, said)
+        case Together(messages):
+            listed = found.members.get("messages")
+            places = [each.location for each in listed.items] if isinstance(listed, Array) else []
+        case Tick():
+            messages, places = (), []
+        case _:
+            messages, places = (said,), [found.location]
+    for message, place in zip(messages, places, strict=True):
+        check_message(plan, message, place)
+    return Told(line, JSON.member(Fraction, found, "time") if timed else None, messages)
 
 
-def _messages(fields: Fields, kind: str, plan: TeamPlan) -> Iterator[Message]:
-    if kind == "together":
-        for item in fields.items("messages"):
-            each = Fields.of(item)
-            yield _checked(each, plan)
-            each.end()
-    elif kind != "tick":
-        yield _checked(fields, plan)
+def check_message(plan: TeamPlan, message: Message, location: Location | None = None) -> None:
+    """What can be said of a message by the plan alone, whatever has happened.
+
+    Atoms that nothing in the plan is about are allowed: those who look at the world see more than a plan needs.
+
+    Raises:
+        InputError: if it names a choice, a value, an activity or an event that the plan does not have, or makes a
+            choice that is for the executive.
+    """
+    match message:
+        case Outcome(name, value):
+            choice = next((each for each in plan.network.choices if each.name == name), None)
+            if choice is None:
+                raise _unknown("choice", name, plan.network.domains, location)
+            if choice.controllable:
+                raise InputError(f"found choice {name}, expected one that is not for the executive to make", location)
+            if value not in choice.domain:
+                expected = ", ".join(choice.domain)
+                raise InputError(f"found {name} = {shorten(value)}, expected one of {expected}", location)
+        case Completion(action, event):
+            ends = {each.target for each in plan.network.activities if each.action == action}
+            if not ends:
+                raise _unknown("activity", action, {each.action for each in plan.network.activities}, location)
+            if event is not None and event not in ends:
+                expected = f"where {action} ends: {', '.join(sorted(ends))}"
+                raise InputError(f"found event {shorten(event)}, expected {expected}", location)
+        case Estimate():
+            pass
+        case _:
+            assert_never(message)
 
 
-def _checked(fields: Fields, plan: TeamPlan) -> Message:
-    message = decode_message(fields)
-    check_message(plan, message, fields.location)
-    return message
+def _unknown(what: str, name: str, known: Mapping[str, Any] | set[str], location: Location | None) -> InputError:
+    suggestion = did_you_mean(name, known)
+    return InputError(f"found unknown {what} {shorten(name)}, expected one of the plan{suggestion}", location)
 
 
 @dataclass
@@ -124,7 +191,7 @@ class Service:
     executive: PlanExecutive
     journal: Journal | None = None
     solver: str = "z3"
-    deadline: Deadline = Deadline()  # noqa: RUF009 - immutable
+    deadline: Deadline = NEVER
     thinking: Callable[[], AbstractContextManager[None]] = nullcontext
     tolerance: Fraction = Fraction(0)
     steps: int = field(init=False, default=0)
@@ -178,7 +245,7 @@ class Service:
         match request:
             case Wrong(line, message):
                 yield {"kind": "error", "line": line, "message": message}
-            case Query():
+            case Asked():
                 yield self._replied(request)
             case Told(line, time, messages):
                 moment = time if time is not None else max(now or self.time, self.time)
@@ -224,29 +291,25 @@ class Service:
         return {"kind": "end", "outcome": outcome, "time": str(self.time), "step": self.steps}
 
     def _numbered(self, decision: Decision) -> Encoded:
-        return {**encode_decision(decision), "step": self.steps}
+        return {**JSON.write(Decision, decision), "step": self.steps}
 
     def _closing(self) -> Encoded:
-        match self.executive.outcome:
-            case Succeeded():
-                return self.end("succeeded")
-            case Failed():
-                return self.end("failed")
-            case None:
-                with self.thinking():
-                    wake = self.wake
-                return {"kind": "wake", "time": None if wake is None else str(wake), "step": self.steps}
-
-    def _replied(self, query: Query) -> Encoded:
+        if self.executive.outcome is not None:
+            return self.end(self.executive.outcome.kind())
         with self.thinking():
-            match query.kind:
-                case "possible":
+            wake = self.wake
+        return {"kind": "wake", "time": None if wake is None else str(wake), "step": self.steps}
+
+    def _replied(self, asked: Asked) -> Encoded:
+        with self.thinking():
+            match asked.query:
+                case AskPossible():
                     answer: Mapping[str, object] = {"values": self._values()}
-                case "why":
-                    answer = self._reasons(query.assume)
-                case _:
+                case AskWhy():
+                    answer = self._reasons(asked.assume)
+                case AskState():
                     answer = self._state()
-        return {"kind": query.kind, "line": query.line, **answer}
+        return {"kind": asked.query.kind(), "line": asked.line, **answer}
 
     def _values(self) -> dict[str, list[str]]:
         chosen, domains = self.executive.progress.chosen, self.executive.plan.network.domains
@@ -254,7 +317,7 @@ class Service:
 
     def _reasons(self, assume: Guard) -> Encoded:
         facts = conflict(self.executive.progress, assume, solver=self.solver, deadline=self.deadline)
-        told = None if facts is None else [{"about": fact.kind.value, "fact": fact.text} for fact in facts]
+        told = None if facts is None else [fact.as_dict() for fact in facts]
         return {"possible": facts is None, "conflict": told}
 
     def _state(self) -> Encoded:
@@ -263,7 +326,7 @@ class Service:
         return {
             "time": str(self.time),
             "step": self.steps,
-            "outcome": None if outcome is None else encode_decision(outcome)["kind"],
+            "outcome": None if outcome is None else outcome.kind(),
             "choices": dict(progress.chosen),
             "schedule": {event: str(time) for event, time in progress.times.items()},
             "running": [

@@ -14,11 +14,11 @@ from functools import partial
 from heapq import heappop, heappush
 from math import ceil, floor
 from random import Random
+from typing import TypeAlias
 
 from robust.errors import SolverError
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.model import ALWAYS, Assignment, Literal, TeamPlan
-from robust.pike_bridge.online.companion import Accompanied
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import Fact, conflict
 from robust.pike_bridge.online.inquiry import StepReasons, step_reasons
@@ -28,20 +28,17 @@ from robust.pike_bridge.online.progress import (
     Decision,
     Dispatched,
     Estimate,
-    Failed,
     Message,
     Outcome,
     Progress,
     Succeeded,
     Violated,
 )
-from robust.pike_bridge.online.reasoner import Reasoner
+from robust.pike_bridge.online.reasoner import Accompanied, Reasoner
 from robust.pike_bridge.online.reasoners import SMT, make_reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.semantics import Execution, faults
-from robust.smt.limits import Deadline, OutOfTimeError
-
-NEVER = Deadline()
+from robust.pike_bridge.semantics import Execution, faults, holds
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 
 class Human(Enum):
@@ -70,6 +67,12 @@ class Disturbance:
     time: Fraction
     literal: Literal
 
+    @property
+    def seen(self) -> Estimate:
+        """What is seen of it."""
+        atoms = frozenset({self.literal.atom})
+        return Estimate(true=atoms) if self.literal.positive else Estimate(false=atoms)
+
 
 @dataclass(frozen=True, slots=True)
 class Story:
@@ -88,6 +91,10 @@ class Story:
     disturbances: tuple[Disturbance, ...] = ()
     slack: Fraction = Fraction(5)
     delay: Fraction = Fraction(0)
+
+
+Planned: TypeAlias = Message | Callable[[Fraction], Message | None]
+"""What is told at a time; it may depend on what has happened by then."""
 
 
 class SimulatedTeam:
@@ -111,7 +118,7 @@ class SimulatedTeam:
         self._judge = judge
         self._story = story
         self._random = Random(seed)  # noqa: S311 - reproducible
-        self._agenda: list[tuple[Fraction, int, Callable[[Fraction], Message | None]]] = []
+        self._agenda: list[tuple[Fraction, int, Planned]] = []
         self._due: set[str] = set()
         self._running: dict[str, Completion] = {}
         """What cooperative agents do, by the event at which it ends."""
@@ -120,11 +127,11 @@ class SimulatedTeam:
         self._advised = True
         self._number = 0
         for disturbance in story.disturbances:
-            self._plan_for(disturbance.time, partial(_seen, disturbance.literal))
+            self._plan_for(disturbance.time, disturbance.seen)
         for name, (value, moment) in (story.outcomes or {}).items():
             if moment is not None:
                 self._due.add(name)
-                self._plan_for(moment, partial(_announced, name, value))
+                self._plan_for(moment, Outcome(name, value))
 
     def receive(self, now: Fraction, decisions: Sequence[Decision]) -> None:
         """Begin what was dispatched, and make choices whose time has come."""
@@ -156,7 +163,8 @@ class SimulatedTeam:
     def messages(self, now: Fraction) -> Sequence[Message]:
         found: list[Message] = []
         while self._agenda and self._agenda[0][0] <= now:
-            message = heappop(self._agenda)[2](now)
+            planned = heappop(self._agenda)[2]
+            message = planned(now) if callable(planned) else planned
             if message is not None:
                 found.append(message)
         return found
@@ -167,9 +175,9 @@ class SimulatedTeam:
         last = first + self._story.slack if activity.upper is None else now + activity.upper
         match self._story.pace:
             case Pace.LEAST:
-                self._plan_for(first, lambda _: completion)
+                self._plan_for(first, completion)
             case Pace.RANDOM:
-                self._plan_for(first + self._drawn(last - first), lambda _: completion)
+                self._plan_for(first + self._drawn(last - first), completion)
             case Pace.COOPERATIVE:
                 found = self._judge.times_of(activity.end, now, NEVER)
                 if found is not None:
@@ -224,20 +232,10 @@ class SimulatedTeam:
         grid = self._executive.progress.grid
         return self._random.randint(0, floor(greatest / grid)) * grid
 
-    def _plan_for(self, time: Fraction, message: Callable[[Fraction], Message | None]) -> None:
+    def _plan_for(self, time: Fraction, planned: Planned) -> None:
         self._number += 1
         grid = self._executive.progress.grid
-        on_grid = ceil(time / grid) * grid
-        heappush(self._agenda, (on_grid, self._number, message))
-
-
-def _announced(choice: str, value: str, _now: Fraction) -> Outcome:
-    return Outcome(choice, value)
-
-
-def _seen(literal: Literal, _now: Fraction) -> Estimate:
-    atoms = frozenset({literal.atom})
-    return Estimate(true=atoms) if literal.positive else Estimate(false=atoms)
+        heappush(self._agenda, (ceil(time / grid) * grid, self._number, planned))
 
 
 class Ending(Enum):
@@ -251,7 +249,7 @@ class Ending(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ExecutionStep:
     """A moment at which something was reported or decided."""
 
     time: Fraction
@@ -266,15 +264,20 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Record:
+class ExecutionRecord:
     """An execution. `conflict` are the facts that contradict each other, of one that failed."""
 
     ending: Ending
     time: Fraction
-    steps: tuple[Step, ...]
+    steps: tuple[ExecutionStep, ...]
     choices: Mapping[str, str]
     schedule: Mapping[str, Fraction]
     conflict: tuple[Fact, ...] = ()
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the execution before it was done."""
+        return self.ending in {Ending.TIMEOUT, Ending.INTERRUPTED}
 
 
 @dataclass
@@ -298,15 +301,15 @@ class Rehearsal:
     infer: bool = True
     solver: str = "z3"
     backend: str = SMT
-    deadline: Deadline = Deadline()  # noqa: RUF009 - immutable
-    on_step: Callable[[Step], None] | None = None
+    deadline: Deadline = NEVER
+    on_step: Callable[[ExecutionStep], None] | None = None
     explain: bool = False
-    _steps: list[Step] = field(init=False, default_factory=list)
+    _steps: list[ExecutionStep] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
         self._known = dict(self.plan.network.domains)
 
-    def run(self) -> Record:
+    def run(self) -> ExecutionRecord:
         """Execute; a deadline or Ctrl-C ends it with what has happened.
 
         Raises:
@@ -318,25 +321,24 @@ class Rehearsal:
         self._executive = PlanExecutive(self.plan, partial(self._reasoner, deciding), deadline=self.deadline)
         world = SimulatedTeam(self.plan, self._executive, self._judge, self.story, seed=self.seed)
         try:
-            run_in_world(_Recorded(self), world)
+            run_in_world(self, world)
         except OutOfTimeError:
-            return self.so_far(Ending.TIMEOUT)
+            return self._record(Ending.TIMEOUT)
         except KeyboardInterrupt:
-            return self.so_far(Ending.INTERRUPTED)
-        match self._executive.outcome:
-            case Succeeded():
-                self._confirm()
-                return self.so_far(Ending.SUCCEEDED)
-            case Failed():
-                return self.so_far(Ending.FAILED)
-            case None:
-                return self.so_far(Ending.WAITING)
+            return self._record(Ending.INTERRUPTED)
+        outcome = self._executive.outcome
+        if isinstance(outcome, Succeeded):
+            self._confirm()
+        return self._record(Ending.WAITING if outcome is None else Ending(outcome.kind()))
 
-    def so_far(self, ending: Ending) -> Record:
-        """What has happened by now, under the given heading."""
+    def so_far(self, *, timed_out: bool) -> ExecutionRecord | None:
+        """What has happened by now; None before the first step."""
+        return self._record(Ending.TIMEOUT if timed_out else Ending.INTERRUPTED) if self._steps else None
+
+    def _record(self, ending: Ending) -> ExecutionRecord:
         progress = self._executive.progress
         facts = conflict(progress, solver=self.solver) if ending is Ending.FAILED else None
-        return Record(
+        return ExecutionRecord(
             ending, progress.now, tuple(self._steps), dict(progress.chosen), dict(progress.times), facts or ()
         )
 
@@ -347,7 +349,7 @@ class Rehearsal:
         seconds = time.perf_counter() - started
         changed = any(isinstance(each, Chosen | Violated) for each in decisions)
         inferred = self._inferred() if self.infer and changed and not self._executive.ended else {}
-        step = Step(now, tuple(messages), tuple(decisions), inferred, seconds)
+        step = ExecutionStep(now, tuple(messages), tuple(decisions), inferred, seconds)
         if messages or decisions:
             self._steps.append(step)
             if self.explain:
@@ -363,9 +365,14 @@ class Rehearsal:
         return bool(self._steps)
 
     @property
-    def executive(self) -> PlanExecutive:
-        """What decides."""
-        return self._executive
+    def wake(self) -> Fraction | None:
+        """When the executive is to step again."""
+        return self._executive.wake
+
+    @property
+    def ended(self) -> bool:
+        """Whether the execution has succeeded or failed."""
+        return self._executive.ended
 
     def _reasoner(self, deciding: Callable[[Progress], Reasoner], progress: Progress) -> Reasoner:
         """Who decides; the team is advised by semantics of its own, or by the same where that is what decides."""
@@ -373,12 +380,10 @@ class Rehearsal:
         return self._judge if self.backend == SMT else Accompanied(deciding(progress), self._judge)
 
     def _inferred(self) -> dict[str, tuple[str, ...]]:
-        changed: dict[str, tuple[str, ...]] = {}
-        for choice, before in self._known.items():
-            if choice not in self._executive.progress.chosen and len(before) > 1:
-                values = self._executive.possible_values(choice)
-                if values != before:
-                    changed[choice] = values
+        chosen = self._executive.progress.chosen
+        known = {choice: values for choice, values in self._known.items() if choice not in chosen and len(values) > 1}
+        found = {choice: self._executive.possible_values(choice) for choice in known}
+        changed = {choice: values for choice, values in found.items() if values != known[choice]}
         self._known.update(changed)
         return changed
 
@@ -388,30 +393,9 @@ class Rehearsal:
         if progress.void:
             return
         scenario = {name: domain[0] for name, domain in self.plan.network.domains.items()} | progress.chosen
-        guards = progress.structure.guards
-        activated = {
-            name for name, guard in guards.items() if all(scenario[each.variable] == each.value for each in guard)
-        }
+        activated = {name for name, guard in progress.structure.guards.items() if holds(guard, scenario)}
         if activated != progress.times.keys():
             return  # a choice that was never made decides about events of its own
         found = faults(self.plan, Execution(scenario, progress.times))
         if found:
             raise SolverError(f"the execution is not correct: {found[0]}; please report this")
-
-
-class _Recorded:
-    """A rehearsal as what :func:`simulate` drives."""
-
-    def __init__(self, rehearsal: Rehearsal) -> None:
-        self._rehearsal = rehearsal
-
-    def step(self, now: Fraction, messages: Sequence[Message]) -> list[Decision]:
-        return self._rehearsal.step(now, messages)
-
-    @property
-    def wake(self) -> Fraction | None:
-        return self._rehearsal.executive.wake
-
-    @property
-    def ended(self) -> bool:
-        return self._rehearsal.executive.ended

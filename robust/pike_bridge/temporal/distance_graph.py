@@ -1,20 +1,19 @@
-"""What causal reasoning asks of temporal reasoning [PIKE, Definitions 4.1 to 4.3]."""
+"""What all temporal reasoning over plans with choices shares: precedence, the distance graph and labeled value sets.
+
+Source: [PIKE §2.1.1 for labeled values, §4.1, Definitions 4.1 to 4.3].
+"""
 
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import combinations
 from math import lcm
-from typing import Final, Generic, NamedTuple, Protocol, TypeAlias, TypeVar, assert_never
+from typing import Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from robust.pike_bridge import theory as logic
-from robust.pike_bridge.model import Assignment, Constraint, Environment, Guard, Tpnu, Vocabulary, entails
-from robust.smt.limits import Deadline
-from robust.smt.session import Session, Value
-from robust.smt.terms import Formula, Terms
+from robust.pike_bridge.model import Constraint, Environment, Tpnu, Vocabulary, entails
+from robust.smt.limits import NEVER, Deadline
 
 
 class Precedence(Protocol):
@@ -35,7 +34,7 @@ class Precedence(Protocol):
         """Whether the environment is known to be a temporal conflict: no scenario in it has a schedule."""
 
 
-class Edge(NamedTuple):
+class DistanceEdge(NamedTuple):
     """t(target) − t(source) ≤ weight in every scenario of the label; events and constraints by their places."""
 
     source: int
@@ -55,7 +54,7 @@ class DistanceGraph:
     guards: tuple[Environment, ...]
     """The guard of each event, by place."""
     constraints: tuple[Constraint, ...]
-    edges: tuple[Edge, ...]
+    edges: tuple[DistanceEdge, ...]
     scale: int
     """How many units of weight are one unit of time."""
 
@@ -64,7 +63,7 @@ class DistanceGraph:
         """The place of each event by its name."""
         return {event: place for place, event in enumerate(self.events)}
 
-    def active(self, environment: Environment) -> list[Edge]:
+    def active(self, environment: Environment) -> list[DistanceEdge]:
         """The edges that hold in all of the environment."""
         return [edge for edge in self.edges if entails(environment, edge.label)]
 
@@ -81,16 +80,16 @@ def distance_graph(network: Tpnu) -> DistanceGraph:
     constraints = network.temporal_constraints
     bounds = [bound for entry in constraints for bound in (entry.lower, entry.upper) if bound is not None]
     scale = lcm(*(bound.denominator for bound in bounds))
-    edges: list[Edge] = []
+    edges: list[DistanceEdge] = []
     for number, entry in enumerate(constraints):
         source, target = places[entry.source], places[entry.target]
         label = vocabulary.encode(entry.guard) | guards[source] | guards[target]
         if not vocabulary.consistent(label):
             continue
         if entry.upper is not None:
-            edges.append(Edge(source, target, _scaled(entry.upper, scale), label, number))
+            edges.append(DistanceEdge(source, target, _scaled(entry.upper, scale), label, number))
         if entry.lower is not None:
-            edges.append(Edge(target, source, _scaled(-entry.lower, scale), label, number))
+            edges.append(DistanceEdge(target, source, _scaled(-entry.lower, scale), label, number))
     events = tuple(event.name for event in network.events)
     return DistanceGraph(vocabulary, events, guards, constraints, tuple(edges), scale)
 
@@ -99,95 +98,10 @@ def _scaled(bound: Fraction, scale: int) -> int:
     return bound.numerator * (scale // bound.denominator)
 
 
-class Propositions:
-    """One boolean for each assignment of a choice, of which exactly one is true; a choice of two values has only one.
-
-    Formulas are translated with KeyError for assignments that are not of these domains.
-    """
-
-    def __init__(self, terms: Terms, domains: Mapping[str, tuple[str, ...]]) -> None:
-        self._terms = terms
-        self._literals: dict[Assignment, Formula] = {}
-        self._translated: dict[logic.Formula, Formula] = {}
-        self.domains: tuple[Formula, ...] = tuple(
-            formula for variable, values in domains.items() for formula in self._declare(variable, values)
-        )
-        """What makes each choice have exactly one value, to be asserted."""
-
-    def _declare(self, variable: str, values: tuple[str, ...]) -> Iterator[Formula]:
-        terms = self._terms
-        if len(values) == 2:
-            symbol = terms.fresh_boolean(f"{variable} ")
-            literals = [symbol, terms.negation(symbol)]
-        else:
-            literals = [terms.fresh_boolean(f"{variable} = {value} ") for value in values]
-            yield terms.disjunction(literals)
-            for pair in combinations(literals, 2):
-                yield terms.negation(terms.conjunction(pair))
-        for value, literal in zip(values, literals, strict=True):
-            self._literals[Assignment(variable, value)] = literal
-
-    def guard(self, guard: Guard) -> Formula:
-        """All assignments of a guard."""
-        return self._terms.conjunction(self._literals[assignment] for assignment in sorted(guard))
-
-    def chosen(self, session: Session) -> Guard:
-        """The assignments that the model of the session's last query makes; a choice that it leaves open gets none."""
-        symbols = frozenset[Formula]().union(*map(self._terms.variables, self._literals.values()))
-        values = session.values(symbols)
-        return frozenset(assignment for assignment, literal in self._literals.items() if _true(literal, values))
-
-    def formula(self, formula: logic.Formula) -> Formula:
-        """The translation of a formula, without recursion, as formulas may be deep."""
-        pending = [formula]
-        while pending:
-            top = pending[-1]
-            missing = [each for each in _operands(top) if each not in self._translated]
-            if missing:
-                pending += missing
-            else:
-                self._translated[pending.pop()] = self._translate(top)
-        return self._translated[formula]
-
-    def _translate(self, formula: logic.Formula) -> Formula:
-        match formula:
-            case logic.Is(assignment):
-                return self._literals[assignment]
-            case logic.Not(operand):
-                return self._terms.negation(self._translated[operand])
-            case logic.All(operands):
-                return self._terms.conjunction(self._translated[each] for each in operands)
-            case logic.Some(operands):
-                return self._terms.disjunction(self._translated[each] for each in operands)
-            case _:
-                assert_never(formula)
-
-
-def _operands(formula: logic.Formula) -> tuple[logic.Formula, ...]:
-    match formula:
-        case logic.Is():
-            return ()
-        case logic.Not(operand):
-            return (operand,)
-        case logic.All(operands) | logic.Some(operands):
-            return operands
-        case _:
-            assert_never(formula)
-
-
-def _true(literal: Formula, values: Mapping[str, Value]) -> bool:
-    negated = literal.is_not()
-    value = values.get((literal.arg(0) if negated else literal).symbol_name())
-    return value is not None and bool(value) != negated
-
-
 V = TypeVar("V")
 
 LabeledValue: TypeAlias = tuple[V, Environment]
 """A value, and where it holds [PIKE, Definition 2.10]."""
-
-
-NEVER: Final = Deadline()
 
 
 def union(labels: Iterable[Environment]) -> Environment:

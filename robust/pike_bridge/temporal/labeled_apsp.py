@@ -1,20 +1,190 @@
 """Labeled all-pairs shortest paths [PIKE §4.1, Algorithm 9]: distances between events as functions of choices.
 
-In each scenario that has a schedule the distances are those of Floyd and Warshall's algorithm. The pivots are ordered
-and the rows of the matrix computed when they are first asked for; see :mod:`robust.pike_bridge.temporal.structural`.
+In each scenario that has a schedule the distances are those of Floyd and Warshall's algorithm, which joins every pair
+of events through each pivot. It is enough to join those pairs that come later in some order of the pivots, that is to
+eliminate one event after the other: what is left of the graph then has, in every scenario, the same shortest paths and
+a negative cycle if and only if there was one [Dechter, Meiri and Pearl 1991, directional path consistency]. The
+shortest paths themselves follow from it row by row, when they are first asked for [Planken, de Weerdt and van der
+Krogt 2012].
+
+The entry of two events matters only where both are activated. So labels are kept modulo the guards of the two events,
+which are joined again wherever a path leads through an event: the guard of a constraint entails those of its events
+[PIKE, Definition 2.1], so no path leads through an event that is not activated.
 """
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterator
 from fractions import Fraction
 from heapq import heapify, heappop, heappush
+from typing import Final, TypeAlias
 
 from robust.pike_bridge.model import Environment, Tpnu
-from robust.pike_bridge.temporal.distance_graph import LabeledNumbers, LabeledValue, distance_graph
-from robust.pike_bridge.temporal.structural import Elimination, Entry
-from robust.smt.limits import Deadline
+from robust.pike_bridge.temporal.distance_graph import (
+    DistanceGraph,
+    LabeledNumbers,
+    LabeledValue,
+    distance_graph,
+    union,
+)
+from robust.smt.limits import NEVER, Deadline
 
-NO_LIMIT = Deadline()
+Neighbours: TypeAlias = dict[int, LabeledNumbers]
+
+
+class Entry:
+    """The distance from one event to another, as a function of choices, modulo the guards of both."""
+
+    __slots__ = ("distances", "guard")
+
+    def __init__(self, distances: LabeledNumbers, guard: Environment) -> None:
+        self.distances = distances
+        self.guard = guard
+
+
+class Elimination:
+    """A labeled distance graph whose events are eliminated, all or some.
+
+    Raises:
+        OutOfTimeError: from the methods that eliminate, if the deadline passes.
+    """
+
+    def __init__(self, graph: DistanceGraph, *, completions: bool, deadline: Deadline) -> None:
+        self.conflicts: Final = LabeledNumbers(graph.vocabulary)
+        """Environments in which no scenario has a schedule, only the most general ones [PIKE, Definition 4.1].
+
+        They are not closed under completions as they are found: that every scenario without schedule entails one of
+        them is enough to exclude these scenarios, and their closure may be a great many more.
+        """
+        self._vocabulary = graph.vocabulary
+        self._guards = graph.guards
+        self._completions = completions
+        self._deadline = deadline
+        count = len(graph.events)
+        self.after: Final[list[Neighbours]] = [{} for _ in range(count)]
+        """By event, the distances from it to neighbours; once it is eliminated, only to those eliminated later."""
+        self.before: Final[list[Neighbours]] = [{} for _ in range(count)]
+        """By event, the distances to it from neighbours."""
+        self.order: Final[list[int]] = []
+        """The events that have been eliminated."""
+        self._remaining: Final = set(range(count))
+        self._read(graph)
+
+    def eliminate_all(self) -> None:
+        """Eliminate every event: those with few neighbours first, and of those the deepest inside of choices."""
+        while self._remaining:
+            self._eliminate(min(self._remaining, key=self._degree))
+
+    def contract(self, growth: int) -> None:
+        """Eliminate events as long as each adds at most `growth` more labeled distances than it removes."""
+        waiting = deque(self._remaining)
+        while waiting:
+            event = waiting.popleft()
+            if event in self._remaining and self._growth(event) <= growth:
+                self._eliminate(event)
+                waiting.extend((self.before[event].keys() | self.after[event].keys()) - set(waiting))
+
+    def edges(self) -> Iterator[tuple[int, int, int, Environment]]:
+        """Source, target, distance and full label of what is left between the events that are left."""
+        for source in sorted(self._remaining):
+            for target, distances in self.after[source].items():
+                guard = self._guards[source] | self._guards[target]
+                for value, label in distances:
+                    yield source, target, value, label | guard
+
+    def join(self, first: LabeledNumbers, second: LabeledNumbers, through: int, entry: Entry) -> None:
+        """Merge the sums of the distances from the entry's source to an event, and from there to its target.
+
+        This is the body of the loops of [PIKE, Algorithm 9].
+        """
+        consistent, covered = self._vocabulary.consistent, self._covered
+        target, ends = entry.distances, entry.guard
+        base = ends | self._guards[through]
+        if not consistent(base):
+            return
+        ceiling = target.unconditional()
+        added = []
+        others = second.pairs()
+        for value, label in first.pairs():
+            self._deadline.enforce()
+            start = base | label
+            if not consistent(start) or covered(start):
+                continue
+            for other, other_label in others:
+                total = value + other
+                if ceiling is not None and total >= ceiling:
+                    break
+                whole = start | other_label
+                if consistent(whole) and not covered(whole) and target.add(total, whole & ~ends):
+                    added.append(whole & ~ends)
+        if self._completions and added:
+            target.complete(union(added), self._deadline)
+
+    def _covered(self, environment: Environment) -> bool:
+        """Whether the environment is known to be a conflict."""
+        return self.conflicts.query(environment) is not None
+
+    def _contradict(self, forth: LabeledNumbers, back: LabeledNumbers, guard: Environment) -> None:
+        """Note as conflicts where two distances that lead to and fro add up to less than zero."""
+        for value, label in forth.pairs():
+            for other, other_label in back.pairs():
+                if value + other >= 0:
+                    break
+                whole = guard | label | other_label
+                if self._vocabulary.consistent(whole):
+                    self.conflicts.add(0, whole)
+
+    def _read(self, graph: DistanceGraph) -> None:
+        for edge in graph.edges:
+            if edge.source != edge.target:
+                entry = self._entry(edge.source, edge.target)
+                entry.distances.add(edge.weight, edge.label & ~entry.guard)
+            elif edge.weight < 0:
+                self.conflicts.add(0, edge.label)
+        if self._completions:
+            for neighbours in self.after:
+                for distances in neighbours.values():
+                    distances.close(self._deadline)
+
+    def _entry(self, source: int, target: int) -> Entry:
+        distances = self.after[source].get(target)
+        if distances is None:
+            distances = LabeledNumbers(self._vocabulary)
+            self.after[source][target] = self.before[target][source] = distances
+        return Entry(distances, self._guards[source] | self._guards[target])
+
+    def _degree(self, event: int) -> tuple[int, int, int]:
+        degree = len(self.after[event].keys() | self.before[event].keys())
+        return degree, -self._guards[event].bit_count(), event
+
+    def _growth(self, event: int) -> int:
+        """At most so many labeled distances more than now are there without the event."""
+        into = sum(map(len, self.before[event].values()))
+        out = sum(map(len, self.after[event].values()))
+        return into * out - into - out
+
+    def _eliminate(self, event: int) -> None:
+        guards = self._guards
+        self._remaining.remove(event)
+        self.order.append(event)
+        before, after = self.before[event], self.after[event]
+        for source in before.keys() & after.keys():
+            self._contradict(before[source], after[source], guards[source] | guards[event])
+        for source, first in before.items():
+            del self.after[source][event]
+            for target, second in after.items():
+                if target != source and self._vocabulary.consistent(guards[source] | guards[target]):
+                    self._join(source, target, first, second, event)
+        for target in after:
+            del self.before[target][event]
+
+    def _join(self, source: int, target: int, first: LabeledNumbers, second: LabeledNumbers, event: int) -> None:
+        known = target in self.after[source]
+        entry = self._entry(source, target)
+        self.join(first, second, event, entry)
+        if not known and not len(entry.distances):
+            del self.after[source][target], self.before[target][source]
 
 
 class LabeledDistances:
@@ -24,15 +194,15 @@ class LabeledDistances:
     deadline has passed, and KeyError, if there is no such event.
     """
 
-    def __init__(self, network: Tpnu, deadline: Deadline = NO_LIMIT, *, completions: bool = True) -> None:
+    def __init__(self, network: Tpnu, deadline: Deadline = NEVER, *, completions: bool = True) -> None:
         graph = distance_graph(network)
         self.vocabulary = graph.vocabulary
         self._graph = graph
         self._places = graph.places
         self._elimination = Elimination(graph, completions=completions, deadline=deadline)
         self._elimination.eliminate_all()
-        self._paths = self._elimination.paths
         self._completions = completions
+        self._deadline = deadline
         self._rank = {event: rank for rank, event in enumerate(self._elimination.order)}
         self._rows: dict[int, list[LabeledNumbers]] = {}
         self._prime_conflicts: LabeledNumbers | None = None
@@ -44,7 +214,7 @@ class LabeledDistances:
 
         A scenario has no schedule if and only if it entails one of them [PIKE, Theorem 4.1].
         """
-        return _labels(self._paths.conflicts.labels)
+        return _labels(self._elimination.conflicts)
 
     @property
     def prime_conflicts(self) -> tuple[Environment, ...]:
@@ -67,9 +237,9 @@ class LabeledDistances:
 
     def _primes(self) -> LabeledNumbers:
         if self._prime_conflicts is None:
-            self._prime_conflicts = LabeledNumbers(self.vocabulary, self._paths.conflicts.labels)
+            self._prime_conflicts = LabeledNumbers(self.vocabulary, self._elimination.conflicts)
             if self._completions:
-                self._prime_conflicts.close(self._paths.deadline)
+                self._prime_conflicts.close(self._deadline)
         return self._prime_conflicts
 
     def query(self, source: str, target: str, environment: Environment = 0) -> Fraction | None:
@@ -137,7 +307,7 @@ class LabeledDistances:
         self, row: list[LabeledNumbers], source: int, middle: int, event: int, distances: LabeledNumbers
     ) -> None:
         if len(row[middle]) and self.vocabulary.consistent(self._both(source, event)):
-            self._paths.join(row[middle], distances, middle, Entry(row[event], self._both(source, event)))
+            self._elimination.join(row[middle], distances, middle, Entry(row[event], self._both(source, event)))
 
     def _close(self, entry: LabeledNumbers, both: Environment) -> LabeledNumbers:
         """The entry with what follows because conflicts do not happen: in them, every bound holds."""
@@ -147,7 +317,7 @@ class LabeledDistances:
         least = entry.pairs()[0][0] - 1
         whole = LabeledNumbers(self.vocabulary, entry)
         whole.merge((least, conflict & ~both) for conflict in conflicts if self.vocabulary.consistent(conflict | both))
-        whole.close(self._paths.deadline)
+        whole.close(self._deadline)
         return LabeledNumbers(self.vocabulary, (pair for pair in whole if pair[0] > least))
 
 
@@ -155,7 +325,7 @@ def _labels(conflicts: LabeledNumbers) -> tuple[Environment, ...]:
     return tuple(label for _, label in conflicts)
 
 
-def labeled_distances(network: Tpnu, deadline: Deadline = NO_LIMIT, *, completions: bool = True) -> LabeledDistances:
+def labeled_distances(network: Tpnu, deadline: Deadline = NEVER, *, completions: bool = True) -> LabeledDistances:
     """The labeled shortest paths of a network [PIKE, Algorithm 9], with or without completions [PIKE, Algorithm 10].
 
     Raises:

@@ -11,12 +11,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from robust.pike_bridge.knowledge.sat import Propositions
 from robust.pike_bridge.model import Constraint, Environment, Guard, Tpnu, entails
-from robust.pike_bridge.temporal.distance_graph import DistanceGraph, Edge, Propositions, distance_graph
-from robust.pike_bridge.temporal.structural import Elimination
+from robust.pike_bridge.temporal.distance_graph import DistanceEdge, DistanceGraph, distance_graph
+from robust.pike_bridge.temporal.labeled_apsp import Elimination
 from robust.pike_bridge.theory import Theory
 from robust.plan.polynomial import Polynomial
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
 
@@ -29,7 +30,7 @@ class Schedule:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class CycleStep:
     """One side of a constraint: t(target) − t(source) ≤ bound, where the constraint may run the other way."""
 
     source: str
@@ -42,7 +43,7 @@ class Step:
 class NegativeCycle:
     """Steps that lead back to their first event, whose bounds add up to less than zero: they contradict each other."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[CycleStep, ...]
     guard: Guard
     """Whenever it holds, all the steps do, so that it is a temporal conflict [PIKE, Definition 4.1]."""
 
@@ -89,7 +90,7 @@ def negative_cycle(network: Tpnu, scenario: Guard) -> NegativeCycle | None:
 class Cycle:
     """Edges that lead in a circle, in order, of negative total weight."""
 
-    edges: tuple[Edge, ...]
+    edges: tuple[DistanceEdge, ...]
 
     @property
     def label(self) -> Environment:
@@ -103,7 +104,7 @@ class Cycle:
 def named_cycle(graph: DistanceGraph, cycle: Cycle) -> NegativeCycle:
     """A cycle in the terms of the network."""
     steps = tuple(
-        Step(
+        CycleStep(
             graph.events[edge.source],
             graph.events[edge.target],
             Fraction(edge.weight, graph.scale),
@@ -114,7 +115,7 @@ def named_cycle(graph: DistanceGraph, cycle: Cycle) -> NegativeCycle:
     return NegativeCycle(steps, graph.vocabulary.decode(cycle.label))
 
 
-def earliest_times(count: int, edges: Iterable[Edge]) -> list[int] | Cycle:
+def earliest_times(count: int, edges: Iterable[DistanceEdge]) -> list[int] | Cycle:
     """The least times, none negative, of `count` events that satisfy all the edges; or a negative cycle.
 
     Bellman and Ford's algorithm, looking for a circle among the reasons of the times after each round.
@@ -122,7 +123,7 @@ def earliest_times(count: int, edges: Iterable[Edge]) -> list[int] | Cycle:
     # Seen by its source, an edge is a lower bound: t(source) ≥ t(target) − weight.
     bounds = sorted(edges, key=lambda edge: (edge.source, edge.target))
     times = [0] * count
-    reasons: list[Edge | None] = [None] * count
+    reasons: list[DistanceEdge | None] = [None] * count
     changed = True
     while changed:
         changed = False
@@ -138,7 +139,7 @@ def earliest_times(count: int, edges: Iterable[Edge]) -> list[int] | Cycle:
     return times
 
 
-def _circle(reasons: Sequence[Edge | None]) -> Cycle | None:
+def _circle(reasons: Sequence[DistanceEdge | None]) -> Cycle | None:
     """A circle among the edges that gave each event its time; every such circle is negative."""
     visited = [0] * len(reasons)
     for start in range(len(reasons)):
@@ -155,8 +156,8 @@ def _circle(reasons: Sequence[Edge | None]) -> Cycle | None:
     return None
 
 
-def _circle_from(start: int, reasons: Sequence[Edge | None]) -> Cycle:
-    circle: list[Edge] = []
+def _circle_from(start: int, reasons: Sequence[DistanceEdge | None]) -> Cycle:
+    circle: list[DistanceEdge] = []
     event = start
     while (reason := reasons[event]) is not None:
         circle.append(reason)
@@ -166,7 +167,6 @@ def _circle_from(start: int, reasons: Sequence[Edge | None]) -> Cycle:
     return Cycle(tuple(circle))
 
 
-NO_LIMIT = Deadline()
 GROWTH = 2
 """How many edges more than an event has may replace it: by measurement, that halves the time of the solver."""
 DERIVED = -1
@@ -174,7 +174,7 @@ DERIVED = -1
 
 
 def temporal_conflicts(
-    network: Tpnu, theory: Theory, deadline: Deadline = NO_LIMIT, *, solver: str = "z3"
+    network: Tpnu, theory: Theory, deadline: Deadline = NEVER, *, solver: str = "z3"
 ) -> tuple[Guard, ...]:
     """Temporal conflicts of a network that exclude exactly those models of a theory that have no schedule.
 
@@ -203,7 +203,7 @@ def circulation(terms: Terms, propositions: Propositions, graph: DistanceGraph) 
         balance[edge.source] = balance[edge.source] - flow
         balance[edge.target] = balance[edge.target] + flow
         yield terms.at_least(flow)
-        holds = propositions.guard(graph.vocabulary.decode(edge.label))
+        holds = propositions.environment(graph.vocabulary.decode(edge.label))
         yield terms.disjunction((holds, terms.at_least(-flow)))
     for total in balance.values():
         yield terms.equal(total)
@@ -232,14 +232,14 @@ class _Search:
         """
         elimination = Elimination(self.graph, completions=False, deadline=self._deadline)
         elimination.contract(GROWTH)
-        for _, label in elimination.paths.conflicts.labels:
+        for _, label in elimination.conflicts:
             conflict = self._conflict(label)
             if conflict is not None and self._open(conflict, session):
                 self._note(conflict, session)
-        return replace(self.graph, edges=tuple(Edge(*edge, constraint=DERIVED) for edge in elimination.edges()))
+        return replace(self.graph, edges=tuple(DistanceEdge(*edge, constraint=DERIVED) for edge in elimination.edges()))
 
     def _open(self, conflict: Environment, session: Session) -> bool:
-        with session.frame(self.propositions.guard(self.graph.vocabulary.decode(conflict))):
+        with session.frame(self.propositions.environment(self.graph.vocabulary.decode(conflict))):
             verdict = session.check("whether a conflict is possible", self._deadline)
         if verdict is Verdict.UNKNOWN:
             raise OutOfTimeError
@@ -252,12 +252,9 @@ class _Search:
     def ask(self, further: Iterable[Formula]) -> Session:
         """A session for scenarios that satisfy the theory and something more."""
         session = Session(self.terms, solver=self._solver)
-        session.add_all(self.propositions.domains, self._deadline)
+        session.add_all(self.propositions.axioms, self._deadline)
         session.add_all(map(self.propositions.formula, self._theory.constraints), self._deadline)
-        session.add_all(
-            (self.terms.negation(self.propositions.guard(conflict)) for conflict in self._theory.conflicts),
-            self._deadline,
-        )
+        session.add_all(map(self.propositions.excluded, self._theory.conflicts), self._deadline)
         session.add_all(further, self._deadline)
         return session
 
@@ -270,18 +267,15 @@ class _Search:
                 case Verdict.UNSATISFIABLE:
                     return
                 case Verdict.SATISFIABLE:
-                    scenario = self._scenario(session)
+                    chosen = self.propositions.chosen(session)
+            scenario = self.graph.vocabulary.encode(each for each in chosen if each.variable in self._known)
             conflict = self._conflict(scenario)
             if conflict is None:
                 return
             self._note(conflict, session)
 
     def exclusion(self, conflict: Environment) -> Formula:
-        return self.terms.negation(self.propositions.guard(self.graph.vocabulary.decode(conflict)))
-
-    def _scenario(self, session: Session) -> Environment:
-        chosen = self.propositions.chosen(session)
-        return self.graph.vocabulary.encode(each for each in chosen if each.variable in self._known)
+        return self.propositions.excluded(self.graph.vocabulary.decode(conflict))
 
     def _conflict(self, scenario: Environment) -> Environment | None:
         """A conflict that the scenario entails, generalised; None if what holds in it has a schedule."""
@@ -289,7 +283,7 @@ class _Search:
         found = earliest_times(len(self.graph.events), edges)
         return self._generalised(found.label, edges) if isinstance(found, Cycle) else None
 
-    def _generalised(self, conflict: Environment, edges: list[Edge]) -> Environment:
+    def _generalised(self, conflict: Environment, edges: list[DistanceEdge]) -> Environment:
         """As few of a conflict's assignments as one negative cycle needs, leaving out one after the other."""
         vocabulary, count = self.graph.vocabulary, len(self.graph.events)
         for variable in vocabulary.assigned(conflict):

@@ -1,4 +1,4 @@
-"""Forms to conditions and numeric expressions, with every name checked."""
+"""Forms to conditions, numeric expressions, durations and effects, with every name checked."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from robust.errors import did_you_mean
 from robust.plan.model import Timing
-from robust.plan.pddl import declarations
+from robust.plan.pddl import declarations, syntax
 from robust.plan.pddl.declarations import (
     Scope,
     bare_function,
@@ -19,39 +19,11 @@ from robust.plan.pddl.declarations import (
     unsupported,
 )
 from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, number, quote
-from robust.plan.pddl.syntax import (
-    Arithmetic,
-    Comparator,
-    Conjunction,
-    ContinuousUpdate,
-    Disjunction,
-    DurationBound,
-    DurationTerm,
-    Equality,
-    ForallEffect,
-    FunctionTerm,
-    Implication,
-    LiftedCondition,
-    LiftedEffect,
-    LiteralEffect,
-    Negation,
-    Number,
-    NumericComparison,
-    NumericExpression,
-    NumericUpdate,
-    Operator,
-    ParameterTerm,
-    Quantification,
-    TimedLiftedCondition,
-    TypedName,
-    Update,
-    WhenEffect,
-)
 
 _TIMED_CONDITION = "a timed condition: (at start ...), (over all ...) or (at end ...)"
 
 
-def expression(item: Item, scope: Scope) -> NumericExpression:
+def expression(item: Item, scope: Scope) -> syntax.NumericExpression:
     """A numeric expression."""
     if isinstance(item, Word):
         return _numeric_word(item, scope)
@@ -62,10 +34,10 @@ def expression(item: Item, scope: Scope) -> NumericExpression:
     return function(item, scope)
 
 
-def _numeric_word(word: Word, scope: Scope) -> NumericExpression:
+def _numeric_word(word: Word, scope: Scope) -> syntax.NumericExpression:
     match word.kind:
         case Kind.NUMBER:
-            return Number(number(word), word.text, word.location)
+            return syntax.Number(number(word), word.text, word.location)
         case Kind.VARIABLE:
             return _numeric_variable(word, scope)
         case Kind.NAME:
@@ -76,21 +48,21 @@ def _numeric_word(word: Word, scope: Scope) -> NumericExpression:
             raise fault(word, "a numeric expression")
 
 
-def _numeric_variable(word: Word, scope: Scope) -> NumericExpression:
+def _numeric_variable(word: Word, scope: Scope) -> syntax.NumericExpression:
     name = word.text[1:]
     if name == "duration" and scope.durative:
-        return DurationTerm(word.location)
+        return syntax.DurationTerm(word.location)
     if name in scope.variables:
         raise fault(word, "a number; it is a variable for objects")
     if name in scope.parameters:
-        return ParameterTerm(name, scope.parameters[name], word.location)
+        return syntax.ParameterTerm(name, scope.parameters[name], word.location)
     raise unknown_variable(word, scope)
 
 
-def _arithmetic(form: Form, scope: Scope) -> Arithmetic:
+def _arithmetic(form: Form, scope: Scope) -> syntax.Arithmetic:
     if form.head not in ("+", "-", "*", "/"):
         raise fault(form.items[0], "an arithmetic operator (+ - * /) or a numeric function")
-    operator = Operator(form.head)
+    operator = syntax.Operator(form.head)
     least, most = {"-": (1, 2), "/": (2, 2)}.get(form.head, (1, len(form.items)))
     if not least <= len(form.rest) <= most:
         expected = {"-": "one or two operands", "/": "two operands"}.get(form.head, "at least one operand")
@@ -98,20 +70,22 @@ def _arithmetic(form: Form, scope: Scope) -> Arithmetic:
     return arithmetic(operator, [expression(item, scope) for item in form.rest], form)
 
 
-def arithmetic(operator: Operator, operands: Sequence[NumericExpression], form: Form) -> Arithmetic:
+def arithmetic(
+    operator: syntax.Operator, operands: Sequence[syntax.NumericExpression], form: Form
+) -> syntax.Arithmetic:
     """An operation whose number of operands has been checked."""
     divisor = operands[-1]
-    if operator is Operator.DIVIDED and isinstance(divisor, Number) and not divisor.value:
+    if operator is syntax.Operator.DIVIDED and isinstance(divisor, syntax.Number) and not divisor.value:
         raise fault(divisor.location, "a divisor other than zero", found="a division by zero")
-    return Arithmetic(operator, tuple(operands), form.location)
+    return syntax.Arithmetic(operator, tuple(operands), form.location)
 
 
-def condition(item: Item, scope: Scope) -> LiftedCondition:  # noqa: PLR0911 (one return for each kind of form)
+def condition(item: Item, scope: Scope) -> syntax.LiftedCondition:  # noqa: PLR0911 (one return for each kind of form)
     """A condition without time specifiers."""
     if not isinstance(item, Form):
         raise fault(item, "a condition in parentheses")
     if not item.items:
-        return Conjunction((), item.location)
+        return syntax.Conjunction((), item.location)
     head = item.items[0]
     if isinstance(head, Word) and head.kind is Kind.OPERATOR:
         return _comparison(item, scope)
@@ -119,19 +93,19 @@ def condition(item: Item, scope: Scope) -> LiftedCondition:  # noqa: PLR0911 (on
         raise fault(item, "a condition without a time specifier here")
     match item.head:
         case "and":
-            return Conjunction(tuple([condition(inner, scope) for inner in item.rest]), item.location)
+            return syntax.Conjunction(tuple([condition(inner, scope) for inner in item.rest]), item.location)
         case "or":
-            return Disjunction(tuple([condition(inner, scope) for inner in item.rest]), item.location)
+            return syntax.Disjunction(tuple([condition(inner, scope) for inner in item.rest]), item.location)
         case "not":
             check_operands(item, 1, "a condition")
-            return Negation(condition(item.items[1], scope), item.location)
+            return syntax.Negation(condition(item.items[1], scope), item.location)
         case "imply":
             check_operands(item, 2, "conditions")
-            return Implication(condition(item.items[1], scope), condition(item.items[2], scope), item.location)
+            return syntax.Implication(condition(item.items[1], scope), condition(item.items[2], scope), item.location)
         case "forall" | "exists":
             variables = quantified(item, scope, "a condition")
             operand = condition(item.items[2], scope.bind(variables))
-            return Quantification(item.head == "forall", variables, operand, item.location)
+            return syntax.Quantification(item.head == "forall", variables, operand, item.location)
         case "preference":
             raise preference(item)
         case _:
@@ -149,7 +123,7 @@ def check_operands(form: Form, number: int, what: str) -> None:
         raise fault(form, expected, found=f"{quote(form.head)} with {count(len(form.rest), 'operand')}")
 
 
-def quantified(form: Form, scope: Scope, what: str) -> tuple[TypedName, ...]:
+def quantified(form: Form, scope: Scope, what: str) -> tuple[syntax.TypedName, ...]:
     """The variables of `(forall (variables) ...)`; afterwards the third item exists."""
     if len(form.items) != 3:
         expected = f"variables in parentheses and {what}"
@@ -160,7 +134,7 @@ def quantified(form: Form, scope: Scope, what: str) -> tuple[TypedName, ...]:
     return declarations.variables(listed.items, scope.vocabulary.types)
 
 
-def _comparison(form: Form, scope: Scope) -> LiftedCondition:
+def _comparison(form: Form, scope: Scope) -> syntax.LiftedCondition:
     if form.head not in ("<", "<=", "=", ">=", ">"):
         raise fault(form.items[0], "a condition: a predicate, a comparison (< <= = >= >), and, or, not, imply, ...")
     if len(form.rest) != 2:
@@ -169,8 +143,10 @@ def _comparison(form: Form, scope: Scope) -> LiftedCondition:
     if form.head == "=":
         _check_known(left, scope)
         if _is_object_equality(left, right, scope):
-            return Equality(term(left, scope), term(right, scope), form.location)
-    return NumericComparison(Comparator(form.head), expression(left, scope), expression(right, scope), form.location)
+            return syntax.Equality(term(left, scope), term(right, scope), form.location)
+    return syntax.NumericComparison(
+        syntax.Comparator(form.head), expression(left, scope), expression(right, scope), form.location
+    )
 
 
 def _check_known(item: Item, scope: Scope) -> None:
@@ -204,13 +180,13 @@ def specified_time(form: Form) -> Timing | None:
     return Timing(words)
 
 
-def timed_conditions(item: Item, scope: Scope) -> list[TimedLiftedCondition]:
+def timed_conditions(item: Item, scope: Scope) -> list[syntax.TimedLiftedCondition]:
     """The condition of a durative action, split by time specifier."""
     if not isinstance(item, Form):
         raise fault(item, _TIMED_CONDITION)
     when = specified_time(item)
     if when is not None:
-        return [TimedLiftedCondition(when, condition(item.items[2], scope))]
+        return [syntax.TimedLiftedCondition(when, condition(item.items[2], scope))]
     if not item.items:
         return []
     match item.head:
@@ -220,7 +196,9 @@ def timed_conditions(item: Item, scope: Scope) -> list[TimedLiftedCondition]:
             variables = quantified(item, scope, "a timed condition")
             inside = timed_conditions(item.items[2], scope.bind(variables))
             return [
-                TimedLiftedCondition(timed.timing, Quantification(True, variables, timed.condition, item.location))
+                syntax.TimedLiftedCondition(
+                    timed.timing, syntax.Quantification(True, variables, timed.condition, item.location)
+                )
                 for timed in inside
             ]
         case "preference":
@@ -241,7 +219,7 @@ def _time_hint(form: Form) -> str:
     return ""
 
 
-def duration_bounds(item: Item, scope: Scope, specified: Timing = Timing.AT_START) -> list[DurationBound]:
+def duration_bounds(item: Item, scope: Scope, specified: Timing = Timing.AT_START) -> list[syntax.DurationBound]:
     """The `:duration` of an action; bounds without a time specifier are evaluated at the start."""
     expected = "a duration such as (= ?duration 5), (<= ?duration (f)) or (and ...)"
     if not isinstance(item, Form):
@@ -260,24 +238,26 @@ def duration_bounds(item: Item, scope: Scope, specified: Timing = Timing.AT_STAR
     return [_duration_bound(item, scope, specified)]
 
 
-def _duration_bound(form: Form, scope: Scope, specified: Timing) -> DurationBound:
+def _duration_bound(form: Form, scope: Scope, specified: Timing) -> syntax.DurationBound:
     left = form.items[1]
     if not isinstance(left, Word) or left.text != "?duration":
         raise fault(left, f"'?duration' as the left side of '{form.head}'")
-    return DurationBound(specified, Comparator(form.head), expression(form.items[2], scope), form.location)
+    return syntax.DurationBound(
+        specified, syntax.Comparator(form.head), expression(form.items[2], scope), form.location
+    )
 
 
-def conjunction(items: Sequence[LiftedCondition], form: Form) -> LiftedCondition:
-    return items[0] if len(items) == 1 else Conjunction(tuple(items), form.location)
+def conjunction(items: Sequence[syntax.LiftedCondition], form: Form) -> syntax.LiftedCondition:
+    return items[0] if len(items) == 1 else syntax.Conjunction(tuple(items), form.location)
 
 
-_UPDATES = frozenset(update.value for update in Update)
+_UPDATES = frozenset(update.value for update in syntax.Update)
 _TIMED_EFFECT = "a timed effect: (at start ...) or (at end ...)"
 
 
 def effects(  # noqa: PLR0911 (one return for each kind of form)
     item: Item, scope: Scope, when: Timing | None
-) -> list[LiftedEffect]:
+) -> list[syntax.LiftedEffect]:
     """The effects in `item`; `when` is their time if it is known: it is not at the top of a durative action."""
     if not isinstance(item, Form):
         raise fault(item, "an effect in parentheses")
@@ -292,7 +272,7 @@ def effects(  # noqa: PLR0911 (one return for each kind of form)
         case "forall":
             variables = quantified(item, scope, "an effect")
             inside = effects(item.items[2], scope.bind(variables), when)
-            return [ForallEffect(variables, tuple(inside), item.location)]
+            return [syntax.ForallEffect(variables, tuple(inside), item.location)]
         case "when":
             return [_conditional(item, scope, when)]
         case "preference":
@@ -305,7 +285,7 @@ def effects(  # noqa: PLR0911 (one return for each kind of form)
             return [_literal(item, scope, when)]
 
 
-def _timed(form: Form, scope: Scope, outside: Timing | None, when: Timing) -> list[LiftedEffect]:
+def _timed(form: Form, scope: Scope, outside: Timing | None, when: Timing) -> list[syntax.LiftedEffect]:
     if outside is not None:
         raise fault(form, "an effect without a time specifier here")
     if when is Timing.OVER_ALL:
@@ -314,44 +294,44 @@ def _timed(form: Form, scope: Scope, outside: Timing | None, when: Timing) -> li
     return effects(form.items[2], scope, when)
 
 
-def _literal(form: Form, scope: Scope, when: Timing | None) -> LiteralEffect:
+def _literal(form: Form, scope: Scope, when: Timing | None) -> syntax.LiteralEffect:
     if when is None:
         raise fault(form, _TIMED_EFFECT)
     if form.head != "not":
-        return LiteralEffect(when, proposition(form, scope), value=True)
+        return syntax.LiteralEffect(when, proposition(form, scope), value=True)
     check_operands(form, 1, "a proposition")
     inner = form.items[1]
     if not isinstance(inner, Form):
         raise fault(inner, "a proposition in parentheses")
-    return LiteralEffect(when, proposition(inner, scope), value=False)
+    return syntax.LiteralEffect(when, proposition(inner, scope), value=False)
 
 
-def _update(form: Form, scope: Scope, when: Timing | None) -> NumericUpdate | ContinuousUpdate:
+def _update(form: Form, scope: Scope, when: Timing | None) -> syntax.NumericUpdate | syntax.ContinuousUpdate:
     if len(form.rest) != 2:
         found = f"'{form.head}' with {count(len(form.rest), 'operand')}"
         raise fault(form, "a numeric function and an expression", found=found)
-    update = Update(form.head)
+    update = syntax.Update(form.head)
     target = _target(form.items[1], scope)
     right = form.items[2]
     if not _mentions_time(right):
         if when is None:
             raise fault(form, f"{_TIMED_EFFECT}, or a continuous one that mentions #t")
-        return NumericUpdate(when, update, target, expression(right, scope), form.location)
+        return syntax.NumericUpdate(when, update, target, expression(right, scope), form.location)
     if not scope.durative:
         raise fault(right, "no #t: an instantaneous action has no continuous effects")
     if when is not None:
         expected = f"no #t in an effect {when.value}; continuous effects are written without a time specifier"
         raise fault(right, expected)
-    if update not in (Update.INCREASE, Update.DECREASE):
+    if update not in (syntax.Update.INCREASE, syntax.Update.DECREASE):
         raise fault(form, "increase or decrease for a continuous effect")
     rate = _rate(right, scope)
     for used in _walk(rate):
-        if isinstance(used, DurationTerm):
+        if isinstance(used, syntax.DurationTerm):
             raise fault(used.location, "a rate of change that does not depend on the duration", found="'?duration'")
-    return ContinuousUpdate(update, target, rate, form.location)
+    return syntax.ContinuousUpdate(update, target, rate, form.location)
 
 
-def _target(item: Item, scope: Scope) -> FunctionTerm:
+def _target(item: Item, scope: Scope) -> syntax.FunctionTerm:
     if isinstance(item, Form):
         return function(item, scope)
     if item.kind is Kind.NAME:
@@ -365,20 +345,20 @@ def _mentions_time(item: Item) -> bool:
     return any(_mentions_time(inner) for inner in item.items)
 
 
-def _walk(of: NumericExpression) -> Iterator[NumericExpression]:
+def _walk(of: syntax.NumericExpression) -> Iterator[syntax.NumericExpression]:
     todo = [of]
     while todo:
         node = todo.pop()
         yield node
-        if isinstance(node, Arithmetic):
+        if isinstance(node, syntax.Arithmetic):
             todo.extend(node.operands)
 
 
-def _rate(item: Item, scope: Scope) -> NumericExpression:
+def _rate(item: Item, scope: Scope) -> syntax.NumericExpression:
     """The factor of #t in an expression that is linear in it and zero without it."""
     expected = "a rate times #t, as in (* #t 2)"
     if isinstance(item, Word):
-        return Number(Fraction(1), "1", item.location)
+        return syntax.Number(Fraction(1), "1", item.location)
     timed = [_mentions_time(inner) for inner in item.rest]
     rates = [
         _rate(inner, scope) if has else expression(inner, scope) for inner, has in zip(item.rest, timed, strict=True)
@@ -387,55 +367,44 @@ def _rate(item: Item, scope: Scope) -> NumericExpression:
         case "*" if timed.count(True) == 1:
             return _product(rates, timed, item)
         case "/" if timed == [True, False]:
-            return arithmetic(Operator.DIVIDED, rates, item)
+            return arithmetic(syntax.Operator.DIVIDED, rates, item)
         case "+" | "-" if timed and all(timed) and (item.head == "+" or len(timed) <= 2):
-            return arithmetic(Operator(item.head), rates, item)
+            return arithmetic(syntax.Operator(item.head), rates, item)
         case _:
             raise fault(item, expected)
 
 
-def _product(factors: list[NumericExpression], timed: list[bool], form: Form) -> NumericExpression:
+def _product(factors: list[syntax.NumericExpression], timed: list[bool], form: Form) -> syntax.NumericExpression:
     one = Fraction(1)
     kept = [
         factor
         for factor, has in zip(factors, timed, strict=True)
-        if not (has and isinstance(factor, Number) and factor.value == one)
+        if not (has and isinstance(factor, syntax.Number) and factor.value == one)
     ]
     if not kept:
-        return Number(one, "1", form.location)
-    return kept[0] if len(kept) == 1 else arithmetic(Operator.TIMES, kept, form)
+        return syntax.Number(one, "1", form.location)
+    return kept[0] if len(kept) == 1 else arithmetic(syntax.Operator.TIMES, kept, form)
 
 
-def _conditional(form: Form, scope: Scope, when: Timing | None) -> WhenEffect:
+def _conditional(form: Form, scope: Scope, when: Timing | None) -> syntax.WhenEffect:
     check_operands(form, 2, "parts, a condition and an effect")
     inside = effects(form.items[2], scope, when)
-    for effect in primitive(inside):
-        if isinstance(effect, ContinuousUpdate):
+    for effect in syntax.primitive(inside):
+        if isinstance(effect, syntax.ContinuousUpdate):
             remedy = "split the action in two, each with its own continuous effect"
             raise unsupported(form, "a conditional continuous effect", remedy)
     if when is not None:
-        return WhenEffect(condition(form.items[1], scope), tuple(inside), form.location)
-    return WhenEffect(_condition_at(form, inside, scope), tuple(inside), form.location)
+        return syntax.WhenEffect(condition(form.items[1], scope), tuple(inside), form.location)
+    return syntax.WhenEffect(_condition_at(form, inside, scope), tuple(inside), form.location)
 
 
-def _condition_at(form: Form, inside: list[LiftedEffect], scope: Scope) -> LiftedCondition:
+def _condition_at(form: Form, inside: list[syntax.LiftedEffect], scope: Scope) -> syntax.LiftedCondition:
     """The timed condition of a `when`, which must have the timing of the effects."""
     timed = timed_conditions(form.items[1], scope)
     timings = {part.timing for part in timed}
-    timings |= {effect.timing for effect in primitive(inside) if not isinstance(effect, ContinuousUpdate)}
+    timings |= {effect.timing for effect in syntax.primitive(inside) if not isinstance(effect, syntax.ContinuousUpdate)}
     if len(timings) > 1 or Timing.OVER_ALL in timings:
         names = " and ".join(sorted(quote(part.value) for part in timings))
         remedy = "give condition and effects one timing, and remember an earlier condition in a predicate of its own"
         raise unsupported(form, f"a conditional effect that mixes {names}", remedy)
     return conjunction([part.condition for part in timed], form)
-
-
-def primitive(
-    of: list[LiftedEffect] | tuple[LiftedEffect, ...],
-) -> Iterator[LiteralEffect | NumericUpdate | ContinuousUpdate]:
-    """All effects that are not themselves made of effects."""
-    for effect in of:
-        if isinstance(effect, (ForallEffect, WhenEffect)):
-            yield from primitive(effect.effects)
-        else:
-            yield effect

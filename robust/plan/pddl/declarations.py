@@ -1,4 +1,4 @@
-"""What names mean at a place of a PDDL file: lookups that check existence, arity and type."""
+"""What a PDDL file declares, and what names mean at a place: lookups that check existence, arity and type."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, quote
 from robust.plan.pddl.syntax import OBJECT, FunctionTerm, Proposition, Signature, Term, TypedName
+from robust.plan.pddl.write import type_text
 
 RESERVED = frozenset(
     "and or not imply forall exists when preference assign increase decrease scale-up scale-down define either".split()  # noqa: SIM905 (a list of words reads better as one text)
@@ -159,10 +160,6 @@ def _arguments(form: Form, signature: Signature, scope: Scope) -> tuple[Term, ..
 
 def count(number: int, noun: str) -> str:
     return f"{number or 'no'} {noun}{'' if number == 1 else 's'}"
-
-
-def type_text(types: Sequence[str]) -> str:
-    return types[0] if len(types) == 1 else f"(either {' '.join(types)})"
 
 
 def fits(types: Iterable[str], expected: Iterable[str], hierarchy: Mapping[str, frozenset[str]]) -> bool:

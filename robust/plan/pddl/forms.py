@@ -1,4 +1,9 @@
-"""Read input files; whatever can go wrong with a file is an error that names it."""
+"""Input files as text, and the text of PDDL as nested parenthesised forms.
+
+Whatever can go wrong with a file is an error that names it, with line and column. What a form means is decided by the
+typed builders (:mod:`robust.plan.pddl.reader`), because only they can say what was expected at a place; here it is
+decided what a word is and which parentheses belong together.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +13,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from robust.errors import InputError, Location, did_you_mean
-
-if TYPE_CHECKING:
-    from lark import Lark, Token, Tree
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
@@ -77,12 +77,14 @@ MOST_DIGITS = 400
 
 
 class Kind(Enum):
-    NUMBER = "number"
-    VARIABLE = "variable"
-    NAME = "name"
-    KEYWORD = "keyword"
-    OPERATOR = "operator"
-    TIME = "#t"
+    """The kinds of words with their form; of those that match, the first counts."""
+
+    NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+    OPERATOR = r"(?:<=|>=|[-+*/=<>])"
+    TIME = r"#[tT]"
+    VARIABLE = r"\?[A-Za-z0-9_][A-Za-z0-9_-]*"
+    KEYWORD = r":[A-Za-z0-9_][A-Za-z0-9_-]*"
+    NAME = r"[A-Za-z0-9_][A-Za-z0-9_-]*"
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,56 +153,64 @@ def number(word: Word) -> Fraction:
     return Fraction(word.text)
 
 
+# A word ends where white space, a parenthesis or a comment begins; an operator also where a variable begins.
+_WORDS = "|".join(rf"(?P<{kind.name}>{kind.value})(?=[\s();{'?#' * (kind is Kind.OPERATOR)}]|\Z)" for kind in Kind)
+_TOKEN = re.compile(rf"(?:\s+|;.*)|(?P<OPEN>\()|(?P<CLOSE>\))|{_WORDS}|(?P<BAD>[^\s();]+)")
+
+
+@dataclass(slots=True)
+class _Open:
+    """A form whose end has not been read."""
+
+    items: list[Item]
+    location: Location
+
+    def __str__(self) -> str:
+        return f"'({self.items[0].text if self.items and isinstance(self.items[0], Word) else ''}'"
+
+
 def read_forms(text: str, file: str) -> tuple[Item, ...]:
     """The forms of a file; parentheses match, and words are well formed."""
-    from lark.exceptions import UnexpectedCharacters, UnexpectedToken  # noqa: PLC0415 (lark takes 50 ms to import)
-
-    parser = _parser()
-    try:
-        tree = parser.parse(text)
-    except UnexpectedCharacters as error:
-        raise _bad_word(text, error.pos_in_stream or 0, Location(file, error.line, error.column)) from None
-    except UnexpectedToken:
-        raise _unbalanced(parser.lex(text), file) from None
-    return _convert(tree, file)
-
-
-@cache
-def _parser() -> Lark:
-    from lark import Lark  # noqa: PLC0415 (as above)
-
-    return Lark.open("grammar.lark", rel_to=__file__, start="file", parser="lalr", lexer="basic")
-
-
-def _convert(tree: Tree[Token], file: str) -> tuple[Item, ...]:
-    """Trees to forms, without recursion."""
     top: list[Item] = []
-    stack: list[tuple[Iterator[Tree[Token] | Token], list[Item], Location | None]] = [(iter(tree.children), top, None)]
-    while stack:
-        children, items, opened = stack[-1]
-        for child in children:
-            if hasattr(child, "children"):
-                inner = iter(child.children[1:-1])
-                stack.append((inner, [], _location(child.children[0], file)))
-                break
-            items.append(Word(Kind[child.type], child.lower(), _location(child, file)))
-        else:
-            stack.pop()
-            if opened is not None:
-                stack[-1][1].append(Form(tuple(items), opened))
-        if len(stack) > DEEPEST + 1:
-            raise fault(stack[-1][2] or Location(file), f"at most {DEEPEST} of them", found="too many nested forms")
+    stack: list[_Open] = []
+    astray: tuple[_Open, _Open] | None = None
+    closed: Location | None = None
+    for match, location in _tokens(text, file):
+        items = stack[-1].items if stack else top
+        match match.lastgroup:
+            case "OPEN":
+                stack.append(_Open([], location))
+                if len(stack) > DEEPEST:
+                    raise fault(location, f"at most {DEEPEST} of them", found="too many nested forms")
+            case "CLOSE" if not stack:
+                hint = f"; the form before it ended in line {closed.line}, column {closed.column}" if closed else ""
+                raise fault(location, "the end of the file", found="a surplus ')'", hint=hint)
+            case "CLOSE":
+                form = stack.pop()
+                (stack[-1].items if stack else top).append(Form(tuple(form.items), form.location))
+                closed = closed if stack else location
+            case "BAD":
+                raise _bad_word(match.group(), location)
+            case kind:
+                word = Word(Kind[kind or ""], match.group().lower(), location)
+                # A section inside a section: the parenthesis that is missing belongs to the outer one.
+                if word.kind is Kind.KEYWORD and not items and len(stack) > 2 and word.text != ":synth-parameters":
+                    astray = astray or (stack[1], stack[-1])
+                items.append(word)
+    if stack:
+        raise _unclosed(stack, astray)
     return tuple(top)
 
 
-def _location(token: Token | Tree[Token], file: str) -> Location:
-    return Location(file, getattr(token, "line", None), getattr(token, "column", None))
+def _tokens(text: str, file: str) -> Iterator[tuple[re.Match[str], Location]]:
+    """Words and parentheses with their places; none of them spans lines."""
+    for number, line in enumerate(text.split("\n"), start=1):
+        for match in _TOKEN.finditer(line):
+            if match.lastgroup is not None:
+                yield match, Location(file, number, match.start() + 1)
 
 
-def _bad_word(text: str, position: int, where: Location) -> InputError:
-    # The lexer stops at the first character of a word that is none: quote the whole word.
-    match = re.compile(r"[^\s();]+").match(text, position)
-    word = match.group() if match else text[position : position + 1]
+def _bad_word(word: str, where: Location) -> InputError:
     hint = ""
     if word.startswith("-") and len(word) > 1:
         hint = "; a '-' before a type is followed by a blank"
@@ -210,37 +220,10 @@ def _bad_word(text: str, position: int, where: Location) -> InputError:
     return fault(where, expected, found=quote(word.lower()), hint=hint)
 
 
-def _unbalanced(tokens: Iterator[Token], file: str) -> InputError:
-    """What is wrong with the parentheses of a text that the grammar refused."""
-    stack: list[Token] = []
-    heads: dict[int, str] = {}  # by the position of the parenthesis: the word that follows it
-    closed: Token | None = None
-    astray: tuple[Token, Token, str] | None = None
-    previous: Token | None = None
-    for token in tokens:
-        if previous is not None and previous.type == "LPAR" and token.type not in ("LPAR", "RPAR"):
-            heads[previous.start_pos or 0] = token.lower()
-            # A section inside a section: the parenthesis that is missing belongs to the outer one.
-            section = token.type == "KEYWORD" and token.lower() != ":synth-parameters"
-            if section and len(stack) > 2 and astray is None:
-                astray = (stack[1], previous, token.lower())
-        if token.type == "LPAR":
-            stack.append(token)
-        elif token.type == "RPAR":
-            if not stack:
-                return _surplus(token, closed, file)
-            stack.pop()
-            closed = token if not stack else closed
-        previous = token
+def _unclosed(stack: list[_Open], astray: tuple[_Open, _Open] | None) -> InputError:
+    """The file ends before all forms do; `astray` is the first section found inside of another one."""
+    opened, where = stack[-1], "the end of the file"
     if astray is not None:
-        opened, found, keyword = astray
-        where = f"'({keyword}' in line {found.line}, column {found.column}"
-    else:
-        opened, where = stack[-1], "the end of the file"
-    form = f"'({heads.get(opened.start_pos or 0, '')}'"
-    return fault(_location(opened, file), f"')' to close the {form} that is opened here", found=where)
-
-
-def _surplus(token: Token, closed: Token | None, file: str) -> InputError:
-    hint = f"; the form before it ended in line {closed.line}, column {closed.column}" if closed else ""
-    return fault(_location(token, file), "the end of the file", found="a surplus ')'", hint=hint)
+        opened, inner = astray
+        where = f"{inner} in line {inner.location.line}, column {inner.location.column}"
+    return fault(opened.location, f"')' to close the {opened} that is opened here", found=where)

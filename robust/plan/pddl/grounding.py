@@ -1,4 +1,4 @@
-"""Lifted conditions and expressions to ground ones: negation normal form, polynomials."""
+"""Actions of a plan, goals and initial values made ground: negation normal form, polynomials, effects one by one."""
 
 from __future__ import annotations
 
@@ -31,43 +31,13 @@ from robust.plan.model import (
     ParameterReference,
     Relation,
     TimedCondition,
-    TimedLiteral,
     Truth,
+    comparisons,
+    fluents_in,
 )
-from robust.plan.pddl.declarations import count, fits, type_text
-from robust.plan.pddl.syntax import (
-    ActionSchema,
-    Arithmetic,
-    Comparator,
-    Conjunction,
-    ContinuousUpdate,
-    Disjunction,
-    Domain,
-    DurationBound,
-    DurationTerm,
-    Equality,
-    ForallEffect,
-    FunctionTerm,
-    Implication,
-    LiftedCondition,
-    LiftedEffect,
-    LiteralEffect,
-    Negation,
-    Number,
-    NumericComparison,
-    NumericExpression,
-    NumericUpdate,
-    Operator,
-    ParameterTerm,
-    Problem,
-    Proposition,
-    Quantification,
-    Term,
-    TypedName,
-    Update,
-    WhenEffect,
-)
-from robust.plan.pddl.text import condition_text, duration_text, expression_text
+from robust.plan.pddl import syntax
+from robust.plan.pddl.declarations import count, fits
+from robust.plan.pddl.write import condition_text, duration_text, expression_text, type_text
 from robust.plan.polynomial import Polynomial
 
 _NEGATED = {
@@ -85,13 +55,13 @@ class Context:
     `parametrized` are the fluents that are made parameters, so that their initial value is not known.
     """
 
-    domain: Domain
-    problem: Problem
+    domain: syntax.Domain
+    problem: syntax.Problem
     identifier: str
     bindings: Mapping[str, str]
     parametrized: Collection[Fluent] = frozenset()
 
-    def instances(self, variables: tuple[TypedName, ...]) -> Iterator[Context]:
+    def instances(self, variables: tuple[syntax.TypedName, ...]) -> Iterator[Context]:
         """One context for every choice of objects for quantified variables."""
         hierarchy, objects = self.domain.types, self.problem.objects.values()
         choices = [
@@ -103,48 +73,48 @@ class Context:
             yield replace(self, bindings={**self.bindings, **dict(zip(names, chosen, strict=True))})
 
 
-def atom(proposition: Proposition, context: Context) -> Atom:
+def atom(proposition: syntax.Proposition, context: Context) -> Atom:
     return Atom(proposition.predicate, _objects(proposition.arguments, context))
 
 
-def fluent(term: FunctionTerm, context: Context) -> Fluent:
+def fluent(term: syntax.FunctionTerm, context: Context) -> Fluent:
     return Fluent(term.function, _objects(term.arguments, context))
 
 
-def _objects(terms: Iterable[Term], context: Context) -> tuple[str, ...]:
+def _objects(terms: Iterable[syntax.Term], context: Context) -> tuple[str, ...]:
     return tuple([_object(term, context) for term in terms])
 
 
-def _object(term: Term, context: Context) -> str:
+def _object(term: syntax.Term, context: Context) -> str:
     return context.bindings[term.name] if term.variable else term.name
 
 
 def condition(  # noqa: PLR0911 (one return for each kind of condition)
-    lifted: LiftedCondition, context: Context, *, positive: bool = True
+    lifted: syntax.LiftedCondition, context: Context, *, positive: bool = True
 ) -> Condition:
     """The ground condition, or its negation, in negation normal form."""
     match lifted:
-        case Proposition():
+        case syntax.Proposition():
             return Holds(atom(lifted, context), positive)
-        case Equality(left, right):
+        case syntax.Equality(left, right):
             return Truth((_object(left, context) == _object(right, context)) == positive)
-        case NumericComparison(comparator, left, right):
+        case syntax.NumericComparison(comparator, left, right):
             return _comparison(comparator, expression(left, context) - expression(right, context), positive)
-        case Negation(operand):
+        case syntax.Negation(operand):
             return condition(operand, context, positive=not positive)
-        case Conjunction(operands):
+        case syntax.Conjunction(operands):
             return junction([condition(operand, context, positive=positive) for operand in operands], every=positive)
-        case Disjunction(operands):
+        case syntax.Disjunction(operands):
             return junction(
                 [condition(operand, context, positive=positive) for operand in operands], every=not positive
             )
-        case Implication(premise, conclusion):
+        case syntax.Implication(premise, conclusion):
             parts = [
                 condition(premise, context, positive=not positive),
                 condition(conclusion, context, positive=positive),
             ]
             return junction(parts, every=not positive)
-        case Quantification(universal, variables, operand):
+        case syntax.Quantification(universal, variables, operand):
             parts = [condition(operand, inner, positive=positive) for inner in context.instances(variables)]
             return junction(parts, every=universal == positive)
         case _:
@@ -168,36 +138,27 @@ def junction(operands: Iterable[Condition], *, every: bool) -> Condition:
     return kind(tuple(kept)) if len(kept) > 1 else next(iter(kept))
 
 
-def _comparison(comparator: Comparator, difference: Expression, positive: bool) -> Condition:
+def _comparison(comparator: syntax.Comparator, difference: Expression, positive: bool) -> Condition:
     compared = comparison(comparator, difference)
     if not positive:
         compared = _negation(compared)
     if not compared.expression.is_constant:
         return compared
-    value = compared.expression.constant_term
-    match compared.relation:
-        case Relation.AT_LEAST:
-            return Truth(value >= 0)
-        case Relation.GREATER:
-            return Truth(value > 0)
-        case Relation.EQUAL:
-            return Truth(value == 0)
-        case Relation.DIFFERENT:
-            return Truth(value != 0)
+    return Truth(compared.relation.holds(compared.expression.constant_term))
 
 
-def comparison(comparator: Comparator, difference: Expression) -> Comparison:
+def comparison(comparator: syntax.Comparator, difference: Expression) -> Comparison:
     """`difference comparator 0`."""
     match comparator:
-        case Comparator.AT_LEAST:
+        case syntax.Comparator.AT_LEAST:
             return Comparison(difference, Relation.AT_LEAST)
-        case Comparator.GREATER:
+        case syntax.Comparator.GREATER:
             return Comparison(difference, Relation.GREATER)
-        case Comparator.AT_MOST:
+        case syntax.Comparator.AT_MOST:
             return Comparison(-difference, Relation.AT_LEAST)
-        case Comparator.LESS:
+        case syntax.Comparator.LESS:
             return Comparison(-difference, Relation.GREATER)
-        case Comparator.EQUAL:
+        case syntax.Comparator.EQUAL:
             return Comparison(difference, Relation.EQUAL)
 
 
@@ -206,18 +167,18 @@ def _negation(compared: Comparison) -> Comparison:
     return Comparison(compared.expression if equality else -compared.expression, _NEGATED[compared.relation])
 
 
-def expression(lifted: NumericExpression, context: Context) -> Expression:
+def expression(lifted: syntax.NumericExpression, context: Context) -> Expression:
     """The ground expression."""
     match lifted:
-        case Number(value):
+        case syntax.Number(value):
             return Polynomial.constant(value)
-        case FunctionTerm():
+        case syntax.FunctionTerm():
             return _variable(fluent(lifted, context))
-        case DurationTerm():
+        case syntax.DurationTerm():
             return _variable(Duration())
-        case ParameterTerm(name, local):
+        case syntax.ParameterTerm(name, local):
             return _variable(ParameterReference(f"{context.identifier}.{name}" if local else name))
-        case Arithmetic(operator, operands):
+        case syntax.Arithmetic(operator, operands):
             return _arithmetic(operator, [expression(operand, context) for operand in operands], lifted, context)
         case _:
             assert_never(lifted)
@@ -227,19 +188,23 @@ def _variable(variable: NumericVariable) -> Expression:
     return Polynomial.variable(variable)
 
 
-def _arithmetic(operator: Operator, values: list[Expression], lifted: Arithmetic, context: Context) -> Expression:
+def _arithmetic(
+    operator: syntax.Operator, values: list[Expression], lifted: syntax.Arithmetic, context: Context
+) -> Expression:
     match operator:
-        case Operator.PLUS:
+        case syntax.Operator.PLUS:
             return reduce(add, values)
-        case Operator.TIMES:
+        case syntax.Operator.TIMES:
             return reduce(mul, values)
-        case Operator.MINUS:
+        case syntax.Operator.MINUS:
             return -values[0] if len(values) == 1 else values[0] - values[1]
-        case Operator.DIVIDED:
+        case syntax.Operator.DIVIDED:
             return quotient(values[0], values[1], lifted.operands[1], context)
 
 
-def quotient(dividend: Expression, divisor: Expression, lifted: NumericExpression, context: Context) -> Expression:
+def quotient(
+    dividend: Expression, divisor: Expression, lifted: syntax.NumericExpression, context: Context
+) -> Expression:
     """A division by an expression that is constant, at least once fluents that never change have their value."""
     value = divisor.substitute(lambda variable: _never_changing(variable, lifted, context))
     if value.is_constant:
@@ -253,7 +218,7 @@ def quotient(dividend: Expression, divisor: Expression, lifted: NumericExpressio
     raise UnsupportedError(f"{message} {remedy}", lifted.location)
 
 
-def _never_changing(variable: NumericVariable, lifted: NumericExpression, context: Context) -> Expression:
+def _never_changing(variable: NumericVariable, lifted: syntax.NumericExpression, context: Context) -> Expression:
     """The initial value of a fluent that nothing changes; anything else as it is."""
     if not isinstance(variable, Fluent) or variable.function in context.domain.written:
         return _variable(variable)
@@ -269,8 +234,8 @@ T = TypeVar("T")
 
 
 def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
-    domain: Domain,
-    problem: Problem,
+    domain: syntax.Domain,
+    problem: syntax.Problem,
     identifier: str,
     action: str,
     arguments: Sequence[str],
@@ -309,7 +274,7 @@ def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
 
 
 def ground_goal(
-    domain: Domain, problem: Problem, *, parametrized: Collection[Fluent] = frozenset()
+    domain: syntax.Domain, problem: syntax.Problem, *, parametrized: Collection[Fluent] = frozenset()
 ) -> tuple[GoalCondition, ...]:
     """The conjuncts of the goal; `parametrized` as for :func:`ground_action`."""
     context = Context(domain, problem, "", {}, parametrized)
@@ -321,54 +286,27 @@ def _distinct(items: Iterable[T]) -> tuple[T, ...]:
     return tuple(dict.fromkeys(items))
 
 
-def initial_atoms(problem: Problem) -> frozenset[Atom]:
-    """The atoms that are true at time zero."""
-    return problem.atoms
-
-
-def initial_fluents(domain: Domain, problem: Problem) -> dict[Fluent, Expression]:
+def initial_fluents(domain: syntax.Domain, problem: syntax.Problem) -> dict[Fluent, Expression]:
     """The numeric fluents that have a value at time zero, with that constant."""
     return {name: Polynomial.constant(value) for name, value in problem.fluents.items()}
 
 
-def timed_literals(problem: Problem) -> tuple[TimedLiteral, ...]:
-    """The timed initial literals by time."""
-    return problem.timed_literals
-
-
 def fluents_read(instance: ActionInstance) -> frozenset[Fluent]:
     """The fluents whose value matters to the instance: all that it mentions but the targets of assignments."""
+    effects = instance.numeric_effects
     conditions: list[Condition] = [timed.condition for timed in instance.conditions]
     conditions += [bound.condition for bound in instance.durations]
     conditions += [effect.condition for effect in instance.atom_effects]
-    conditions += [effect.condition for effect in instance.numeric_effects]
-    expressions = [effect.expression for effect in instance.numeric_effects]
+    conditions += [effect.condition for effect in effects]
+    expressions = [compared.expression for condition in conditions for compared in comparisons(condition)]
+    expressions += [effect.expression for effect in effects]
     expressions += [effect.rate for effect in instance.continuous_effects]
-    read = {effect.fluent for effect in instance.continuous_effects}
-    read |= {effect.fluent for effect in instance.numeric_effects if effect.operator is Assignment.INCREASE}
-    variables: set[NumericVariable] = {
-        variable for used in (*expressions, *_compared(conditions)) for variable in used.variables
-    }
-    return frozenset(read | {variable for variable in variables if isinstance(variable, Fluent)})
+    read = {fluent for expression in expressions for fluent in fluents_in(expression)}
+    read |= {effect.fluent for effect in instance.continuous_effects}
+    return frozenset(read | {effect.fluent for effect in effects if effect.operator is Assignment.INCREASE})
 
 
-def _compared(conditions: Iterable[Condition]) -> Iterator[Expression]:
-    """The expressions in comparisons."""
-    todo = [*conditions]
-    while todo:
-        one = todo.pop()
-        match one:
-            case Comparison():
-                yield one.expression
-            case And() | Or():
-                todo.extend(one.operands)
-            case Truth() | Holds():
-                pass
-            case _:
-                assert_never(one)
-
-
-def _schema(domain: Domain, action: str, durative: bool, location: Location | None) -> ActionSchema:
+def _schema(domain: syntax.Domain, action: str, durative: bool, location: Location | None) -> syntax.ActionSchema:
     schema = domain.actions.get(action.lower())
     if schema is None:
         hint = did_you_mean(action.lower(), domain.actions)
@@ -381,7 +319,11 @@ def _schema(domain: Domain, action: str, durative: bool, location: Location | No
 
 
 def _check_arguments(
-    domain: Domain, problem: Problem, schema: ActionSchema, names: tuple[str, ...], location: Location | None
+    domain: syntax.Domain,
+    problem: syntax.Problem,
+    schema: syntax.ActionSchema,
+    names: tuple[str, ...],
+    location: Location | None,
 ) -> None:
     usage = f"({' '.join((schema.name, *(f'?{parameter.name}' for parameter in schema.parameters)))})"
     if len(names) != len(schema.parameters):
@@ -399,13 +341,13 @@ def _check_arguments(
             raise InputError(f"found {found}, expected {expected}", location)
 
 
-def _conjuncts(lifted: LiftedCondition, context: Context) -> Iterator[tuple[Condition, str]]:
+def _conjuncts(lifted: syntax.LiftedCondition, context: Context) -> Iterator[tuple[Condition, str]]:
     """The conjuncts of a condition, those of a `forall` object by object; what is always true is left out."""
     match lifted:
-        case Conjunction(operands):
+        case syntax.Conjunction(operands):
             for operand in operands:
                 yield from _conjuncts(operand, context)
-        case Quantification(True, variables, operand):
+        case syntax.Quantification(True, variables, operand):
             for inner in context.instances(variables):
                 yield from _conjuncts(operand, inner)
         case _:
@@ -414,9 +356,8 @@ def _conjuncts(lifted: LiftedCondition, context: Context) -> Iterator[tuple[Cond
                 yield ground, condition_text(lifted, context.bindings)
 
 
-def _duration(bound: DurationBound, context: Context) -> DurationConstraint:
-    duration: Expression = Polynomial.variable(Duration())
-    difference = duration - expression(bound.bound, context)
+def _duration(bound: syntax.DurationBound, context: Context) -> DurationConstraint:
+    difference = _variable(Duration()) - expression(bound.bound, context)
     return DurationConstraint(
         bound.timing, comparison(bound.comparator, difference), duration_text(bound, context.bindings)
     )
@@ -430,22 +371,22 @@ class _Effects:
     numeric: list[NumericEffect] = field(default_factory=list)
     continuous: list[ContinuousEffect] = field(default_factory=list)
 
-    def add(self, effects: Iterable[LiftedEffect], context: Context, when: Condition) -> None:
+    def add(self, effects: Iterable[syntax.LiftedEffect], context: Context, when: Condition) -> None:
         """Add effects that happen if `when` holds."""
         for effect in effects:
             match effect:
-                case LiteralEffect(timing, proposition, value):
+                case syntax.LiteralEffect(timing, proposition, value):
                     self.atoms.append(AtomEffect(timing, atom(proposition, context), value, when))
-                case NumericUpdate():
+                case syntax.NumericUpdate():
                     self._add_numeric(_numeric(effect, context, when), effect.location)
-                case ContinuousUpdate(update, target, rate):
+                case syntax.ContinuousUpdate(update, target, rate):
                     change = expression(rate, context)
-                    signed = change if update is Update.INCREASE else -change
+                    signed = change if update is syntax.Update.INCREASE else -change
                     self.continuous.append(ContinuousEffect(fluent(target, context), signed))
-                case ForallEffect(variables, inside):
+                case syntax.ForallEffect(variables, inside):
                     for inner in context.instances(variables):
                         self.add(inside, inner, when)
-                case WhenEffect(guard, inside):
+                case syntax.WhenEffect(guard, inside):
                     both = junction([when, condition(guard, context)], every=True)
                     if both != Truth(False):
                         self.add(inside, context, both)
@@ -467,23 +408,19 @@ class _Effects:
         self.numeric.append(effect)
 
 
-def _numeric(effect: NumericUpdate, context: Context, when: Condition) -> NumericEffect:
+def _numeric(effect: syntax.NumericUpdate, context: Context, when: Condition) -> NumericEffect:
     target = fluent(effect.target, context)
     value = expression(effect.expression, context)
     operator = Assignment.ASSIGN
     match effect.update:
-        case Update.ASSIGN:
+        case syntax.Update.ASSIGN:
             pass
-        case Update.INCREASE:
+        case syntax.Update.INCREASE:
             operator = Assignment.INCREASE
-        case Update.DECREASE:
+        case syntax.Update.DECREASE:
             operator, value = Assignment.INCREASE, -value
-        case Update.SCALE_UP:
-            value = _fluent(target) * value
-        case Update.SCALE_DOWN:
-            value = quotient(_fluent(target), value, effect.expression, context)
+        case syntax.Update.SCALE_UP:
+            value = _variable(target) * value
+        case syntax.Update.SCALE_DOWN:
+            value = quotient(_variable(target), value, effect.expression, context)
     return NumericEffect(effect.timing, target, operator, value, when)
-
-
-def _fluent(target: Fluent) -> Expression:
-    return Polynomial.variable(target)

@@ -1,4 +1,8 @@
-"""Forms to actions."""
+"""PDDL domains and problems from their text: sections, actions and the initial state.
+
+Forms become checked data (:mod:`robust.plan.pddl.syntax`); conditions, durations and effects are read by
+:mod:`robust.plan.pddl.conditions`, declarations by :mod:`robust.plan.pddl.declarations`.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from typing import TypeVar
 
 from robust.errors import Location, did_you_mean
 from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
-from robust.plan.pddl import declarations
+from robust.plan.pddl import declarations, syntax
 from robust.plan.pddl.conditions import (
     check_operands,
     condition,
@@ -20,20 +24,6 @@ from robust.plan.pddl.conditions import (
 )
 from robust.plan.pddl.declarations import Scope, Vocabulary, function, proposition, unsupported
 from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, number, read_forms, read_text
-from robust.plan.pddl.syntax import (
-    ActionSchema,
-    Domain,
-    ForallEffect,
-    FunctionTerm,
-    LiftedCondition,
-    LiftedEffect,
-    LiteralEffect,
-    Problem,
-    Proposition,
-    Signature,
-    TimedLiftedCondition,
-    WhenEffect,
-)
 
 T = TypeVar("T")
 
@@ -43,7 +33,7 @@ _PARTS = {
 }
 
 
-def action(form: Form, vocabulary: Vocabulary, parameters: tuple[str, ...]) -> ActionSchema:
+def action(form: Form, vocabulary: Vocabulary, parameters: tuple[str, ...]) -> syntax.ActionSchema:
     """An action; `parameters` are the synthesis parameters of the domain."""
     durative = form.head == ":durative-action"
     name = form.items[1] if len(form.items) > 1 else None
@@ -66,7 +56,7 @@ def action(form: Form, vocabulary: Vocabulary, parameters: tuple[str, ...]) -> A
     )
     if durative and ":duration" not in parts:
         raise fault(form, "':duration' in a durative action, as in :duration (= ?duration 5)")
-    return ActionSchema(
+    return syntax.ActionSchema(
         name=name.text,
         durative=durative,
         parameters=variables,
@@ -141,21 +131,21 @@ def _read(parts: Mapping[str, tuple[Item, ...]], keyword: str, read: Callable[[I
     return read(found[0]) if found else []
 
 
-def _conditions(parts: Mapping[str, tuple[Item, ...]], scope: Scope) -> list[TimedLiftedCondition]:
+def _conditions(parts: Mapping[str, tuple[Item, ...]], scope: Scope) -> list[syntax.TimedLiftedCondition]:
     if scope.durative:
         return _read(parts, ":condition", lambda item: timed_conditions(item, scope))
     untimed = _read(parts, ":precondition", lambda item: [condition(item, scope)])
-    return [TimedLiftedCondition(Timing.AT_START, part) for part in untimed]
+    return [syntax.TimedLiftedCondition(Timing.AT_START, part) for part in untimed]
 
 
-def written_functions(actions: Mapping[str, ActionSchema]) -> Iterator[str]:
+def written_functions(actions: Mapping[str, syntax.ActionSchema]) -> Iterator[str]:
     """The functions that some action changes."""
-    todo: list[LiftedEffect] = [effect for schema in actions.values() for effect in schema.effects]
+    todo: list[syntax.LiftedEffect] = [effect for schema in actions.values() for effect in schema.effects]
     while todo:
         effect = todo.pop()
-        if isinstance(effect, (ForallEffect, WhenEffect)):
+        if isinstance(effect, (syntax.ForallEffect, syntax.WhenEffect)):
             todo.extend(effect.effects)
-        elif not isinstance(effect, LiteralEffect):
+        elif not isinstance(effect, syntax.LiteralEffect):
             yield effect.target.function
 
 
@@ -242,11 +232,11 @@ def _check_same(form: Form, target: Atom | Fluent, value: bool | Fraction, befor
         raise fault(form, expected, found=f"{target} = {str(value).lower()}")
 
 
-def _atom(used: Proposition) -> Atom:
+def _atom(used: syntax.Proposition) -> Atom:
     return Atom(used.predicate, tuple(term.name for term in used.arguments))
 
 
-def _fluent(used: FunctionTerm) -> Fluent:
+def _fluent(used: syntax.FunctionTerm) -> Fluent:
     return Fluent(used.function, tuple(term.name for term in used.arguments))
 
 
@@ -267,17 +257,17 @@ _UNSUPPORTED = {
 }
 
 
-def read_domain(path: str | os.PathLike[str]) -> Domain:
+def read_domain(path: str | os.PathLike[str]) -> syntax.Domain:
     """Read a domain file."""
     return parse_domain(read_text(path), os.fspath(path))
 
 
-def read_problem(path: str | os.PathLike[str], domain: Domain) -> Problem:
+def read_problem(path: str | os.PathLike[str], domain: syntax.Domain) -> syntax.Problem:
     """Read a problem file of `domain`."""
     return parse_problem(read_text(path), domain, os.fspath(path))
 
 
-def parse_domain(text: str, file: str = "<domain>") -> Domain:
+def parse_domain(text: str, file: str = "<domain>") -> syntax.Domain:
     """Read a domain; `file` is its name in messages."""
     name, definition = _definition(text, file, "domain")
     sections = _sections(definition, _DOMAIN_SECTIONS)
@@ -288,7 +278,7 @@ def parse_domain(text: str, file: str = "<domain>") -> Domain:
     functions = declarations.functions(_items(sections, ":functions"), hierarchy, predicates)
     parameters = declarations.synth_parameters(_items(sections, ":synth-parameters"), ())
     vocabulary = Vocabulary(hierarchy, constants, predicates, functions)
-    actions: dict[str, ActionSchema] = {}
+    actions: dict[str, syntax.ActionSchema] = {}
     for form in definition:
         if form.head in _REPEATABLE:
             schema = action(form, vocabulary, parameters)
@@ -296,7 +286,7 @@ def parse_domain(text: str, file: str = "<domain>") -> Domain:
             if other is not schema:
                 expected = f"one declaration; the first is at {other.location}"
                 raise fault(form, expected, found=f"a second action '{schema.name}'")
-    return Domain(
+    return syntax.Domain(
         name=name.text,
         parameters=parameters,
         types=hierarchy,
@@ -309,7 +299,7 @@ def parse_domain(text: str, file: str = "<domain>") -> Domain:
     )
 
 
-def parse_problem(text: str, domain: Domain, file: str = "<problem>") -> Problem:
+def parse_problem(text: str, domain: syntax.Domain, file: str = "<problem>") -> syntax.Problem:
     """Read a problem of `domain`; `file` is its name in messages."""
     name, definition = _definition(text, file, "problem")
     sections = _sections(definition, _PROBLEM_SECTIONS)
@@ -326,7 +316,7 @@ def parse_problem(text: str, domain: Domain, file: str = "<problem>") -> Problem
         initial.add(item)
     if ":metric" in sections:
         _check_metric(sections[":metric"], vocabulary)
-    return Problem(
+    return syntax.Problem(
         name=name.text,
         domain=domain.name,
         objects=objects,
@@ -386,7 +376,7 @@ def _items(sections: dict[str, Form], keyword: str) -> tuple[Item, ...]:
     return sections[keyword].rest if keyword in sections else ()
 
 
-def _check_domain_name(form: Form, domain: Domain) -> None:
+def _check_domain_name(form: Form, domain: syntax.Domain) -> None:
     name = form.items[1] if len(form.items) == 2 else None
     if not isinstance(name, Word):
         raise fault(form, "(:domain NAME)")
@@ -395,7 +385,7 @@ def _check_domain_name(form: Form, domain: Domain) -> None:
         raise fault(name, expected, found=f"a problem for domain '{name.text}'")
 
 
-def _goal(form: Form, scope: Scope) -> LiftedCondition:
+def _goal(form: Form, scope: Scope) -> syntax.LiftedCondition:
     if len(form.items) != 2:
         raise fault(form.items[2] if len(form.items) > 2 else form, "one condition in (:goal ...)")
     return condition(form.items[1], scope)
@@ -408,7 +398,7 @@ def _check_metric(form: Form, vocabulary: Vocabulary) -> None:
         raise fault(direction, "'minimize' or 'maximize'")
     if len(form.items) != 3:
         raise fault(form, "(:metric minimize EXPRESSION)")
-    functions = {"total-time": Signature("total-time", (), form.location), **vocabulary.functions}
+    functions = {"total-time": syntax.Signature("total-time", (), form.location), **vocabulary.functions}
     scope = Scope(Vocabulary(vocabulary.types, vocabulary.objects, vocabulary.predicates, functions), {}, {})
     for item in _all_forms(form.items[2]):
         if item.head == "is-violated":

@@ -5,7 +5,7 @@ Equality ignores locations: two files that say the same are equal.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
@@ -58,6 +58,8 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class FunctionTerm:
+    """The value of a numeric function."""
+
     function: str
     arguments: tuple[Term, ...]
     location: Location = field(compare=False)
@@ -108,6 +110,8 @@ class Comparator(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Proposition:
+    """The use of a predicate."""
+
     predicate: str
     arguments: tuple[Term, ...]
     location: Location = field(compare=False)
@@ -124,6 +128,8 @@ class Equality:
 
 @dataclass(frozen=True, slots=True)
 class NumericComparison:
+    """`left comparator right`."""
+
     comparator: Comparator
     left: NumericExpression
     right: NumericExpression
@@ -132,24 +138,32 @@ class NumericComparison:
 
 @dataclass(frozen=True, slots=True)
 class Negation:
+    """`not`."""
+
     operand: LiftedCondition
     location: Location = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Conjunction:
+    """`and`."""
+
     operands: tuple[LiftedCondition, ...]
     location: Location = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Disjunction:
+    """`or`."""
+
     operands: tuple[LiftedCondition, ...]
     location: Location = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Implication:
+    """`imply`."""
+
     premise: LiftedCondition
     conclusion: LiftedCondition
     location: Location = field(compare=False)
@@ -172,6 +186,8 @@ LiftedCondition = (
 
 @dataclass(frozen=True, slots=True)
 class TimedLiftedCondition:
+    """One conjunct of an action's condition."""
+
     timing: Timing
     condition: LiftedCondition
 
@@ -188,6 +204,8 @@ class DurationBound:
 
 @dataclass(frozen=True, slots=True)
 class LiteralEffect:
+    """A proposition becomes true (`value`) or false."""
+
     timing: Timing
     proposition: Proposition
     value: bool
@@ -203,6 +221,8 @@ class Update(Enum):
 
 @dataclass(frozen=True, slots=True)
 class NumericUpdate:
+    """`(update target expression)`."""
+
     timing: Timing
     update: Update
     target: FunctionTerm
@@ -222,6 +242,8 @@ class ContinuousUpdate:
 
 @dataclass(frozen=True, slots=True)
 class ForallEffect:
+    """Effects for every choice of objects."""
+
     variables: tuple[TypedName, ...]
     effects: tuple[LiftedEffect, ...]
     location: Location = field(compare=False)
@@ -237,6 +259,15 @@ class WhenEffect:
 
 
 LiftedEffect = LiteralEffect | NumericUpdate | ContinuousUpdate | ForallEffect | WhenEffect
+
+
+def primitive(effects: Iterable[LiftedEffect]) -> Iterator[LiteralEffect | NumericUpdate | ContinuousUpdate]:
+    """All effects that are not themselves made of effects."""
+    for effect in effects:
+        if isinstance(effect, (ForallEffect, WhenEffect)):
+            yield from primitive(effect.effects)
+        else:
+            yield effect
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,86 +1,19 @@
-"""Work that cannot be interrupted, in a forked copy of the process that can be ended at any moment."""
+"""Quantifier elimination by cvc5: whole, or one disjunct after the other."""
 
 from __future__ import annotations
 
-import os
-import pickle
-import signal
-import struct
-import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
-from typing import Any, assert_never
+from typing import Any
 
 from robust.errors import SolverError, UnsupportedError
-from robust.qe.constraint import LinearConstraint, Sense
+from robust.processes import stream_from_copy
+from robust.qe.conjunctions import Conjunction
+from robust.qe.constraint import Sense
 from robust.qe.eliminate.enumerate import polyhedra_of
-from robust.qe.eliminate.interface import Conjunction, Eliminator, Query, require_reals, without
-from robust.qe.nnf import FALSE, TRUE, Junction, Literal, Nnf, conjunction, disjunction, names_in, negation, postorder
-from robust.smt.limits import Deadline, OutOfTimeError, has_input
-
-HEADER = struct.Struct("!?Q")
-
-
-def stream_from_copy(work: Callable[[], Iterable[Any]], deadline: Deadline) -> Iterator[Any]:
-    """What `work` yields, computed in a copy of this process; leaving the iteration early ends the copy.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-        SolverError: if the work failed or the copy died.
-    """
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.close(reader)
-        _run(work, writer)
-    os.close(writer)
-    try:
-        while True:
-            failed, size = HEADER.unpack(_read(reader, HEADER.size, deadline))
-            item = pickle.loads(_read(reader, size, deadline))  # noqa: S301 - written by our own copy
-            if failed:
-                raise SolverError(f"quantifier elimination failed: {item}")
-            if item is None:
-                return
-            yield item
-    finally:
-        os.close(reader)
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
-
-
-def _run(work: Callable[[], Iterable[Any]], writer: int) -> None:
-    """Runs in the copy, which must never return into the caller's stack; None marks the end."""
-    try:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        try:
-            for item in work():
-                _write(writer, False, item)
-            _write(writer, False, None)
-        except Exception:  # whatever it is, the caller must hear of it
-            _write(writer, True, traceback.format_exc(limit=-1).strip().splitlines()[-1])
-    finally:
-        os._exit(0)
-
-
-def _write(writer: int, failed: bool, item: Any) -> None:
-    content = pickle.dumps(item)
-    pending = memoryview(HEADER.pack(failed, len(content)) + content)
-    while pending:
-        pending = pending[os.write(writer, pending) :]
-
-
-def _read(reader: int, size: int, deadline: Deadline) -> bytes:
-    content = bytearray()
-    while len(content) < size:
-        if not has_input(reader, deadline):
-            raise OutOfTimeError
-        chunk = os.read(reader, min(1 << 20, size - len(content)))
-        if not chunk:
-            raise SolverError("the process that eliminates quantifiers died; it may have run out of memory")
-        content += chunk
-    return bytes(content)
-
+from robust.qe.eliminate.interface import Eliminator, Query, require_reals, without
+from robust.qe.nnf import FALSE, TRUE, ExpressionReader, Junction, Leaf, Literal, Nnf, Operator, Shape, fold, names_in
+from robust.smt.limits import Deadline
 
 try:
     import cvc5
@@ -98,7 +31,9 @@ class Cvc5Disjuncts(Eliminator):
         context, said = self.context, list(known)
         formula = without(query.formula, said)
         require_reals(formula, self.name)
-        for result in stream_from_copy(lambda: self._work(formula, query.eliminated), deadline):
+        for result in stream_from_copy(
+            lambda: self._work(formula, query.eliminated), deadline, "quantifier elimination"
+        ):
             for piece in polyhedra_of(result, context.session, context.reader, deadline, said):
                 yield piece
                 said.append(piece)
@@ -145,33 +80,27 @@ class _Native:
         return self.manager.mkTerm(Kind.EXISTS, self.manager.mkTerm(Kind.VARIABLE_LIST, *variables), body)
 
     def _write(self, root: Nnf, symbols: dict[str, Any]) -> Any:
-        images: dict[Nnf, Any] = {}
-        for node in postorder(root):
-            match node:
-                case LinearConstraint():
-                    images[node] = self._constraint(node, symbols)
-                case Literal():
-                    raise UnsupportedError(f"found the Boolean symbol {node.name!r}, expected real symbols only")
-                case Junction(conjunctive, operands):
-                    images[node] = self._junction(conjunctive, [images[operand] for operand in operands])
-                case _:
-                    assert_never(node)
-        return images[root]
-
-    def _junction(self, conjunctive: bool, parts: list[Any]) -> Any:
-        if not parts:
-            return self.manager.mkBoolean(conjunctive)
-        return parts[0] if len(parts) == 1 else self.manager.mkTerm(Kind.AND if conjunctive else Kind.OR, *parts)
-
-    def _constraint(self, node: LinearConstraint, symbols: dict[str, Any]) -> Any:
         manager = self.manager
-        parts = [manager.mkTerm(Kind.MULT, self._number(c), symbols[name]) for name, c in node.coefficients]
-        form = parts[0] if len(parts) == 1 else manager.mkTerm(Kind.ADD, *parts)
-        kind = {Sense.AT_MOST: Kind.LEQ, Sense.LESS: Kind.LT, Sense.EQUAL: Kind.EQUAL}[node.relation]
-        return manager.mkTerm(kind, form, self._number(node.constant))
 
-    def _number(self, value: Fraction) -> Any:
-        return self.manager.mkReal(value.numerator, value.denominator)
+        def number(value: Fraction) -> Any:
+            return manager.mkReal(value.numerator, value.denominator)
+
+        def joined(kind: Kind, parts: list[Any]) -> Any:
+            return parts[0] if len(parts) == 1 else manager.mkTerm(kind, *parts)
+
+        def leaf(node: Leaf) -> Any:
+            if isinstance(node, Literal):
+                raise UnsupportedError(f"found the Boolean symbol {node.name!r}, expected real symbols only")
+            parts = [manager.mkTerm(Kind.MULT, number(c), symbols[name]) for name, c in node.coefficients]
+            kind = {Sense.AT_MOST: Kind.LEQ, Sense.LESS: Kind.LT, Sense.EQUAL: Kind.EQUAL}[node.relation]
+            return manager.mkTerm(kind, joined(Kind.ADD, parts), number(node.constant))
+
+        def junction(node: Junction, operands: list[Any]) -> Any:
+            if not operands:
+                return manager.mkBoolean(node.conjunctive)
+            return joined(Kind.AND if node.conjunctive else Kind.OR, operands)
+
+        return fold(root, leaf, junction)
 
     def read(self, root: Any) -> Nnf:
         """A quantifier-free term as a formula.
@@ -179,106 +108,39 @@ class _Native:
         Raises:
             UnsupportedError: if a quantifier or anything but linear arithmetic is left.
         """
-        images: dict[Any, Nnf] = {}
-        stack = [root]
-        while stack:
-            node = stack[-1]
-            children = list(node) if node.getKind() in CONNECTIVES and _is_boolean(node) else []
-            missing = [child for child in children if child not in images]
-            if missing:
-                stack += missing
-                continue
-            stack.pop()
-            images[node] = _image(node, [images[child] for child in children])
-        return images[root]
+        return ExpressionReader(_shape).read(root)
 
 
-CONNECTIVES = (Kind.AND, Kind.OR, Kind.NOT, Kind.IMPLIES, Kind.EQUAL, Kind.ITE)
-RELATIONS = {
-    Kind.LEQ: (Sense.AT_MOST, 1),
-    Kind.LT: (Sense.LESS, 1),
-    Kind.GEQ: (Sense.AT_MOST, -1),
-    Kind.GT: (Sense.LESS, -1),
-    Kind.EQUAL: (Sense.EQUAL, 1),
-    Kind.DISTINCT: (Sense.EQUAL, 1),
+_SHAPES = {
+    Kind.AND: Operator.AND,
+    Kind.OR: Operator.OR,
+    Kind.NOT: Operator.NOT,
+    Kind.IMPLIES: Operator.IMPLIES,
+    Kind.ITE: Operator.CHOICE,
+    Kind.LEQ: Operator.AT_MOST,
+    Kind.LT: Operator.LESS,
+    Kind.GEQ: Operator.AT_LEAST,
+    Kind.GT: Operator.GREATER,
+    Kind.EQUAL: Operator.EQUAL,
+    Kind.DISTINCT: Operator.DIFFERENT,
+    Kind.ADD: Operator.SUM,
+    Kind.TO_REAL: Operator.SUM,
+    Kind.SUB: Operator.DIFFERENCE,
+    Kind.NEG: Operator.DIFFERENCE,
+    Kind.MULT: Operator.PRODUCT,
 }
 
 
-def _is_boolean(node: Any) -> bool:
-    return bool(node[0].getSort().isBoolean())
-
-
-def _image(node: Any, parts: list[Nnf]) -> Nnf:  # noqa: PLR0911 - one way out for each kind
+def _shape(node: Any) -> Shape:
     kind = node.getKind()
     if kind == Kind.CONST_BOOLEAN:
-        return TRUE if node.getBooleanValue() else FALSE
-    match kind:
-        case Kind.AND:
-            return conjunction(parts)
-        case Kind.OR:
-            return disjunction(parts)
-        case Kind.NOT:
-            return negation(parts[0])
-        case Kind.IMPLIES:
-            return disjunction((negation(parts[0]), parts[1]))
-        case Kind.ITE:
-            return disjunction((conjunction((parts[0], parts[1])), conjunction((negation(parts[0]), parts[2]))))
-        case Kind.EQUAL if parts:
-            both, neither = conjunction(parts), conjunction(negation(part) for part in parts)
-            return disjunction((both, neither))
-    if kind in RELATIONS:
-        return _atom(node)
-    raise UnsupportedError(f"cvc5 left {node} in its result; back ends 'project' and 'loos-weispfenning' do not")
-
-
-def _atom(node: Any) -> Nnf:
-    sense, sign = RELATIONS[node.getKind()]
-    total: dict[str, Fraction] = {}
-    constant = Fraction(0)
-    for weight, side in ((sign, node[0]), (-sign, node[1])):
-        for name, factor in _terms(side, Fraction(weight)):
-            if name is None:
-                constant -= factor
-            else:
-                total[name] = total.get(name, Fraction(0)) + factor
-    constraint = LinearConstraint(tuple(total.items()), sense, constant)
-    return negation(constraint) if node.getKind() == Kind.DISTINCT else constraint
-
-
-def _terms(term: Any, weight: Fraction) -> Iterator[tuple[str | None, Fraction]]:  # noqa: PLR0912 - a branch a kind
-    """Names with their coefficients, and numbers without a name."""
-    stack = [(term, weight)]
-    while stack:
-        node, factor = stack.pop()
-        kind = node.getKind()
-        if node.isRealValue() or node.isIntegerValue():
-            yield None, factor * _value(node)
-        elif kind == Kind.ADD:
-            stack += [(child, factor) for child in node]
-        elif kind == Kind.SUB:
-            stack += [(child, factor if index == 0 else -factor) for index, child in enumerate(node)]
-        elif kind == Kind.NEG:
-            stack.append((node[0], -factor))
-        elif kind == Kind.TO_REAL:
-            stack.append((node[0], factor))
-        elif kind == Kind.MULT:
-            rest = None
-            for child in node:
-                if child.isRealValue() or child.isIntegerValue():
-                    factor *= _value(child)
-                elif rest is None:
-                    rest = child
-                else:
-                    raise UnsupportedError(f"cvc5 left the product {node} in its result")
-            if rest is None:
-                yield None, factor
-            else:
-                stack.append((rest, factor))
-        elif kind == Kind.CONSTANT:
-            yield node.getSymbol(), factor
-        else:
-            raise UnsupportedError(f"cvc5 left the term {node} in its result")
-
-
-def _value(node: Any) -> Fraction:
-    return Fraction(node.getRealValue() if node.isRealValue() else node.getIntegerValue())
+        return (Operator.AND if node.getBooleanValue() else Operator.OR), ()
+    if node.isRealValue() or node.isIntegerValue():
+        return Operator.NUMBER, (Fraction(node.getRealValue() if node.isRealValue() else node.getIntegerValue()),)
+    if kind == Kind.CONSTANT:
+        return Operator.SYMBOL, (node.getSymbol(),)
+    if kind == Kind.EQUAL and node[0].getSort().isBoolean():
+        return Operator.IFF, list(node)
+    if kind not in _SHAPES:
+        raise UnsupportedError(f"cvc5 left {node} in its result; back ends 'project' and 'loos-weispfenning' do not")
+    return _SHAPES[kind], list(node)

@@ -1,167 +1,21 @@
-"""Projection of conjunctions of linear constraints: exactly, or at a point.
-
-Exact: equalities are solved for what is eliminated; what is left goes by Fourier–Motzkin elimination [Fourier 1826;
-Schrijver 1998, §12.2], one variable at a time, with redundancy removed by linear programming whenever combinations
-pile up. At a point: Loos–Weispfenning substitution of the one bound that is tight at a model [Loos and Weispfenning
-1993; Komuravelli, Gurfinkel and Chaki 2014], which never makes a conjunction longer.
-"""
+"""What elimination back ends are given and give back, and which there are."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import cached_property
 from importlib import import_module
 
+from robust.backends import ELIMINATORS
 from robust.errors import InputError, UnsupportedError, did_you_mean
-from robust.qe.constraint import LinearConstraint, Sense, trim
+from robust.qe.conjunctions import Conjunction
+from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import TRUE, Nnf, Reader, booleans_in, conjunction, disjunction, names_in
-from robust.qe.polyhedron import combine, normal_form, substitute_equality
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Statistics
 from robust.smt.terms import Terms
-
-Conjunction = tuple[LinearConstraint, ...]
-
-CROWD = 12
-"""From how many constraints on redundancy is looked for between two steps."""
-
-
-def solve_equalities(constraints: Iterable[LinearConstraint], eliminated: Collection[str]) -> Conjunction:
-    """Use every equality over an eliminated variable to substitute that variable."""
-    pending, gone = list(trim(constraints)), set(eliminated)
-    while True:
-        found = next(
-            ((c, n) for c in pending if c.is_equality for n in c.parameters if n in gone),
-            None,
-        )
-        if found is None:
-            return tuple(pending)
-        equality, name = found
-        gone.discard(name)
-        pending = list(trim(substitute_equality(c, equality, name) for c in pending if c is not equality))
-
-
-def project(
-    constraints: Iterable[LinearConstraint], eliminated: Collection[str], deadline: Deadline
-) -> Conjunction | None:
-    """The constraints on the other variables that say the same of them, irredundant; None if nothing satisfies them.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-    """
-    rest = solve_equalities(constraints, eliminated)
-    while True:
-        deadline.enforce()
-        if any(constraint.is_false for constraint in rest):
-            return None
-        name = _cheapest(rest, eliminated)
-        if name is None:
-            break
-        rest = _eliminate(rest, name, deadline)
-        if len(rest) > CROWD:
-            reduced = irredundant(rest)
-            if reduced is None:
-                return None
-            # Redundancy removal can bring equalities to light.
-            rest = solve_equalities(reduced, eliminated)
-    return irredundant(rest)
-
-
-def irredundant(constraints: Iterable[LinearConstraint]) -> Conjunction | None:
-    """The normal form of a conjunction; None if nothing satisfies it."""
-    listed = list(constraints)
-    form = normal_form(variables_of(listed), listed)
-    return None if form is None else form.constraints
-
-
-def variables_of(constraints: Iterable[LinearConstraint]) -> list[str]:
-    return list(dict.fromkeys(name for constraint in constraints for name in constraint.parameters))
-
-
-def _cheapest(constraints: Sequence[LinearConstraint], eliminated: Collection[str]) -> str | None:
-    """The variable whose elimination adds the fewest constraints; None if none is left."""
-    below: dict[str, int] = {}
-    above: dict[str, int] = {}
-    for constraint in constraints:
-        for name, factor in constraint.coefficients:
-            if name in eliminated:
-                side = above if factor > 0 else below
-                side[name] = side.get(name, 0) + 1
-    names = {**below, **above}
-    return min(
-        names,
-        key=lambda n: (below.get(n, 0) * above.get(n, 0) - below.get(n, 0) - above.get(n, 0), n),
-        default=None,
-    )
-
-
-def _eliminate(constraints: Sequence[LinearConstraint], name: str, deadline: Deadline) -> Conjunction:
-    """One step: every lower bound of the variable is at most every upper bound."""
-    below, above, rest = bounds(constraints, name)
-    for low, low_factor in below:
-        deadline.enforce()
-        for high, high_factor in above:
-            strict = low.is_strict or high.is_strict
-            relation = Sense.LESS if strict else Sense.AT_MOST
-            rest.append(combine(low, high_factor, high, -low_factor, relation))
-    return trim(rest)
-
-
-Bounds = list[tuple[LinearConstraint, Fraction]]
-
-
-def bounds(constraints: Iterable[LinearConstraint], name: str) -> tuple[Bounds, Bounds, list[LinearConstraint]]:
-    """Lower and upper bounds of a variable with its coefficients there, and the constraints without it."""
-    below: Bounds = []
-    above: Bounds = []
-    rest: list[LinearConstraint] = []
-    for constraint in constraints:
-        factor = dict(constraint.coefficients).get(name)
-        if not factor:
-            rest.append(constraint)
-            continue
-        for half in constraint.halves():
-            slope = dict(half.coefficients)[name]
-            (above if slope > 0 else below).append((half, slope))
-    return below, above, rest
-
-
-def project_at(
-    constraints: Iterable[LinearConstraint], eliminated: Collection[str], point: Mapping[str, Fraction]
-) -> Conjunction:
-    """Constraints on the other variables that the point satisfies and that imply the exact projection.
-
-    `point` satisfies the constraints. Each variable is put at its greatest lower bound at the point (just above it, if
-    strict), or at the least upper bound if it has fewer of those.
-    """
-    rest = solve_equalities(constraints, eliminated)
-    while (name := _cheapest(rest, eliminated)) is not None:
-        below, above, free = bounds(rest, name)
-        if below and above:
-            near, far = (below, above) if len(below) <= len(above) else (above, below)
-            tight, factor = max(near, key=lambda bound: _tightness(bound, name, point))
-            for other, slope in near:
-                if other is not tight:
-                    relation = Sense.LESS if other.is_strict and not tight.is_strict else Sense.AT_MOST
-                    free.append(combine(other, 1 / abs(slope), tight, -1 / abs(factor), relation))
-            for other, slope in far:
-                relation = Sense.LESS if other.is_strict or tight.is_strict else Sense.AT_MOST
-                free.append(combine(other, 1 / abs(slope), tight, 1 / abs(factor), relation))
-        rest = trim(free)
-    return rest
-
-
-def _tightness(
-    bound: tuple[LinearConstraint, Fraction], name: str, point: Mapping[str, Fraction]
-) -> tuple[Fraction, bool]:
-    """How far the bound reaches towards the feasible side at the point, strict bounds further."""
-    constraint, factor = bound
-    others = sum((c * point[n] for n, c in constraint.coefficients if n != name), Fraction(0))
-    limit = (constraint.constant - others) / factor
-    return (limit if factor < 0 else -limit), constraint.is_strict
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,18 +116,6 @@ def require_reals(formula: Nnf, name: str) -> None:
             f"back end {name!r} found the Boolean symbol {min(booleans)!r}, expected real symbols only; "
             "back ends 'project', 'fourier-motzkin', 'loos-weispfenning' and 'z3' take both"
         )
-
-
-ELIMINATORS = {
-    "project": ("robust.qe.eliminate.enumerate", "Project"),
-    "fourier-motzkin": ("robust.qe.eliminate.enumerate", "FourierMotzkin"),
-    "loos-weispfenning": ("robust.qe.eliminate.loos_weispfenning", "LoosWeispfenning"),
-    "z3": ("robust.qe.eliminate.z3_tactics", "Z3Tactic"),
-    "z3-qe": ("robust.qe.eliminate.z3_tactics", "Z3OldTactic"),
-    "cvc5": ("robust.qe.eliminate.cvc5_native", "Cvc5Disjuncts"),
-    "cvc5-whole": ("robust.qe.eliminate.cvc5_native", "Cvc5Whole"),
-}
-"""Where each back end lives; imported only when chosen."""
 
 
 def require_eliminator(name: str) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from robust.api import envelope
-from robust.irr.box import Status
+from robust.irr.search import Status
 from robust.plan.load import load_plan
 
 QUICK = [

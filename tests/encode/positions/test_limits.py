@@ -12,10 +12,11 @@ from typing import TypeVar
 
 import pytest
 
-from robust.api import METHODS, check, envelope
+from robust.api import check, envelope
 from robust.encode.positions.encoding import PositionsEncoding
-from robust.irr.box import Status
 from robust.irr.check import Answer
+from robust.irr.search import Status
+from robust.options import METHODS
 from robust.plan.model import ZERO, Parameter, ParametrizedPlan, TemporalConstraint
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.plan.building import ALL, F, action, at_least, at_most, increase, instant, number, plan_of, value

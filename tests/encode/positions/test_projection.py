@@ -79,14 +79,15 @@ def test_decides_boxes_as_the_definition_does(seed: int) -> None:
             assert session.check("a facet follows from the network") is Verdict.UNSATISFIABLE
 
 
-def test_crowded_bounds_are_thinned_by_a_solver() -> None:
+@pytest.mark.parametrize("shift", [0, -100])
+def test_crowded_bounds_are_thinned_by_a_solver(shift: int) -> None:
     """Tangents of k², none of which another one covers, and lines between them that only two together cover."""
     a, b = instant("a"), instant("b")
     k = Polynomial.variable(ParameterReference("k"))
     tangents = [k.scaled(2 * n) - n * n for n in range(-4, 5)]
     covered = [k.scaled(2 * n + 1) - n * (n + 1) - Fraction(3, 5) for n in range(-4, 4)]
-    constraints = [TemporalConstraint(a.start, b.start, bound, None) for bound in (*covered, *tangents)]
-    top = TemporalConstraint(a.start, b.start, None, number(16))
+    constraints = [TemporalConstraint(a.start, b.start, bound + shift, None) for bound in (*covered, *tangents)]
+    top = TemporalConstraint(a.start, b.start, None, number(16 + shift))
     plan = plan_of(a, b, constraints=(*constraints, top), parameters=(Parameter("k", Fraction(0)),))
     encoding = PositionsEncoding(plan)
     opened = []
@@ -102,6 +103,10 @@ def test_crowded_bounds_are_thinned_by_a_solver() -> None:
         box = {"k": (Fraction(low), Fraction(high))}
         broken = encoding.validity.broken_facet(box, session, Deadline())
         assert (broken is None) == ((low, high) == (0, 0))
+    for unbounded in ((None, Fraction(4)), (Fraction(-4), None)):
+        fresh = PositionsEncoding(plan)
+        broken = fresh.validity.broken_facet({"k": unbounded}, lambda to=fresh: Session(to.terms), Deadline())
+        assert isinstance(broken, Facet)
 
 
 def test_out_of_time_is_unknown() -> None:

@@ -12,9 +12,9 @@ import z3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.generators.pike import assignment, sat_plan, satisfies
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.causal import augment
-from robust.pike_bridge.generators.sat_reduction import assignment, sat_plan, satisfies
 from robust.pike_bridge.generators.stories import figure_6a, figure_7a, figure_9, figure_13, kitchen
 from robust.pike_bridge.model import EPSILON, GOAL, INITIAL
 from robust.pike_bridge.semantics import Existence, Oracle
@@ -84,7 +84,7 @@ def test_orders_between_elements_must_be_strict(example: Callable[[], Instance],
     assert (loose_links - strict_links, loose_orderings - strict_orderings) == (dominated, further)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(formulas)
 def test_plans_are_correct_in_the_models_of_their_formula(clauses: list[list[int]]) -> None:
     """[PIKE, Appendix B]: empty and repeated clauses, tautologies and repeated literals included."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from fractions import Fraction
 from random import Random
 
 import pytest
@@ -18,10 +19,13 @@ from robust.pike_bridge.knowledge import (
     register_knowledge_base,
 )
 from robust.pike_bridge.knowledge.interface import Commitment, Exclude, KnowledgeStatistics, Require
-from robust.pike_bridge.model import Assignment, Tpnu, guard
+from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
+from robust.pike_bridge.model import Assignment, Choice, Constraint, Event, Tpnu, guard
 from robust.pike_bridge.theory import All, Is, Not, Some, Theory
 from robust.smt.limits import Deadline, OutOfTimeError
-from tests.pike_bridge.knowledge.theories import allowed, commitments, listed, models, theories
+from tests.pike_bridge.brute_force import candidate_subplan
+from tests.pike_bridge.knowledge.theories import allowed, commitments, listed, models, scenarios, theories
+from tests.pike_bridge.strategies import networks
 
 NAMES = ("pitms", "atms", "bdd", "sat")
 EXPIRED = Deadline(0.0)
@@ -35,7 +39,7 @@ each = pytest.mark.parametrize("name", NAMES)
 
 
 @each
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=120)
 @given(data=st.data())
 def test_answers_are_those_of_brute_force(name, data):
     theory = data.draw(theories())
@@ -54,6 +58,32 @@ def test_answers_are_those_of_brute_force(name, data):
         left = [model for model in left if allowed(model, step)]
     assert knowledge.satisfiable() == bool(left)
     assert knowledge.count_models() == len(left)
+
+
+@pytest.mark.parametrize("name", ["pitms", "atms", "bdd"])
+@settings(max_examples=60)
+@given(data=st.data())
+def test_what_is_preferred_and_allowed_is_kept(name, data):
+    theory = data.draw(theories())
+    left = models(theory)
+    knowledge = create_knowledge_base(name, theory)
+    for model in left:
+        assert knowledge.find_model([], model) == model
+        some = dict(data.draw(st.lists(st.sampled_from(sorted(model.items())), max_size=2))) if model else {}
+        assert knowledge.find_model([Require(guard(some))], model) == model
+
+
+@each
+def test_every_question_is_counted(name):
+    knowledge = create_knowledge_base(name, ROOMS)
+    before = knowledge.statistics.queries
+    knowledge.satisfiable()
+    knowledge.could_commit([Exclude(guard({"x": "1"}))])
+    knowledge.find_model([], {})
+    knowledge.count_models()
+    list(knowledge.models())
+    knowledge.commit([])
+    assert knowledge.statistics.queries == before + 5
 
 
 @each
@@ -190,6 +220,50 @@ def test_registry():
     with pytest.raises(InputError, match="knowledge base 'bdd' takes no network"):
         create_knowledge_base("bdd", ROOMS, network=Tpnu("n", (), (), (), ()))
     with pytest.raises(InputError, match="'bdd' is registered already"):
-        register_knowledge_base("bdd", Registration("m", "C", "another"))
+        register_knowledge_base("bdd", Registration(lambda: SatKnowledgeBase, "another"))
     with pytest.raises(SolverError, match="unknown solver 'z4'"):
         create_knowledge_base("sat", ROOMS, solver="z4")
+
+
+@settings(max_examples=60)
+@given(networks())
+def test_models_are_the_temporally_consistent_scenarios(network):
+    knowledge = create_knowledge_base("sat", Theory(network.domains), network=network)
+    expected = [each for each in scenarios(network.domains) if candidate_subplan(network, each).consistent]
+    assert listed(knowledge.models()) == listed(expected)
+    assert knowledge.satisfiable() == bool(expected)
+
+
+@pytest.mark.parametrize("solver", ["z3", "cvc5"])
+def test_a_choice_may_be_too_slow(solver):
+    network = Tpnu(
+        "late",
+        (Choice("100% sure", ("slow", "fast"), True, "a"),),
+        (Event("a"), Event("b")),
+        (
+            Constraint("a", "b", None, Fraction(5)),
+            Constraint("a", "b", Fraction(6), None, guard({"100% sure": "slow"})),
+        ),
+        (),
+    )
+    knowledge = SatKnowledgeBase(Theory(network.domains), network, solver=solver)
+    assert not knowledge.could_commit([Require(guard({"100% sure": "slow"}))])
+    assert knowledge.find_model([Require(guard({"100% sure": "slow"}))], {}) is None
+    assert knowledge.find_model([], {}) == {"100% sure": "fast"}
+    assert not knowledge.could_commit([Exclude(guard({"100% sure": "fast"}))])
+    knowledge.commit([Exclude(guard({"100% sure": "slow"}))])
+    assert knowledge.count_models() == 1
+
+
+def test_networks_that_do_not_fit():
+    events = (Event("a"),)
+    with pytest.raises(InputError, match="from a to b mentions b, which is not an event"):
+        SatKnowledgeBase(Theory({}), Tpnu("n", (), events, (Constraint("a", "b", None, None),), ()))
+    guarded = Constraint("a", "a", None, None, guard({"x": "1"}))
+    with pytest.raises(InputError, match="from a to a mentions unknown variable 'x'"):
+        SatKnowledgeBase(Theory({}), Tpnu("n", (), events, (guarded,), ()))
+
+
+def test_constraints_and_time_together():
+    network = Tpnu("n", (), (Event("a"), Event("b")), (Constraint("a", "b", Fraction(2), Fraction(1)),), ())
+    assert not SatKnowledgeBase(Theory({"x": ("1", "2")}, (Is(Assignment("x", "1")),)), network).satisfiable()

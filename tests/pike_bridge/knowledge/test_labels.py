@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.pike_bridge.knowledge.bdd import force_order
+from robust.pike_bridge.knowledge import labels
+from robust.pike_bridge.knowledge.bdd import NOTHING, UNIT, Families, force_order
 from robust.pike_bridge.knowledge.interface import Effort, KnowledgeStatistics
 from robust.pike_bridge.knowledge.labels import (
-    NOTHING,
-    UNIT,
-    Families,
     add_and_generate_prime_implicants,
+    add_minimally,
     conflict,
     consensus,
+    consistent_with,
     count_models,
     environments,
     insert,
@@ -25,16 +25,16 @@ from robust.pike_bridge.knowledge.labels import (
     weave,
     without_manifest,
 )
-from robust.pike_bridge.knowledge.simplify import simplify
+from robust.pike_bridge.knowledge.network import simplify
 from robust.pike_bridge.model import Assignment, Vocabulary, guard
-from robust.pike_bridge.theory import All, Is, Not, Some, Theory
+from robust.pike_bridge.theory import All, Is, Not, Some, Theory, is_consistent
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.knowledge.theories import listed, prime_implicants, scenarios, theories
 from tests.pike_bridge.knowledge.theories import models as brute_force
 
 VOCABULARY = Vocabulary({"x": ("1", "2", "3"), "y": ("1", "2", "3"), "z": ("1", "2")})
 FIELDS = [VOCABULARY.field(variable) for variable in VOCABULARY.variables]
-partial = st.dictionaries(st.sampled_from("xyz"), st.sampled_from("12"), max_size=3)
+partial = st.lists(st.sampled_from(VOCABULARY.assignments), max_size=3, unique_by=lambda one: one.variable).map(dict)
 several = st.lists(partial, max_size=5)
 
 
@@ -80,6 +80,49 @@ def test_weaving_keeps_prime_implicants(first, second):
     woven = weave(prime(first), prime(second), effort())
     assert decoded(woven) == prime_implicants(VOCABULARY.domains, both)
     assert size(woven) == len(decoded(woven))
+
+
+@given(several, several)
+def test_weaving_in_batches_is_weaving(first, second):
+    whole = weave(label(first), label(second), effort())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(labels, "BATCH", 1)
+        assert decoded(weave(label(first), label(second), effort())) == decoded(whole)
+
+
+@given(several, partial)
+def test_insertion_keeps_what_is_most_general(found, further):
+    before = label(found)
+    known = decoded(before)
+    assert known == {guard(one) for one in found if not any(guard(other) < guard(one) for other in found)}
+    inserted = insert(before, made(further), sum(VOCABULARY.field(variable) for variable in further))
+    assert inserted == (not any(one <= guard(further) for one in known))
+    assert decoded(before) == (
+        {one for one in known if not guard(further) <= one} | {guard(further)} if inserted else known
+    )
+    assert all(before.values())
+
+
+@given(several, several, partial)
+def test_what_is_new_and_needed_is_told(found, further, excluded):
+    before = label(found)
+    known = decoded(before)
+    added = add_minimally(before, label(further), effort())
+    assert decoded(added) == decoded(before) - known
+    whole = prime(found)
+    known = decoded(whole)
+    new = add_and_generate_prime_implicants(whole, label(further), FIELDS, effort())
+    assert decoded(new) >= decoded(whole) - known
+    allowed = {one for one in decoded(whole) if is_consistent(one | guard(excluded))}
+    assert decoded(consistent(whole, excluded)) == allowed
+
+
+def consistent(found, environment):
+    result = {}
+    scope = sum(VOCABULARY.field(variable) for variable in environment)
+    for one, own in consistent_with(found, made(environment), scope):
+        result.setdefault(own, set()).add(one)
+    return result
 
 
 @given(several, partial)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
 from robust.pike_bridge.knowledge.interface import Exclude, OutOfSpaceError, Require
-from robust.pike_bridge.knowledge.network import Kind
+from robust.pike_bridge.knowledge.network import NodeKind
 from robust.pike_bridge.knowledge.tms import Atms, PiTms
 from robust.pike_bridge.model import Assignment, guard
 from robust.pike_bridge.theory import All, Is, Some, Theory, implies, satisfies
@@ -18,8 +18,7 @@ Z1, Z2 = Is(Assignment("z", "1")), Is(Assignment("z", "2"))
 P1, P2 = Is(Assignment("s", "eP1")), Is(Assignment("s", "eP2"))
 Y1 = Is(Assignment("y", "1"))
 EXAMPLE = Theory(
-    {"z": ("1", "2"), "y": ("1", "2"), "s": ("eP1", "eP2", "none")},
-    (implies(Z1, Some((P2, All((P1, Y1))))),),
+    {"z": ("1", "2"), "y": ("1", "2"), "s": ("eP1", "eP2", "none")}, (implies(Z1, Some((P2, All((P1, Y1))))),)
 )
 """Figures 13 and 14."""
 
@@ -35,7 +34,7 @@ def label_of(knowledge, predicate):
 
 def test_labels_of_figure_14():
     knowledge = PiTms(EXAMPLE)
-    three = [set(each.environments) for each in knowledge.labels() if each.node.kind is Kind.DERIVED]
+    three = [set(each.environments) for each in knowledge.labels() if each.node.kind is NodeKind.DERIVED]
     n3 = environments({"s": "eP2"}, {"y": "1", "s": "eP1"})
     n4 = n3 | environments({"z": "2"})
     # Disjunctions in disjunctions are flattened, so that N_3 has no node of its own in this theory.
@@ -68,7 +67,7 @@ def test_consensus_example():
     assert set(Atms(Theory(domains, (formula,))).goal()) == environments(*label)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(data=st.data())
 def test_the_goal_has_all_prime_implicants(data):
     theory = data.draw(theories())
@@ -84,7 +83,7 @@ def test_the_goal_has_all_prime_implicants(data):
         assert sorted(map(sorted, diagram.prime_implicants())) == sorted(map(sorted, found))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(data=st.data())
 def test_every_node_has_the_label_of_invariant_5_2(data):
     theory = data.draw(theories(most=4))
@@ -95,12 +94,12 @@ def test_every_node_has_the_label_of_invariant_5_2(data):
     conflicts = Theory(theory.domains, (), knowledge.simplified.conflicts)
     without = [model for model in models(conflicts) if allowed(model, step)]
     for label in knowledge.labels():
-        if label.node.kind is not Kind.CONTRADICTION:
+        if label.node.kind is not NodeKind.CONTRADICTION:
             holding = [model for model in without if satisfies(model, label.node.formula)]
             assert label.environments == prime_implicants(theory.domains, holding)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(data=st.data())
 def test_explanations(data):
     theory = data.draw(theories())
@@ -158,5 +157,20 @@ def test_statistics_and_the_limit_on_labels():
         if name != "v0"
     )
     assert PiTms(Theory(domains, wide)).implicant_count() == 1 + 2**8
-    with pytest.raises(OutOfSpaceError):
-        PiTms(Theory(domains, wide), largest_label=20)
+    assert PiTms(Theory(domains, wide), largest_label=1 + 2**8).goal_size() == 1 + 2**8
+    for most in (20, 2**8):
+        with pytest.raises(OutOfSpaceError):
+            PiTms(Theory(domains, wide), largest_label=most)
+
+
+def test_what_compiling_costs_is_counted():
+    """Figure 14: assumptions of three variables, two derived nodes, and the environments of their labels."""
+    knowledge = PiTms(EXAMPLE)
+    sizes = knowledge.statistics.sizes
+    kinds = [label.node.kind for label in knowledge.labels()]
+    assert sizes["nodes"] == len(kinds)
+    assert kinds.count(NodeKind.DERIVED) == 2
+    assert sizes["justifications"] == 1 + 3  # one for all conjuncts, one for each disjunct
+    assert (sizes["conflicts"], sizes["factors"], sizes["environments"]) == (0, 1, 3)
+    assert knowledge.statistics.environments_created > 0
+    assert knowledge.statistics.seconds > 0

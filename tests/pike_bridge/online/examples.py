@@ -1,7 +1,105 @@
-"""Plans with choices that admit a correct execution."""
+"""Plans with choices that admit a correct execution, moments of their executions, and reasoners that are compared."""
 
+from fractions import Fraction
+from functools import cache
 from pathlib import Path
+
+from robust.errors import SolverError
+from robust.execute.drive import run_in_world
+from robust.pike_bridge.action_model import load_team_plan
+from robust.pike_bridge.generators.random_plans import random_plan
+from robust.pike_bridge.model import Literal
+from robust.pike_bridge.online.executive import PlanExecutive
+from robust.pike_bridge.online.progress import Outcome
+from robust.pike_bridge.online.reasoner import Accompanied
+from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.online.world import Disturbance, SimulatedTeam, Story
+from robust.plan.model import Atom
 
 KITCHEN = Path(__file__).parents[3] / "robust" / "examples" / "kitchen" / "kitchen.tpnu.json"
 SOLVABLE = (0, 4, 5, 16, 17, 19, 26, 34, 42, 53, 70, 71, 83, 87, 92, 94, 103, 108, 119, 121)
 """Of the random plans of seed 0."""
+TOASTER = Atom("working", ("toaster",))
+BROKEN = Disturbance(Fraction(1), Literal(TOASTER, False))
+
+
+@cache
+def kitchen():
+    return load_team_plan(KITCHEN)
+
+
+@cache
+def drawn(index):
+    return random_plan(0, index).plan()
+
+
+def tale(*disturbances, **outcomes):
+    """Values of choices, whenever they are made, and what goes wrong."""
+    return Story(outcomes={name: (value, None) for name, value in outcomes.items()}, disturbances=disturbances)
+
+
+ANY = tale()
+MUG = tale(xA1="mug")
+
+
+def started(plan=None, reasoner=SemanticReasoner):
+    """The kitchen after the first two moments: the human is about to choose a vessel."""
+    executive = PlanExecutive(plan or kitchen(), reasoner)
+    executive.step(Fraction(0))
+    executive.step(Fraction(1, 1000))
+    return executive
+
+
+def fetching():
+    """The kitchen after the human has begun to fetch a mug."""
+    executive = started()
+    executive.step(Fraction(1, 1000), [Outcome("xA1", "mug")])
+    while not executive.running:
+        executive.step(executive.wake)
+    return executive
+
+
+def watch(executive, after, *, judge=None, story=ANY, seed=0, horizon=None):
+    """Execute in a simulated world; `after` is told of each step: the executive, the time and the decisions."""
+    decide = executive.step
+
+    def step(now, messages=()):
+        found = decide(now, messages)
+        after(executive, now, found)
+        return found
+
+    executive.step = step
+    team = SimulatedTeam(executive.plan, executive, judge or executive.reasoner, story, seed=seed)
+    run_in_world(executive, team, **({} if horizon is None else {"horizon": horizon}))
+    return executive.outcome
+
+
+class Compared(Accompanied):
+    """Each question goes to both; the companion knows better.
+
+    Questions raise SolverError if the answers differ.
+    """
+
+    def possible(self, deadline):
+        return self._same("possible", super().possible(deadline), self.companion.possible(deadline))
+
+    def executable(self, event, deadline):
+        theirs = self.companion.executable(event, deadline)
+        return self._same(f"{event} executable", super().executable(event, deadline), theirs)
+
+    def could(self, environment, deadline):
+        theirs = self.companion.could(environment, deadline)
+        return self._same(f"could {sorted(environment)}", super().could(environment, deadline), theirs)
+
+    def next_time(self, deadline):
+        """The earlier of both; the companion's is exact, and no other may be later."""
+        ours, theirs = super().next_time(deadline), self.companion.next_time(deadline)
+        if theirs is not None and (ours is None or ours > theirs):
+            raise SolverError(f"{self.name} would look again at {ours}, {self.companion.name} at {theirs}")
+        return ours
+
+    def _same(self, question, ours, theirs):
+        if ours != theirs:
+            now = self.progress.now
+            raise SolverError(f"{question} at {now}? {self.name}: {ours}, {self.companion.name}: {theirs}")
+        return ours

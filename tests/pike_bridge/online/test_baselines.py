@@ -6,21 +6,29 @@ from itertools import product
 
 import pytest
 
+from benchmarks.generators.pike import k_intents
+from benchmarks.pike.baselines import (
+    Facts,
+    Guesser,
+    Kirk,
+    Mode,
+    Replanned,
+    Script,
+    ScriptedTeam,
+    draw_script,
+    execution_faults,
+    kept_events,
+    make_executive,
+)
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.action_model import Instance, load_team_plan
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
-from robust.pike_bridge.generators.k_intents import k_intents
-from robust.pike_bridge.generators.stories import ActionText, domain_text, problem_text
 from robust.pike_bridge.model import EPSILON, guard
-from robust.pike_bridge.online.baselines.backtrack import kept_events
-from robust.pike_bridge.online.baselines.guess import Facts, Guesser
-from robust.pike_bridge.online.baselines.interface import Mode, execution_faults, make_executive
-from robust.pike_bridge.online.baselines.kirk import Kirk, Replanned
-from robust.pike_bridge.online.baselines.script import Script, ScriptedTeam, draw_script
 from robust.pike_bridge.online.progress import Completion, Dispatched, Estimate, Failed, Outcome, Rejected, Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.plan.model import Atom
+from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.online.examples import KITCHEN
 
@@ -58,7 +66,7 @@ def run(plan, mode, script, *, recovery=None, notice=Fraction(0)):
 
 
 def plan_of(name, element, predicates=(), actions=(), *, initial=()):
-    texts = domain_text(name, predicates, actions), problem_text(name, name, initial, ())
+    texts = sketched_domain(name, predicates, actions), sketched_problem(name, name, initial, ())
     return Instance(build(name, element), *texts).plan()
 
 

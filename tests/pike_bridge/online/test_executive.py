@@ -1,18 +1,15 @@
 """The executive, step by step against the semantic oracle, and what it makes of faults."""
 
 from fractions import Fraction
-from functools import cache
 
 import pytest
 
 from robust.errors import InputError
 from robust.execute.drive import run_in_world
-from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.generators.random_plans import random_plan
-from robust.pike_bridge.model import Assignment, Literal, guard
-from robust.pike_bridge.online.companion import Compared
+from robust.pike_bridge.builder import act, build, parallel
+from robust.pike_bridge.model import Assignment, TeamPlan, guard
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.explain import Kind, conflict
+from robust.pike_bridge.online.explain import About, conflict
 from robust.pike_bridge.online.progress import (
     Chosen,
     Completion,
@@ -25,29 +22,28 @@ from robust.pike_bridge.online.progress import (
     Succeeded,
     Violated,
 )
+from robust.pike_bridge.online.reasoner import Reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.world import Disturbance, Ending, Human, Pace, Rehearsal, SimulatedTeam, Story
+from robust.pike_bridge.online.world import Ending, Human, Pace, Rehearsal, SimulatedTeam, Story
 from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
-from robust.plan.model import Atom
 from robust.smt.limits import Deadline
-from tests.pike_bridge.online.examples import KITCHEN, SOLVABLE
+from tests.pike_bridge.online.examples import (
+    BROKEN,
+    MUG,
+    SOLVABLE,
+    TOASTER,
+    Compared,
+    drawn,
+    fetching,
+    kitchen,
+    started,
+    tale,
+    watch,
+)
 
-STEADY = Story()
-TOASTER = Atom("working", ("toaster",))
 
-
-@cache
-def kitchen():
-    return load_team_plan(KITCHEN)
-
-
-@cache
-def drawn(index):
-    return random_plan(0, index).plan()
-
-
-def rehearse(plan, story=STEADY, seed=0):
-    return Rehearsal(plan, story, seed=seed).run()
+def rehearse(story):
+    return Rehearsal(kitchen(), story).run()
 
 
 def decisions(record, kind):
@@ -63,7 +59,7 @@ def told(record):
 
 
 def test_mug_means_coffee_grounds_and_then_cereal_with_milk():
-    record = rehearse(kitchen(), Story(outcomes={"xA1": ("mug", None)}))
+    record = rehearse(MUG)
     assert record.ending is Ending.SUCCEEDED
     first = next(step for step in record.steps if step.inferred)
     assert first.inferred == {
@@ -86,8 +82,7 @@ def test_mug_means_coffee_grounds_and_then_cereal_with_milk():
 
 
 def test_a_broken_toaster_leaves_cereal():
-    broken = Disturbance(Fraction(1), Literal(TOASTER, False))
-    record = rehearse(kitchen(), Story(outcomes={"xA1": ("glass", None)}, disturbances=(broken,)))
+    record = rehearse(tale(BROKEN, xA1="glass"))
     assert record.ending is Ending.SUCCEEDED
     (violation,) = decisions(record, Violated)
     assert violation.atom == TOASTER
@@ -98,18 +93,16 @@ def test_a_broken_toaster_leaves_cereal():
 
 
 def test_without_the_disturbance_a_bagel_is_possible():
-    story = Story(outcomes={"xA1": ("glass", None), "xA3": ("bagel", None)})
-    assert rehearse(kitchen(), story).choices["xA3"] == "bagel"
+    assert rehearse(tale(xA1="glass", xA3="bagel")).choices["xA3"] == "bagel"
 
 
 def test_a_wrong_choice_fails_at_once_and_says_why():
-    story = Story(outcomes={"xA1": ("mug", None), "xA3": ("bagel", None)})
-    record = rehearse(kitchen(), story)
+    record = rehearse(tale(xA1="mug", xA3="bagel"))
     assert record.ending is Ending.FAILED
     assert told(record)[-1] == ("xA3", "bagel", True)
     assert {(fact.kind, fact.text) for fact in record.conflict} == {
-        (Kind.CHOICE, "xA2 = coffee"),
-        (Kind.CHOICE, "xA3 = bagel"),
+        (About.CHOICE, "xA2 = coffee"),
+        (About.CHOICE, "xA3 = bagel"),
     }
     for name, value in (("xA2", "coffee"), ("xA3", "bagel")):
         assert Oracle(kitchen()).decide(guard({name: value})).verdict is Existence.EXISTS
@@ -122,26 +115,21 @@ def test_a_wrong_choice_fails_at_once_and_says_why():
 
 def check_against_the_oracle(plan, story, seed):
     """Run, and ask the oracle after each step; how many steps there were, and how it ended."""
-    oracle, steps = Oracle(plan), 0
-    executive = PlanExecutive(plan, SemanticReasoner)
-    decide = executive.step
+    oracle, steps = Oracle(plan), []
 
-    def step(now, messages=()):
-        nonlocal steps
-        found = decide(now, messages)
+    def confirm(executive, now, _found):
         progress = executive.progress
         answer = oracle.decide(guard(progress.chosen), progress.times, now=progress.now)
         expected = Existence.NONE if isinstance(executive.outcome, Failed) else Existence.EXISTS
         assert answer.verdict is expected, (plan.name, seed, now)
-        steps += 1
-        return found
+        steps.append(now)
 
-    executive.step = step
-    run_in_world(executive, SimulatedTeam(plan, executive, executive.reasoner, story, seed=seed))
+    executive = PlanExecutive(plan, SemanticReasoner)
+    watch(executive, confirm, story=story, seed=seed)
     if isinstance(executive.outcome, Succeeded):
         scenario = {name: domain[0] for name, domain in plan.network.domains.items()} | executive.progress.chosen
         assert faults(plan, Execution(scenario, executive.progress.times)) == ()
-    return steps, executive.outcome
+    return len(steps), executive.outcome
 
 
 STORIES = (Story(), Story(human=Human.CARELESS), Story(pace=Pace.RANDOM), Story(delay=Fraction(3)))
@@ -216,7 +204,7 @@ def test_what_the_witness_answers_is_what_the_solver_says(index):
 @pytest.mark.parametrize("cut", [1, 5, 9])
 def test_a_repeated_record_goes_on_as_the_original_did(cut):
     plan = kitchen()
-    record = rehearse(plan, Story(outcomes={"xA1": ("mug", None)}))
+    record = rehearse(MUG)
     resumed = PlanExecutive(plan, SemanticReasoner)
     for step in record.steps[:cut]:
         resumed.repeat(step.time, step.messages, step.decisions)
@@ -227,7 +215,7 @@ def test_a_repeated_record_goes_on_as_the_original_did(cut):
 
 
 def test_a_repeated_failure_stays_one():
-    record = rehearse(kitchen(), Story(outcomes={"xA1": ("mug", None), "xA3": ("bagel", None)}))
+    record = rehearse(tale(xA1="mug", xA3="bagel"))
     resumed = PlanExecutive(kitchen(), SemanticReasoner)
     for step in record.steps:
         resumed.repeat(step.time, step.messages, step.decisions)
@@ -238,12 +226,13 @@ def test_a_repeated_failure_stays_one():
 
 
 @pytest.fixture
-def started():
-    """The kitchen after the first two moments: the human is about to choose a vessel."""
-    executive = PlanExecutive(kitchen(), SemanticReasoner)
-    executive.step(Fraction(0))
-    executive.step(Fraction(1, 1000))
-    return executive
+def before_a_choice():
+    return started()
+
+
+@pytest.fixture
+def running():
+    return fetching()
 
 
 def only(found, kind):
@@ -264,81 +253,133 @@ def only(found, kind):
     ],
     ids=["unknown choice", "unknown value", "not theirs", "unknown activity", "not running", "contradiction"],
 )
-def test_messages_that_make_no_sense_change_nothing(started, message, reason):
-    before = dict(started.progress.times), dict(started.progress.chosen)
-    found = started.step(started.progress.now, [message])
+def test_messages_that_make_no_sense_change_nothing(before_a_choice, message, reason):
+    before = dict(before_a_choice.progress.times), dict(before_a_choice.progress.chosen)
+    found = before_a_choice.step(before_a_choice.progress.now, [message])
     assert reason in only(found, Rejected).reason
-    assert (dict(started.progress.times), dict(started.progress.chosen)) == before
-    assert not started.ended
+    assert (dict(before_a_choice.progress.times), dict(before_a_choice.progress.chosen)) == before
+    assert not before_a_choice.ended
 
 
-def test_a_repeated_outcome_is_ignored_and_another_one_contradicts_it(started):
-    started.step(Fraction(1, 1000), [Outcome("xA1", "mug")])
-    assert only(started.step(Fraction(1, 1000), [Outcome("xA1", "mug")]), Rejected).reason == "known already"
-    second = only(started.step(Fraction(1, 1000), [Outcome("xA1", "glass")]), Rejected)
+def test_a_repeated_outcome_is_ignored_and_another_one_contradicts_it(before_a_choice):
+    before_a_choice.step(Fraction(1, 1000), [Outcome("xA1", "mug")])
+    assert only(before_a_choice.step(Fraction(1, 1000), [Outcome("xA1", "mug")]), Rejected).reason == "known already"
+    second = only(before_a_choice.step(Fraction(1, 1000), [Outcome("xA1", "glass")]), Rejected)
     assert second.reason == "xA1 = mug was observed before"
-    assert started.progress.chosen["xA1"] == "mug"
+    assert before_a_choice.progress.chosen["xA1"] == "mug"
 
 
-def begin_to_get_the_mug(executive):
-    executive.step(Fraction(1, 1000), [Outcome("xA1", "mug")])
-    while not executive.running:
-        executive.step(executive.wake)
-    return executive.progress.now
-
-
-def test_an_activity_ends_only_once(started):
-    begun = begin_to_get_the_mug(started)
+def test_an_activity_ends_only_once(running):
+    begun = running.progress.now
     completion = Completion("(get human mug)")
-    assert only(started.step(begun + 1, [completion]), Executed).reported
-    assert only(started.step(begun + 1, [completion]), Rejected).reason == "it is not running"
+    assert only(running.step(begun + 1, [completion]), Executed).reported
+    assert only(running.step(begun + 1, [completion]), Rejected).reason == "it is not running"
 
 
 @pytest.mark.parametrize("late", [False, True], ids=["early", "late"])
-def test_an_activity_that_ends_outside_its_bounds_is_a_failure(started, late):
-    begun = begin_to_get_the_mug(started)
+def test_an_activity_that_ends_outside_its_bounds_is_a_failure(running, late):
+    begun = running.progress.now
     time = begun + (Fraction(21, 10) if late else Fraction(1, 10))
-    found = started.step(time, [Completion("(get human mug)")])
+    found = running.step(time, [Completion("(get human mug)")])
     assert isinstance(found[-1], Failed)
-    assert conflict(started.progress)
+    assert conflict(running.progress)
 
 
-def test_an_activity_that_never_ends_is_noticed_as_soon_as_it_is_too_late(started):
-    begun = begin_to_get_the_mug(started)
-    while not started.ended:
-        wake = started.wake
+def test_an_activity_that_never_ends_is_noticed_as_soon_as_it_is_too_late(running):
+    begun = running.progress.now
+    while not running.ended:
+        wake = running.wake
         assert wake is not None
-        started.step(wake)
-    assert isinstance(started.outcome, Failed)
-    assert started.outcome.time == begun + 2 + Fraction(1, 1000)
+        running.step(wake)
+    assert isinstance(running.outcome, Failed)
+    assert running.outcome.time == begun + 2 + Fraction(1, 1000)
 
 
-def test_a_clock_that_goes_back_is_said_and_stands_still(started):
-    begin_to_get_the_mug(started)
-    now = started.progress.now
-    assert "went back" in only(started.step(Fraction(0)), Rejected).reason
-    assert started.progress.now == now
+def test_a_clock_that_goes_back_is_said_and_stands_still(running):
+    now = running.progress.now
+    assert "went back" in only(running.step(Fraction(0)), Rejected).reason
+    assert running.progress.now == now
 
 
-def test_a_clock_that_jumps_ahead_misses_what_was_due(started):
-    begin_to_get_the_mug(started)
-    assert isinstance(started.step(Fraction(1000))[-1], Failed)
+def test_a_clock_that_jumps_ahead_misses_what_was_due(running):
+    assert isinstance(running.step(Fraction(1000))[-1], Failed)
 
 
-def test_nothing_counts_after_the_end(started):
-    started.step(Fraction(1000))
-    found = started.step(Fraction(1001), [Outcome("xA1", "mug")])
+def test_nothing_counts_after_the_end(before_a_choice):
+    before_a_choice.step(Fraction(1000))
+    found = before_a_choice.step(Fraction(1001), [Outcome("xA1", "mug")])
     assert only(found, Rejected).reason == "the execution has ended"
+
+
+class Anything(Reasoner):
+    """Nothing is impossible: what executives do by themselves."""
+
+    name = "anything"
+
+    def __init__(self, progress):
+        super().__init__(progress)
+        self.told = []
+
+    def observed(self, assignment):
+        self.told.append(str(assignment))
+
+    def executed(self, event):
+        self.told.append(event)
+
+    def voided(self, effect, condition):
+        self.told.append("voided")
+
+    def advanced(self):
+        self.told.append("advanced")
+
+    def possible(self, deadline):
+        return True
+
+    def executable(self, event, deadline):
+        return True
+
+    def could(self, environment, deadline):
+        return True
+
+    def next_time(self, deadline):
+        return None
+
+
+def test_the_same_action_twice_at_a_time():
+    plan = TeamPlan(build("twice", parallel(act("(a)", 1, 9), act("(a)", 2, 9))), (), ())
+    executive = PlanExecutive(plan, Anything)
+    assert executive.prepare()
+    first, second = (each.target for each in plan.network.activities)
+    for now in range(4):
+        executive.step(Fraction(now))
+    assert sorted(executive.running) == [0, 1]
+    rejected = only(executive.step(Fraction(3), [Completion("(a)")]), Rejected)
+    assert rejected.reason == "several run; say at which event it ends"
+    assert only(executive.step(Fraction(3), [Completion("(a)", "e99")]), Rejected).reason == "it is not running"
+    assert executive.step(Fraction(4), [Completion("(a)", second)])[0] == Executed(second, Fraction(4), reported=True)
+    assert sorted(executive.running) == [0]
+    assert executive.step(Fraction(4), [Completion("(a)")])[0] == Executed(first, Fraction(4), reported=True)
+    assert not executive.running
+
+
+def test_only_a_later_time_is_news():
+    executive = PlanExecutive(kitchen(), Anything)
+    executive.step(Fraction(0))
+    assert "advanced" not in executive.reasoner.told
+    executive.step(Fraction(1))
+    executive.step(Fraction(1))
+    assert executive.reasoner.told.count("advanced") == 1
+    assert executive.progress.now == 1
 
 
 def test_planned_changes_are_no_violations():
     """What an activity is meant to undo is seen to be undone: nothing is announced."""
-    record = rehearse(kitchen(), Story(outcomes={"xA1": ("glass", None)}))
+    record = rehearse(tale(xA1="glass"))
     assert decisions(record, Violated) == []
 
 
 def test_a_plan_without_correct_execution_fails_in_the_first_step():
-    plan = random_plan(0, 1).plan()
+    plan = drawn(1)
     assert Oracle(plan).decide().verdict is Existence.NONE
     executive = PlanExecutive(plan, SemanticReasoner)
     assert not executive.prepare()
@@ -346,20 +387,20 @@ def test_a_plan_without_correct_execution_fails_in_the_first_step():
     assert conflict(executive.progress) == ()
 
 
-def test_possible_values_are_those_of_the_oracle(started):
+def test_possible_values_are_those_of_the_oracle(before_a_choice):
     oracle = Oracle(kitchen())
     for choice in kitchen().network.choices:
         expected = tuple(
             value
             for value in choice.domain
             if oracle.decide(
-                guard(started.progress.chosen) | {Assignment(choice.name, value)},
-                started.progress.times,
-                now=started.progress.now,
+                guard(before_a_choice.progress.chosen) | {Assignment(choice.name, value)},
+                before_a_choice.progress.times,
+                now=before_a_choice.progress.now,
             ).verdict
             is Existence.EXISTS
         )
-        assert started.possible_values(choice.name) == expected
+        assert before_a_choice.possible_values(choice.name) == expected
 
 
 def test_a_passed_deadline_ends_the_rehearsal_with_what_has_happened():
@@ -383,10 +424,9 @@ def test_a_back_end_decides_and_the_team_has_a_judge_of_its_own(monkeypatch):
             return super().executable(event, deadline)
 
     monkeypatch.setattr("robust.pike_bridge.online.world.make_reasoner", lambda name, *, solver, deadline: Listening)
-    story = Story(outcomes={"xA1": ("mug", None)})
-    plain = Rehearsal(kitchen(), story).run()
+    plain = rehearse(MUG)
     assert not asked
-    record = Rehearsal(kitchen(), story, backend="listening").run()
+    record = Rehearsal(kitchen(), MUG, backend="listening").run()
     assert asked
     assert record.schedule == plain.schedule
     assert record.choices == plain.choices

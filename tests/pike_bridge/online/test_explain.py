@@ -1,18 +1,14 @@
 """Reasons: minimal conflicts are conflicts and minimal, supporting schedules are correct, and the words tell why."""
 
 from fractions import Fraction
-from functools import cache
 
 import pytest
 
 from robust.errors import InputError
-from robust.execute.drive import run_in_world
-from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.generators.random_plans import random_plan
 from robust.pike_bridge.generators.stories import figure_6b, figure_7b
-from robust.pike_bridge.model import Assignment, Literal
+from robust.pike_bridge.model import Assignment
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.explain import Kind, Situation
+from robust.pike_bridge.online.explain import About, Situation
 from robust.pike_bridge.online.inquiry import (
     Inquiry,
     Obstacle,
@@ -25,26 +21,17 @@ from robust.pike_bridge.online.inquiry import (
 )
 from robust.pike_bridge.online.progress import Completion, Outcome
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.world import Disturbance, Ending, Human, Rehearsal, SimulatedTeam, Story
+from robust.pike_bridge.online.world import Ending, Human, Rehearsal, Story
 from robust.pike_bridge.semantics import faults
-from robust.plan.model import Atom
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
-from tests.pike_bridge.online.examples import KITCHEN, SOLVABLE
-
-TOASTER = Disturbance(Fraction(1), Literal(Atom("working", ("toaster",)), False))
-
-
-@cache
-def kitchen():
-    return load_team_plan(KITCHEN)
-
+from tests.pike_bridge.online.examples import BROKEN, MUG, SOLVABLE, drawn, fetching, kitchen, started, tale, watch
 
 PLANS = {
     "kitchen": kitchen,
     "figure 6b": lambda: figure_6b().plan(),
     "figure 7b": lambda: figure_7b().plan(),
-    **{f"drawn {index}": lambda index=index: random_plan(0, index).plan() for index in SOLVABLE[:5]},
+    **{f"drawn {index}": lambda index=index: drawn(index) for index in SOLVABLE[:5]},
 }
 THOROUGH = ("drawn 4", "drawn 5", "drawn 16", "drawn 17")
 
@@ -54,8 +41,8 @@ THOROUGH = ("drawn 4", "drawn 5", "drawn 16", "drawn 17")
 
 def contradict(situation, statements):
     """Asked of another solver, from scratch."""
-    session = Session(situation.statements.semantics.terms, solver="cvc5")
-    session.add(*situation.statements.domains, *(each.formula for each in statements))
+    session = Session(situation.semantics.terms, solver="cvc5")
+    session.add(*situation.semantics.domains, *(each.formula for each in statements))
     verdict = session.check("a test")
     assert verdict is not Verdict.UNKNOWN
     return verdict is Verdict.UNSATISFIABLE
@@ -73,14 +60,11 @@ def check_moment(executive):
     plan, conflicts = executive.plan, 0
     situation = Situation(executive.progress)
     questions = [
-        situation.statements.assignments(Kind.ASSUMPTION, [Assignment(choice.name, value)])
+        situation.assignments(About.ASSUMPTION, [Assignment(choice.name, value)])
         for choice in plan.network.choices
         for value in choice.domain
     ]
-    questions += [
-        [situation.statements.executed_now(event), *situation.statements.unreported()]
-        for event in executive.progress.frontier
-    ]
+    questions += [[situation.executed_now(event), *situation.unreported()] for event in executive.progress.frontier]
     for hypotheses in questions:
         conflict = situation.conflict(hypotheses)
         continuation = situation.continuation(hypotheses)
@@ -99,24 +83,17 @@ def check_moment(executive):
     "name", [pytest.param(each, marks=pytest.mark.slow if each in THOROUGH else ()) for each in PLANS]
 )
 def test_conflicts_are_minimal_and_schedules_correct(name):
-    plan = PLANS[name]()
-    executive = PlanExecutive(plan, SemanticReasoner)
-    decide, moments, conflicts = executive.step, 0, 0
+    moments, conflicts = [], []
 
-    def step(now, messages=()):
-        nonlocal moments, conflicts
-        found = decide(now, messages)
-        if found and moments < 12:
-            moments += 1
-            if moments % 4 == 0:
-                conflicts += check_moment(executive)
-        return found
+    def look(executive, now, found):
+        if found and len(moments) < 12:
+            moments.append(now)
+            if len(moments) % 4 == 0:
+                conflicts.append(check_moment(executive))
 
-    executive.step = step
-    team = SimulatedTeam(plan, executive, executive.reasoner, Story(human=Human.CARELESS), seed=1)
-    run_in_world(executive, team)
-    conflicts += check_moment(executive)
-    assert conflicts
+    executive = PlanExecutive(PLANS[name](), SemanticReasoner)
+    watch(executive, look, story=Story(human=Human.CARELESS), seed=1)
+    assert sum(conflicts) + check_moment(executive)
 
 
 def test_a_conflict_of_a_situation_is_about_the_moment_at_which_it_was_made():
@@ -130,9 +107,8 @@ def test_a_conflict_of_a_situation_is_about_the_moment_at_which_it_was_made():
 # -- words -------------------------------------------------------------------------------------------------------------
 
 
-def explained(*outcomes, disturbances=()):
-    story = Story(outcomes={name: (value, None) for name, value in outcomes}, disturbances=disturbances)
-    return Rehearsal(kitchen(), story, explain=True).run()
+def explained(*disturbances, **outcomes):
+    return Rehearsal(kitchen(), tale(*disturbances, **outcomes), explain=True).run()
 
 
 def inferences(record):
@@ -140,7 +116,7 @@ def inferences(record):
 
 
 def test_mug_means_coffee_and_grounds_and_then_no_time_for_a_bagel():
-    found = inferences(explained(("xA1", "mug")))
+    found = inferences(explained(xA1="mug"))
     assert found["xA2"].text.splitlines() == [
         "not juice, as xA1 = mug:",
         "  (pour-juice human) needs (have glass), which only (get human glass) establishes, if xA1 = glass",
@@ -158,7 +134,7 @@ def test_mug_means_coffee_and_grounds_and_then_no_time_for_a_bagel():
 
 
 def test_a_broken_toaster_is_the_reason_for_cereal():
-    found = inferences(explained(("xA1", "glass"), disturbances=(TOASTER,)))
+    found = inferences(explained(BROKEN, xA1="glass"))
     lines = found["xA4"].text.splitlines()
     assert lines[0] == "not bagel:"
     assert "(working toaster) from the initial state does not hold any more for (toast-bagel human)" in lines[1]
@@ -166,7 +142,7 @@ def test_a_broken_toaster_is_the_reason_for_cereal():
 
 
 def test_a_failure_is_explained_by_the_plan_as_well():
-    record = explained(("xA1", "mug"), ("xA3", "bagel"))
+    record = explained(xA1="mug", xA3="bagel")
     assert record.ending is Ending.FAILED
     why = record.steps[-1].reasons.decisions[-1]
     assert why.obstacle is Obstacle.ENDED
@@ -175,7 +151,7 @@ def test_a_failure_is_explained_by_the_plan_as_well():
 
 
 def test_each_dispatch_says_what_it_is_for():
-    record = explained(("xA1", "mug"))
+    record = explained(xA1="mug")
     texts = [why.text for step in record.steps for why in step.reasons.decisions if isinstance(why, WhyExecuted)]
     assert any(
         "establishes (brewed) for (pour-coffee human); uses (have grounds) from (get robot grounds); not later" in each
@@ -186,8 +162,7 @@ def test_each_dispatch_says_what_it_is_for():
 
 
 def test_reasons_change_no_decision():
-    story = Story(outcomes={"xA1": ("mug", None)})
-    with_reasons, without = (Rehearsal(kitchen(), story, explain=each).run() for each in (True, False))
+    with_reasons, without = (Rehearsal(kitchen(), MUG, explain=each).run() for each in (True, False))
     assert [each.decisions for each in with_reasons.steps] == [each.decisions for each in without.steps]
 
 
@@ -195,76 +170,68 @@ def test_reasons_change_no_decision():
 
 
 @pytest.fixture
-def started():
-    executive = PlanExecutive(kitchen(), SemanticReasoner)
-    executive.step(Fraction(0))
-    executive.step(Fraction(1, 1000))
-    return executive
+def early():
+    return started()
 
 
 @pytest.fixture
-def fetching(started):
-    started.step(Fraction(1, 1000), [Outcome("xA1", "mug")])
-    while not started.running:
-        started.step(started.wake)
-    return started
+def running():
+    return fetching()
 
 
-def test_why_not_yet(started):
-    assert why_not(started, "e1").obstacle is Obstacle.DONE
-    waiting = why_not(started, "e2")
+def test_why_not_yet(early):
+    assert why_not(early, "e1").obstacle is Obstacle.DONE
+    waiting = why_not(early, "e2")
     assert (waiting.obstacle, waiting.text) == (Obstacle.AWAITED, "waiting to learn xA1, which is not for us to choose")
-    later = why_not(started, "e14")
+    later = why_not(early, "e14")
     assert later.obstacle is Obstacle.EARLY
     assert "still to come" in later.text
 
 
-def test_why_not_while_an_activity_runs(fetching):
-    begun = fetching.progress.times["e3"]
-    assert why_not(fetching, "e4").text == "waiting for (get human mug) to end, begun at 0.003"
+def test_why_not_while_an_activity_runs(running):
+    begun = running.progress.times["e3"]
+    assert why_not(running, "e4").text == "waiting for (get human mug) to end, begun at 0.003"
     assert begun == Fraction(3, 1000)
-    assert why_not(fetching, "e5").text == "start of (get human glass) is not done, as xA1 = mug"
+    assert why_not(running, "e5").text == "start of (get human glass) is not done, as xA1 = mug"
 
 
-def test_why_not_a_value(fetching):
-    assert why_not(fetching, Assignment("xA1", "glass")).text == "xA1 = mug has been decided"
-    found = why_not(fetching, Assignment("xA3", "bagel"))
+def test_why_not_a_value(running):
+    assert why_not(running, Assignment("xA1", "glass")).text == "xA1 = mug has been decided"
+    found = why_not(running, Assignment("xA3", "bagel"))
     assert found.obstacle is Obstacle.CONFLICT
     assert found.as_dict()["conflict"]
-    assert why_not(fetching, Assignment("xA3", "cereal")).obstacle is Obstacle.NONE
+    assert why_not(running, Assignment("xA3", "cereal")).obstacle is Obstacle.NONE
 
 
-def test_why(fetching):
-    begun = why(fetching, "e3")
+def test_why(running):
+    begun = why(running, "e3")
     assert isinstance(begun, WhyExecuted)
     assert begun.latest is not None
-    assert begun.latest > fetching.progress.times["e3"]
-    chosen = why(fetching, Assignment("xR1", "grounds"))
+    assert begun.latest > running.progress.times["e3"]
+    chosen = why(running, Assignment("xR1", "grounds"))
     assert isinstance(chosen, WhyChosen)
     assert set(chosen.impossible) == {"juice"}
-    inferred = why(fetching, Assignment("xA3", "cereal"))
+    inferred = why(running, Assignment("xA3", "cereal"))
     assert isinstance(inferred, WhyChosen)
     assert set(inferred.impossible) == {"bagel"}
-    assert isinstance(why(fetching, Assignment("xA3", "bagel")), WhyNot)
-    assert why_failed(fetching).obstacle is Obstacle.NONE
+    assert isinstance(why(running, Assignment("xA3", "bagel")), WhyNot)
+    assert why_failed(running).obstacle is Obstacle.NONE
 
 
-def test_the_latest_time_is_one_that_leaves_a_correct_execution(fetching):
+def test_the_latest_time_is_one_that_leaves_a_correct_execution(running):
     """Held against the executive: it fails if that time is missed."""
-    latest = why(fetching, "e3").latest
+    latest = why(running, "e3").latest
     for late, ends in ((Fraction(0), False), (Fraction(1, 1000), True)):
-        executive = PlanExecutive(kitchen(), SemanticReasoner)
-        executive.step(Fraction(0))
-        executive.step(Fraction(1, 1000))
+        executive = started()
         executive.step(Fraction(1, 1000), [Outcome("xA1", "mug")])
         executive.step(Fraction(2, 1000))
         executive.step(latest + late)
         assert executive.ended is ends
 
 
-def test_why_it_failed(fetching):
-    fetching.step(fetching.progress.now + Fraction(1, 10), [Completion("(get human mug)")])
-    found = why_not(fetching, "e7")
+def test_why_it_failed(running):
+    running.step(running.progress.now + Fraction(1, 10), [Completion("(get human mug)")])
+    found = why_not(running, "e7")
     assert found.obstacle is Obstacle.ENDED
     assert "(get human mug) takes at least 0.5" in found.text
     assert "end of (get human mug) at 0.103" in found.text
@@ -278,12 +245,12 @@ def test_why_it_failed(fetching):
         (Assignment("xA1", "x"), "no value x"),
     ],
 )
-def test_questions_about_what_is_not_in_the_plan(started, question, said):
+def test_questions_about_what_is_not_in_the_plan(early, question, said):
     for ask in (why, why_not):
         with pytest.raises(InputError, match=said):
-            ask(started, question)
+            ask(early, question)
 
 
-def test_a_passed_deadline_ends_the_question(started):
+def test_a_passed_deadline_ends_the_question(early):
     with pytest.raises(OutOfTimeError):
-        why_not(started, Assignment("xA3", "bagel"), deadline=Deadline.after(0))
+        why_not(early, Assignment("xA3", "bagel"), deadline=Deadline.after(0))

@@ -3,29 +3,24 @@
 import json
 from contextlib import contextmanager
 from fractions import Fraction
-from functools import cache
 
 import jsonschema
 import pytest
 
-from robust.pike_bridge.action_model import load_team_plan
+from robust.errors import InputError
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.journal import Journal, read_journal
+from robust.pike_bridge.online.progress import JSON, Completion, Decision, Estimate, Message, Outcome
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.service import CLOSING, Service, read_request
-from robust.pike_bridge.online.wire import encode_decision, encode_message
-from robust.pike_bridge.online.world import Rehearsal, Story
-from robust.report.schemas import schema
+from robust.pike_bridge.online.service import CLOSING, Service, check_message, read_request
+from robust.pike_bridge.online.world import Rehearsal
+from robust.plan.model import Atom
+from robust.show.schemas import schema
 from robust.smt.limits import OutOfTimeError
-from tests.pike_bridge.online.examples import KITCHEN
+from tests.pike_bridge.online.examples import MUG, kitchen
 
 OUTPUT = jsonschema.Draft202012Validator(schema("robust/pike-stdio/1"))
 GET_MUG = "(get human mug)"
-
-
-@cache
-def kitchen():
-    return load_team_plan(KITCHEN)
 
 
 class Told:
@@ -211,12 +206,12 @@ def test_real_time_never_goes_back():
 
 def test_lines_do_what_a_simulation_does():
     """Each step of a rehearsal as a line: the decisions are those of the rehearsal."""
-    record = Rehearsal(kitchen(), Story(outcomes={"xA1": ("mug", None)}), seed=3, infer=False).run()
+    record = Rehearsal(kitchen(), MUG, seed=3, infer=False).run()
     told = Told()
     for step in record.steps:
-        messages = [encode_message(message) for message in step.messages]
+        messages = [JSON.write(Message, message) for message in step.messages]
         answer = told("together", messages=messages, time=str(step.time))
-        expected = [encode_decision(decision) for decision in step.decisions]
+        expected = [JSON.write(Decision, decision) for decision in step.decisions]
         assert [{key: each[key] for key in each if key != "step"} for each in answer[:-1]] == expected
     assert answer[-1]["outcome"] == "succeeded"
 
@@ -278,3 +273,29 @@ def test_another_back_end_may_resume(tmp_path):
         assert again.service.steps == first.service.steps
         assert again("possible") == [{**first("possible")[0], "line": 1}]
         assert again.service.wake == first.service.wake
+
+
+# -- messages that no plan knows ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("message", "expected"),
+    [
+        (Outcome("xA9", "mug"), "found unknown choice 'xA9', expected one of the plan; did you mean"),
+        (Outcome("xA1", "cup"), "found xA1 = 'cup', expected one of mug, glass"),
+        (Outcome("xR1", "juice"), "found choice xR1, expected one that is not for the executive to make"),
+        (Completion("(get human mugs)"), "found unknown activity '(get human mugs)', expected one of the plan"),
+        (Completion("(get human mug)", "e1"), "found event 'e1', expected where (get human mug) ends: e4"),
+    ],
+)
+def test_what_no_plan_knows(message, expected):
+    with pytest.raises(InputError) as caught:
+        check_message(kitchen(), message)
+    assert str(caught.value).startswith(expected)
+
+
+def test_what_the_plan_knows():
+    plan = kitchen()
+    check_message(plan, Outcome("xA1", "mug"))
+    check_message(plan, Completion("(get human mug)", "e4"))
+    check_message(plan, Estimate(true=frozenset({Atom("raining")})))

@@ -50,8 +50,7 @@ def test_without_completions_figure_23_has_a_value_for_every_scenario(count: int
 @pytest.mark.parametrize("count", [1, 4, 12])
 def test_completions_leave_one_value_for_built_programs(count: int) -> None:
     network = build(
-        "choices",
-        sequence(*(choose(f"x{at}", {"1": act("(a)", 2, 4), "2": act("(b)", 2, 4)}) for at in range(count))),
+        "choices", sequence(*(choose(f"x{at}", {"1": act("(a)", 2, 4), "2": act("(b)", 2, 4)}) for at in range(count)))
     )
     length = count * (2 + 2 * EPSILON) + (count - 1) * EPSILON
     assert labeled_distances(network).labeled(f"e{6 * count}", "e1") == ((-length, 0),)

@@ -29,9 +29,7 @@ from robust.plan.pddl.grounding import (
     fluents_read,
     ground_action,
     ground_goal,
-    initial_atoms,
     initial_fluents,
-    timed_literals,
 )
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.polynomial import Polynomial
@@ -333,14 +331,14 @@ def test_goal() -> None:
 
 
 def test_initial_state() -> None:
-    assert initial_atoms(TOUR) == {Atom("at", ("r1", "a")), Atom("linked", ("a", "b"))}
+    assert TOUR.atoms == {Atom("at", ("r1", "a")), Atom("linked", ("a", "b"))}
     assert initial_fluents(EVERYTHING, TOUR) == {
         Fluent("charge", ("r1",)): number(Fraction(21, 2)),
         Fluent("drag"): number(2),
         Fluent("total"): number(Fraction(-1, 1000)),
         Fluent("distance", ("a", "b")): number(8),
     }
-    assert [literal.time for literal in timed_literals(TOUR)] == [5, 6, 7]
+    assert [literal.time for literal in TOUR.timed_literals] == [5, 6, 7]
 
 
 @pytest.mark.parametrize(

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
+from typing import Any
 
 import z3
 from hypothesis import strategies as st
 
+from robust.plan.model import ParametrizedPlan
+from robust.qe.compute import RegionResult, RegionSearch
+from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import LinearConstraint, Sense
-from robust.qe.eliminate.interface import Conjunction, Context, Query
+from robust.qe.eliminate.interface import Context, Query
 from robust.qe.eliminate.z3_tactics import to_z3
 from robust.qe.nnf import Literal, Nnf, Reader, booleans_in, conjunction, disjunction
 from robust.smt.terms import Terms
@@ -66,3 +70,7 @@ def wrong(asked: Query, pieces: Iterable[Conjunction], known: Iterable[Conjuncti
     verdict = solver.check()
     assert verdict != z3.unknown
     return None if verdict == z3.unsat else f"{solver.model()} separates {pieces} from {formula}"
+
+
+def region(plan: ParametrizedPlan, **options: Any) -> RegionResult:
+    return RegionSearch(plan, **options).run()

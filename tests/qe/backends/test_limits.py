@@ -1,22 +1,17 @@
 """Time limits and interruption: what is returned is an outer bound, and nothing is left running."""
 
-import signal
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 import robust.examples
-from robust.errors import SolverError
 from robust.plan.load import load_plan
 from robust.plan.model import ParametrizedPlan
-from robust.qe.compute import RegionStatus, region
-from robust.qe.eliminate.cvc5_native import stream_from_copy
+from robust.qe.compute import RegionStatus
 from robust.qe.polyhedron import Polyhedron
-from robust.smt.limits import Deadline, OutOfTimeError
+from tests.children import interrupted_after
+from tests.qe.backends.formulas import region
 
 BACKENDS = ("project", "fourier-motzkin", "loos-weispfenning", "z3", "z3-qe", "cvc5", "cvc5-whole")
 
@@ -25,20 +20,6 @@ BACKENDS = ("project", "fourier-motzkin", "loos-weispfenning", "z3", "z3-qe", "c
 def navigation() -> ParametrizedPlan:
     folder = Path(robust.examples.__file__).parent / "two_sample_navigation"
     return load_plan(folder / "domain.pddl", folder / "problem.pddl", folder / "plan.stn")
-
-
-@contextmanager
-def interrupted_after(seconds: float) -> Iterator[None]:
-    """Ctrl-C, once, from outside of whatever the main thread is doing."""
-    main = threading.main_thread().ident
-    assert main is not None
-    timer = threading.Timer(seconds, signal.pthread_kill, (main, signal.SIGINT))
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-        timer.join()
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -69,36 +50,6 @@ def test_interruption_between_pieces_keeps_what_was_found(navigation: Parametriz
     assert envelope.region.is_subset_of(result.region)
     assert not result.region.is_subset_of(envelope.region)
     assert all(piece.some_point() not in result.region for piece in pieces)
-
-
-def test_the_copy_is_ended_by_the_deadline_and_by_interruption() -> None:
-    def endless() -> Iterator[int]:
-        yield 1
-        while True:
-            pass
-
-    started = time.monotonic()
-    items = stream_from_copy(endless, Deadline.after(0.3))
-    assert next(items) == 1
-    with pytest.raises(OutOfTimeError):
-        next(items)
-    items = stream_from_copy(endless, Deadline())
-    assert next(items) == 1
-    with pytest.raises(KeyboardInterrupt), interrupted_after(0.3):
-        next(items)
-    assert time.monotonic() - started < 20
-
-
-def test_failures_in_the_copy_are_told() -> None:
-    def failing() -> Iterator[int]:
-        yield 1
-        raise ValueError("not this one")
-
-    items = stream_from_copy(failing, Deadline())
-    assert next(items) == 1
-    with pytest.raises(SolverError, match="ValueError: not this one"):
-        next(items)
-    assert list(stream_from_copy(lambda: [1, "two"], Deadline())) == [1, "two"]
 
 
 @pytest.mark.parametrize("backend", ["project", "fourier-motzkin", "z3-qe", "cvc5-whole", "loos-weispfenning"])

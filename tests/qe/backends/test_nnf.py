@@ -1,16 +1,16 @@
 """Negation normal forms: reading, writing, negation, implicants, projections of conjunctions."""
 
 from fractions import Fraction
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.errors import UnsupportedError
+from robust.qe.conjunctions import project, project_at, variables_of
 from robust.qe.constraint import LinearConstraint
-from robust.qe.eliminate.enumerate import simplified
-from robust.qe.eliminate.interface import project, project_at, variables_of
-from robust.qe.eliminate.loos_weispfenning import eliminate
+from robust.qe.eliminate.loos_weispfenning import eliminate, simplified
 from robust.qe.nnf import (
     FALSE,
     TRUE,
@@ -101,6 +101,19 @@ def test_constants_fold() -> None:
     assert disjunction((Literal("p", True), Literal("p", False))) is TRUE
     assert conjunction((leaf, LinearConstraint.of({"a": 1}, "<=", 1))) == LinearConstraint.of({"a": 1}, "<=", 1)
     assert disjunction((leaf, LinearConstraint.of({"a": 1}, "<=", 1))) == leaf
+
+
+def test_sums_differences_and_multiples_are_read() -> None:
+    terms = Terms()
+    make, x, y, z = terms.manager, *map(terms.real, "xyz")
+    two = terms.number(Fraction(2))
+
+    def read(form: Any) -> Nnf:
+        return Reader(terms).read(make.LE(form, terms.number(Fraction(3))))
+
+    assert read(make.Minus(x, make.Minus(y, z))) == LinearConstraint.of({"x": 1, "y": -1, "z": 1}, "<=", 3)
+    assert read(make.Plus(x, make.Times(two, two))) == LinearConstraint.of({"x": 1}, "<=", -1)
+    assert read(make.Plus(x, make.Times(two, y), two)) == LinearConstraint.of({"x": 1, "y": 2}, "<=", 1)
 
 
 def test_deep_formulas_are_read() -> None:

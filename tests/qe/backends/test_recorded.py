@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 
 from robust.plan.load import load_plan
-from robust.qe.compute import RegionResult, RegionStatus, region
+from robust.qe.compute import RegionResult, RegionStatus
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
+from tests.qe.backends.formulas import region
 from tests.qe.backends.test_regions import differ
 
 QUICK = ("auv_mission_10_0_0", "auv_mission_10_0_4", "auv_mission_10_0_9", "solar_rover_01_4", "generator_linear_05_2")

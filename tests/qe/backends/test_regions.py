@@ -27,12 +27,13 @@ from robust.plan.model import (
     Timing,
 )
 from robust.plan.polynomial import Polynomial
-from robust.qe.compute import RegionResult, RegionStatus, region
+from robust.qe.compute import RegionResult, RegionStatus
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Terms
+from tests.qe.backends.formulas import region
 from tests.sampling import sample_parameters
 from tests.strategies import plans
 

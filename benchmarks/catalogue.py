@@ -1,0 +1,306 @@
+"""All experiments: names, options, and where the rest of them is. Nothing here is slow to import.
+
+The first paragraph about a class of options is the help of its experiment. What is not shown
+is for callers from Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from importlib import import_module
+from inspect import getdoc
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robust.errors import InputError, Location
+from robust.options import Number, Output, Plot, exact, option, positive
+
+if TYPE_CHECKING:
+    from .engine.experiment import Experiment
+
+PROCESSES, LIMITS = 1, 2
+"""Ranks: where these options stand in help, after those of the experiment."""
+BATTERY = Fraction(520)
+"""What the robot of table 2 begins with; the paper does not give its own. Under DREEX it re-plans 0.1 times on average:
+about one run in ten leaves the first envelope. The nearer order takes 293 in 14 actions. With 2.5 deviations (16.25)
+more for each of them, which makes 520.5, all of them are inside with probability 0.916."""
+
+
+def _seconds(value: Number, place: Location) -> float:
+    return float(min(positive(value, place), Fraction(10) ** 9))
+
+
+def _path(value: str | Path, _: Location) -> Path:
+    return Path(value)
+
+
+def _count(default: int, help: str, metavar: str = "N") -> Any:
+    return option(default, help, metavar=metavar)
+
+
+def _limit(default: str | None, help: str, *names: str, rank: int = LIMITS) -> Any:
+    return option(default, help, *names, metavar="S", read=_seconds, rank=rank)
+
+
+def _inner(default: Any, help: str) -> Any:
+    return option(default, help, shown=False)
+
+
+_KILLED = "seconds after which an instance is killed"
+
+
+class LocalOptions(Output):
+    """Of all experiments."""
+
+    jobs: int = option(1, "processes at a time; more than 1 disturbs timings", metavar="N", rank=PROCESSES)
+
+
+class LongOptions(LocalOptions):
+    """Of those that can be resumed, and can run on a cluster."""
+
+    cluster: str | None = option(
+        None, "run on the workers of this Dask scheduler (extra cluster)", metavar="ADDRESS", rank=PROCESSES
+    )
+    store: Path | None = option(
+        None,
+        "keep results as they arrive; a run with the same FILE resumes",
+        metavar="FILE",
+        path=True,
+        read=_path,
+        rank=PROCESSES,
+    )
+
+
+class RecordedOptions(LocalOptions, Plot):
+    """Run a data set and compare boxes and numbers of checks with the recorded ones."""
+
+    suite: Path = option(..., "the data set", metavar="DIR", path=True, read=_path)
+    limit: float | None = _limit(None, _KILLED)
+
+
+class ScalingOptions(LocalOptions, Plot):
+    """Time over size: generated plans with more and more actions and parameters."""
+
+    limit: float | None = _limit(None, _KILLED)
+    series: tuple[Any, ...] = _inner((), "which plans; without, all")
+
+
+class Figure3Options(RecordedOptions):
+    """Run a data set by every method: how many instances are solved within which time, beside the recorded runs."""
+
+    limit: float | None = _limit("10", _KILLED)
+    own_limits: Mapping[str, float] | None = _inner(None, "other limits for some contenders, by name")
+    contenders: tuple[Any, ...] = _inner((), "what is run; without, everything")
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        for name, seconds in (self.own_limits or {}).items():
+            _seconds(seconds, Location(f"own_limits {name}"))
+
+
+class Figure5Options(RecordedOptions):
+    """Run IRR on a data set: how near the final box is after how many steps."""
+
+    limit: float | None = _limit("10", _KILLED)
+    schedules: tuple[Any, ...] = _inner((), "without, both")
+
+
+class BackendsOptions(ScalingOptions):
+    """Time over size: each elimination back end on plans with more and more parameters and unordered time points."""
+
+    limit: float | None = _limit("10", _KILLED)
+    contenders: tuple[Any, ...] = _inner((), "what is run; without, everything")
+
+
+class EncodingsOptions(BackendsOptions):
+    """Time over size: both encodings on plans with more and more unordered time points."""
+
+
+class Figure4Options(LongOptions, Plot):
+    """Run every method on delivery plans of 1 to 33 parameters, and ask whether the boxes are controllable."""
+
+    suite: Path | None = option(None, "a data set with recorded plans", metavar="DIR", path=True, read=_path)
+    limit: float | None = _limit("10", _KILLED)
+    baseline_limit: float | None = _limit("10", "the same for all but IRR and exact widening")
+    sizes: tuple[int, ...] = _inner(tuple(range(1, 34)), "the numbers of parameters of our own plans")
+    seed: int = _inner(0, "which they are")
+    contenders: tuple[Any, ...] | None = _inner(None, "what is run, all if None")
+
+
+class ConversionOptions(LongOptions):
+    """Convert time-triggered plans, and remove each constraint in turn: is the plan still proved valid without it?"""
+
+    drawn: int = _count(150, "how many plans are drawn at random")
+    delivery: int = _count(50, "how many delivery plans")
+    planned: int = _count(100, "how many plans a planner makes")
+    planner: str = option("aries", "which planner", metavar="NAME")
+    seed: int = _count(0, "which plans and problems")
+    limit: float | None = _limit("60", "seconds to convert a plan, and as many to judge it")
+
+
+class TableOptions(LongOptions):
+    """Execute delivery plans: coverage and re-plans, and the paper's."""
+
+    problems: int = _count(100, "how many of the hundred problems")
+    runs: int = _count(1, "simulated worlds for each problem")
+    columns: tuple[int, ...] = _inner((), "numbers of uncertain durations; without, all")
+    planner: str | None = option(None, "who plans; else aries for table 1, kairos for table 2", metavar="NAME")
+    planner_limit: float = _limit("7", "seconds for each plan", rank=0)
+    drain: bool | None = option(
+        None,
+        "wait for what runs when a plan is given up (else for table 2), or stop it (for table 1)",
+        "--drain/--stop",
+    )
+    battery: Fraction | None = _inner(None, "the charge at the beginning, BATTERY if None")
+    seed: int = _count(0, "which simulated worlds")
+    executors: tuple[str, ...] = _inner((), "which, DREEX first; without, all")
+
+
+def _whole_numbers(values: tuple[str | int, ...], place: Location) -> tuple[int, ...]:
+    for value in values:
+        if not str(value).isdecimal():
+            raise InputError(f"found {value!r}, expected a whole number", place)
+    return tuple(map(int, values))
+
+
+class Table1Options(TableOptions):
+    """Execute delivery plans whose durations are uncertain: coverage and re-plans, and the paper's."""
+
+    columns: tuple[int, ...] = option(
+        (),
+        "only with N uncertain durations, 1 to 5; may be repeated",
+        "--parameters",
+        metavar="N",
+        many=True,
+        read=_whole_numbers,
+    )
+
+
+class Table2Options(TableOptions):
+    """Execute delivery plans whose consumption is uncertain: coverage and re-plans, and the paper's."""
+
+    battery: Fraction | None = option(None, "the charge at the beginning; else 520", metavar="B", read=exact)
+
+
+class Figure21Options(LocalOptions, Plot):
+    """Compile random plans with choices: the number of prime implicants over that of models."""
+
+    instances: int = _count(500, "how many random plans")
+    seed: int = _count(0, "which random plans")
+    backends: tuple[str, ...] = _inner(("pitms",), "who counts implicants")
+    limit: float | None = _limit("60", _KILLED)
+
+
+class Figure20aOptions(Figure21Options):
+    """Compile random plans with choices: time over the number of candidate subplans, for every back end."""
+
+    backends: tuple[str, ...] = option(
+        (), "only this one of those in the table; may be repeated", "--backend", metavar="NAME", many=True
+    )
+
+
+class Figure20bOptions(LocalOptions, Plot):
+    """Execute the random plans with choices that admit it: how long each back end takes to decide."""
+
+    problems: int = _count(500, "how many random plans, of which some can be executed")
+    seed: int = _count(0, "which random plans")
+    backends: tuple[str, ...] = option(
+        (),
+        "only this one of smt, pitms, atms, bdd and sat; may be repeated",
+        "--backend",
+        metavar="NAME",
+        many=True,
+    )
+    limit: float = _limit("60", "seconds for each compilation and execution", "--timeout", "--limit")
+
+
+class Figure17Options(LongOptions, Plot):
+    """Execute plans with choices by PIKE, and by one who guesses intents: re-plans over the number of intents."""
+
+    problems: int = _count(2000, "how many random problems")
+    seed: int = _count(0, "which random plans")
+    largest: int = _count(10_000, "how many intents a problem has at most", "K")
+    reasoner: str = option("smt", "how both executives reason", "--backend", metavar="NAME")
+    limit: float | None = _limit("60", "seconds to compute an execution")
+
+
+class Figure18Options(Figure17Options):
+    """Execute plans with choices by PIKE, and by one who guesses intents: the times until all is done."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An experiment that is not loaded: the constant of its name in the module at `place`; `summary` is one line."""
+
+    name: str
+    place: str
+    options: type
+    summary: str
+
+    @property
+    def help(self) -> str:
+        """What it does, as help shows it."""
+        return (getdoc(self.options) or "").split("\n\n")[0]
+
+    def load(self) -> Experiment:
+        """The experiment itself, with everything that it needs."""
+        found: Experiment = getattr(import_module(f".{self.place}", __package__), self.name.upper())
+        return found
+
+
+EXPERIMENTS = {
+    entry.name: entry
+    for entry in (
+        Entry("recorded", "irr.recorded", RecordedOptions, "Compare with recorded runs."),
+        Entry("scaling", "irr.scaling", ScalingOptions, "Time over the size of a plan."),
+        Entry("figure3", "irr.figure3", Figure3Options, "Instances solved over time, by every method."),
+        Entry("figure5", "irr.figure5", Figure5Options, "Convergence of IRR by steps."),
+        Entry("backends", "irr.growth", BackendsOptions, "Time of each elimination back end over size."),
+        Entry("encodings", "irr.growth", EncodingsOptions, "Time of both encodings over size."),
+        Entry(
+            "figure4",
+            "irr.figure4",
+            Figure4Options,
+            "Time over the parameters of delivery plans, by every method.",
+        ),
+        Entry(
+            "conversions",
+            "irr.conversions",
+            ConversionOptions,
+            "Converted plans: proved, and what they could do without.",
+        ),
+        Entry("table1", "irr.tables", Table1Options, "Executors under uncertain durations."),
+        Entry("table2", "irr.tables", Table2Options, "Executors under uncertain consumption."),
+        Entry(
+            "figure20a",
+            "pike.figure20a_21",
+            Figure20aOptions,
+            "Compilation of plans with choices, by every back end.",
+        ),
+        Entry(
+            "figure20b",
+            "pike.figure20b",
+            Figure20bOptions,
+            "Latency of executions of plans with choices, by every back end.",
+        ),
+        Entry(
+            "figure21",
+            "pike.figure20a_21",
+            Figure21Options,
+            "Prime implicants beside models of plans with choices.",
+        ),
+        Entry(
+            "figure17",
+            "pike.figure17_18",
+            Figure17Options,
+            "Re-plans of an executive that guesses what humans intend.",
+        ),
+        Entry(
+            "figure18",
+            "pike.figure17_18",
+            Figure18Options,
+            "Time to completion of an executive that guesses what humans intend.",
+        ),
+    )
+}

@@ -1,0 +1,252 @@
+"""Whole processes, as a user runs them: wall time, peak memory, a time limit, and what `robust` answered."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from robust.errors import RobustError
+from robust.numbers import parse_number
+from robust.qe.box import Box, Interval
+
+from .codec import plain
+
+COMMAND = (sys.executable, "-m", "robust")
+"""The command line of this package, as found by this interpreter."""
+
+Files = tuple[Path, Path, Path]
+"""Domain, problem and plan."""
+Ends = tuple[str, str]
+"""An interval as exact text: `1/3`, `7/4 (open)`, `-inf`; equal ends have equal texts."""
+COST = ("status", "seconds", "cpu_s", "memory_mb", "search_s", "message")
+"""What all runs have in common."""
+
+_LAUNCHER = Path(__file__).with_name("launch.py")
+_OPEN = " (open)"
+_UNSUPPORTED = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One process: what it printed, and what it cost.
+
+    `seconds` is wall time, `cpu_s` what all its threads computed; `exit_code` is negative where a signal ended it."""
+
+    exit_code: int
+    timed_out: bool
+    seconds: float
+    cpu_s: float
+    memory_mb: float
+    stdout: str
+    stderr: str
+
+    @property
+    def last_error(self) -> str:
+        """The last line on stderr, or what is known without one."""
+        lines = [line.strip() for line in self.stderr.splitlines() if line.strip()]
+        return lines[-1] if lines else f"exit code {self.exit_code} without a message"
+
+
+def measured(command: Sequence[str], *, limit: float | None = None) -> Measured:
+    """Run a process to the end, or to the limit in seconds; it ends with this one, and when this one is interrupted.
+
+    Raises:
+        RobustError: if there is no such command.
+    """
+    report_in, report_out = os.pipe()
+    lifeline_in, lifeline_out = os.pipe()
+    with open(report_in, "rb") as report, open(lifeline_out, "wb") as lifeline:
+        launcher = (sys.executable, "-I", "-S", str(_LAUNCHER), str(report_out), str(lifeline_in), str(limit or 0))
+        try:
+            with subprocess.Popen(
+                [*launcher, *command],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                pass_fds=(report_out, lifeline_in),
+                start_new_session=True,
+            ) as process:
+                try:
+                    output, errors = process.communicate()
+                except BaseException:
+                    lifeline.close()
+                    process.wait()
+                    raise
+        finally:
+            os.close(report_out)
+            os.close(lifeline_in)
+        told = report.read()
+    if not told:
+        lines = errors.decode("utf-8", "replace").strip().splitlines() or ["no message"]
+        raise RobustError(f"cannot run {command[0]!r}: {lines[-1]}")
+    facts = json.loads(told)
+    return Measured(
+        exit_code=facts["exit_code"],
+        timed_out=facts["timed_out"],
+        seconds=round(facts["seconds"], 4),
+        cpu_s=round(facts["cpu_s"], 4),
+        memory_mb=round(facts["memory_bytes"] / 2**20, 1),
+        stdout=output.decode("utf-8", "replace"),
+        stderr=errors.decode("utf-8", "replace"),
+    )
+
+
+class Ending(Enum):
+    """How a run ended; ERROR is any end without a readable answer, UNSUPPORTED is for elimination back ends only."""
+
+    COMPLETE = "complete"
+    TIMEOUT = "timeout"
+    INTERRUPTED = "interrupted"
+    INVALID = "invalid"
+    ERROR = "error"
+    UNSUPPORTED = "unsupported"
+
+
+FAILURES = frozenset({Ending.ERROR, Ending.INVALID})
+"""Being late, or unsupported, is not wrong."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One process of `robust envelope`, `region` or `check`: its cost, and its answer where there is one.
+
+    `seconds` is the wall time of the whole process, `cpu_s` its processor time; `search_s` and `first_widening_s` count
+    from the start of the search, as the process itself reported them. `message` explains ERROR and INVALID. A check is
+    COMPLETE if it proves or refutes. `region` is the exact envelope, as printed, of a COMPLETE region.
+    """
+
+    status: Ending
+    seconds: float
+    cpu_s: float
+    memory_mb: float
+    search_s: float | None = None
+    message: str | None = None
+    checks: int | None = None
+    queries: int | None = None
+    first_widening_s: float | None = None
+    first_widening_wall_s: float | None = None
+    """From the start of the process to the first wider box, at most: the end of the process counts too."""
+    box: dict[str, Ends] | None = None
+    convergence: tuple[tuple[int, float], ...] = ()
+    """After each check, the total width as a share of the final one; empty if that is zero or infinite."""
+    verdict: str | None = None
+    region: dict[str, Any] | None = None
+    polyhedra: int | None = None
+
+    @property
+    def complete(self) -> bool:
+        return self.status is Ending.COMPLETE
+
+    @property
+    def text(self) -> str:
+        """The verdict, or how the run ended, for people."""
+        return self.verdict or (f"{self.status.value}: {self.message}" if self.message else str(self.status.value))
+
+    def printed(self, *names: str) -> dict[str, Any]:
+        """Some of the fields as JSON."""
+        found: dict[str, Any] = plain({name: getattr(self, name) for name in names})
+        return found
+
+
+def run_robust(verb: str, files: Files, options: Sequence[str], *, limit: float | None = None) -> Run:
+    """Run `robust VERB DOMAIN PROBLEM PLAN OPTIONS --json` and read its answer."""
+    command = [*COMMAND, verb, *(str(path.resolve()) for path in files), *options, "--json"]
+    return read_run(verb, measured(command, limit=limit))
+
+
+def read_run(verb: str, found: Measured) -> Run:
+    """The answer of a process that has ended; anything but an answer becomes ERROR with the reason."""
+    cost = (found.seconds, found.cpu_s, found.memory_mb)
+    if found.timed_out:
+        return Run(Ending.TIMEOUT, *cost)
+    if not found.stdout.strip():
+        return Run(Ending.ERROR, *cost, message=found.last_error)
+    try:
+        answer = json.loads(found.stdout)
+        if "error" in answer:
+            unsupported = verb == "region" and found.exit_code == _UNSUPPORTED
+            status = Ending.UNSUPPORTED if unsupported else Ending.ERROR
+            return Run(status, *cost, message=answer["error"]["message"])
+        status, facts = _READERS[verb](answer, found)
+        return Run(status, *cost, **facts)
+    except (ValueError, KeyError, TypeError, AttributeError, RobustError) as error:
+        message = f"the answer is not that of `robust {verb} --json` ({type(error).__name__}: {error})"
+        return Run(Ending.ERROR, *cost, message=message)
+
+
+def _envelope(answer: Mapping[str, Any], found: Measured) -> tuple[Ending, dict[str, Any]]:
+    statistics = answer.get("statistics")
+    search, first = answer["seconds"], answer["first_widening_s"]
+    late = None if search is None or first is None else round(found.seconds - search + first, 4)
+    return Ending(answer["status"]), {
+        "search_s": search,
+        "message": answer.get("reason"),
+        "checks": answer["checks"],
+        "queries": (statistics if isinstance(statistics, dict) else answer).get("queries"),
+        "first_widening_s": first,
+        "first_widening_wall_s": late,
+        "box": {name: ends_of(_interval(ends)) for name, ends in answer["parameters"].items()},
+        "convergence": tuple((int(one["check"]), float(one["share"])) for one in answer.get("convergence") or ()),
+    }
+
+
+def _region(answer: Mapping[str, Any], _: Measured) -> tuple[Ending, dict[str, Any]]:
+    from robust.qe.region import Region  # noqa: PLC0415 - loads what only regions need
+
+    status = Ending(answer["status"])
+    facts: dict[str, Any] = {"search_s": answer.get("seconds"), "message": answer.get("reason")}
+    if status is Ending.COMPLETE:
+        region = Region.from_dict(answer)
+        facts |= {"region": answer, "polyhedra": len(region.pieces) + (region.base is not None)}
+    return status, facts
+
+
+def _check(answer: Mapping[str, Any], _: Measured) -> tuple[Ending, dict[str, Any]]:
+    verdict = str(answer["verdict"])
+    status = Ending.TIMEOUT if verdict == "unknown" else Ending.COMPLETE
+    return status, {"search_s": answer.get("seconds"), "verdict": verdict}
+
+
+_READERS = {"envelope": _envelope, "region": _region, "check": _check}
+
+
+# -- boxes as exact text -----------------------------------------------------------------------------------------------
+
+
+def _interval(ends: Mapping[str, Any]) -> Interval:
+    return Interval(
+        parse_end(ends["lower"]),
+        parse_end(ends["upper"]),
+        lower_closed=bool(ends.get("lower_closed", True)),
+        upper_closed=bool(ends.get("upper_closed", True)),
+    )
+
+
+def parse_end(text: str) -> Fraction | None:
+    """The end of an interval: a number, or None for an infinite one."""
+    return None if text in {"inf", "+inf", "-inf"} else parse_number(text)
+
+
+def ends_of(interval: Interval) -> Ends:
+    """The interval as text."""
+    lower = "-inf" if interval.lower is None else str(interval.lower) + ("" if interval.lower_closed else _OPEN)
+    upper = "inf" if interval.upper is None else str(interval.upper) + ("" if interval.upper_closed else _OPEN)
+    return lower, upper
+
+
+def box_of(texts: Mapping[str, Ends]) -> Box:
+    """The box of such texts."""
+
+    def interval(lower: str, upper: str) -> Interval:
+        closed = {"lower_closed": not lower.endswith(_OPEN), "upper_closed": not upper.endswith(_OPEN)}
+        return Interval(parse_end(lower.removesuffix(_OPEN)), parse_end(upper.removesuffix(_OPEN)), **closed)
+
+    return Box({name: interval(*ends) for name, ends in texts.items()})

@@ -1,0 +1,197 @@
+"""Where tasks are done: in this process, in a pool of processes (joblib, with loky), or on a Dask cluster.
+
+A pool whose worker was killed (by a person, or by the system for want of memory) loses all tasks that were running,
+and does not say which one it was. Each of these is then done again alone, so that the next loss tells. A Dask scheduler
+gives the tasks of a worker that died to another one.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import robust
+from robust.errors import InputError, UnsupportedError
+from robust.smt.limits import Deadline
+
+from .codec import text_of
+
+ATTEMPTS = 3
+"""How often a task that runs alone may lose its worker before it is given up."""
+PATIENCE = 30.0
+"""Seconds to wait for a scheduler, and then for a first worker."""
+
+Work = Callable[[Any], Any]
+"""Does one task and returns its record; picklable, because other processes call it."""
+Numbered = tuple[int, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of one attempt: `text` is the record as JSON, or, if it `failed`, one line that says why."""
+
+    text: str
+    failed: bool = False
+
+
+Outcomes = Generator[tuple[int, Outcome], None, None]
+
+
+class ClusterLostError(Exception):
+    """The scheduler is gone, and with it what had not been fetched; internal to sweeps, which return what they have."""
+
+
+def attempt(work: Work, task: Any) -> Outcome:
+    """Do the task where it is called: in this process, or in one of a pool or a cluster.
+
+    Whatever goes wrong with one task must not end the others: it is reported, never swallowed.
+    """
+    try:
+        return Outcome(text_of(work(task)))
+    except Exception as error:
+        lines = str(error).splitlines() or ["no message"]
+        return Outcome(f"{type(error).__name__}: {lines[0]}", failed=True)
+
+
+def outcomes_of(tasks: Iterable[Numbered], work: Work, jobs: int, cluster: str | None, deadline: Deadline) -> Outcomes:
+    """The outcomes as they arrive. Here no task is started after the deadline; on a cluster, what runs is given up.
+
+    Raises:
+        UnsupportedError: if a cluster is wanted and Dask is not installed.
+        InputError: if there is no scheduler, no worker, or one with another version of this package.
+        ClusterLostError: if the scheduler does not answer any more.
+    """
+    if cluster is not None:
+        return _on_cluster(list(tasks), work, cluster, deadline)
+    return _one_by_one(tasks, work, deadline) if jobs == 1 else _in_processes(tasks, work, jobs, deadline)
+
+
+def _one_by_one(tasks: Iterable[Numbered], work: Work, deadline: Deadline) -> Outcomes:
+    for number, task in tasks:
+        if deadline.passed:
+            return
+        yield number, attempt(work, task)
+
+
+# -- a pool of processes -----------------------------------------------------------------------------------------------
+
+
+def _in_processes(tasks: Iterable[Numbered], work: Work, jobs: int, deadline: Deadline) -> Outcomes:
+    waiting = iter(tasks)
+    suspects: deque[Numbered] = deque()
+    lost: dict[int, int] = {}
+    while True:
+        alone = bool(suspects)
+        killed: list[Numbered] = []
+        yield from _until_killed(iter([suspects.popleft()]) if alone else waiting, work, jobs, deadline, killed)
+        for number, task in killed:
+            lost[number] = lost.get(number, 0) + alone
+            if lost[number] < ATTEMPTS:
+                suspects.append((number, task))
+            else:
+                yield number, Outcome(f"its process was killed {ATTEMPTS} times", failed=True)
+        if deadline.passed or not (alone or suspects):
+            return
+
+
+def _until_killed(
+    source: Iterator[Numbered], work: Work, jobs: int, deadline: Deadline, killed: list[Numbered]
+) -> Outcomes:
+    """Outcomes until the source is empty or a worker was killed; then `killed` are the tasks without outcome."""
+    from joblib.externals.loky import get_reusable_executor  # noqa: PLC0415 - not needed for one job
+    from joblib.externals.loky.process_executor import TerminatedWorkerError  # noqa: PLC0415
+
+    executor = get_reusable_executor(max_workers=jobs)
+    running: dict[Future[Outcome], Numbered] = {}
+    try:
+        while True:
+            while len(running) < jobs and not killed and not deadline.passed:
+                following = next(source, None)
+                if following is None:
+                    break
+                try:
+                    running[executor.submit(attempt, work, following[1])] = following
+                except TerminatedWorkerError:  # just before
+                    killed.append(following)
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                number, task = running.pop(future)
+                try:
+                    outcome = future.result()
+                except TerminatedWorkerError:
+                    killed.append((number, task))
+                else:
+                    yield number, outcome
+    finally:
+        executor.shutdown(kill_workers=bool(running))
+
+
+# -- a cluster ---------------------------------------------------------------------------------------------------------
+
+
+def _on_cluster(tasks: list[Numbered], work: Work, address: str, deadline: Deadline) -> Outcomes:
+    try:
+        distributed = import_module("distributed")  # an extra, and slow to import
+    except ImportError:
+        raise UnsupportedError(
+            "found no Dask, which `--cluster` needs; install it with `pip install 'robust[cluster]'`"
+        ) from None
+    with _connected(distributed, address) as client:
+        futures = {
+            client.submit(attempt, work, task, pure=False, key=f"robust-sweep-{client.id}-{number}"): number
+            for number, task in tasks
+        }
+        try:
+            for future in distributed.as_completed(list(futures), loop=client.loop, timeout=deadline.remaining):
+                number = futures.pop(future)
+                yield number, _fetched(distributed, future, address)
+                future.release()  # or the cluster would compute it again when the worker that holds it dies
+        except TimeoutError:
+            return
+        finally:
+            client.cancel(list(futures), force=True)
+
+
+@contextmanager
+def _connected(distributed: Any, address: str) -> Iterator[Any]:
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise InputError(
+            f"found no Dask scheduler at {address!r} ({str(error).splitlines()[0]}), expected one; "
+            "start it with `dask scheduler`, and give the address that it prints"
+        ) from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError:
+            raise InputError(
+                f"found no worker at the Dask scheduler {address!r}, expected at least one; start it with "
+                f"`dask worker {address}`"
+            ) from None
+        for worker, version in client.run(_version).items():
+            if version != robust.__version__:
+                raise InputError(
+                    f"found robust {version} on worker {worker}, expected {robust.__version__} as here; install that"
+                )
+        yield client
+
+
+def _fetched(distributed: Any, future: Any, address: str) -> Outcome:
+    try:
+        result: Outcome = future.result()
+    except distributed.KilledWorker as error:
+        return Outcome(f"its worker died again and again, the last one was {error.last_worker.address}", failed=True)
+    except CancelledError:
+        raise ClusterLostError(f"lost the Dask scheduler {address!r}") from None
+    return result
+
+
+def _version() -> str:
+    return robust.__version__

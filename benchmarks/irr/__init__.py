@@ -1,0 +1,1 @@
+"""The experiments about robustness envelopes: the figures and tables of [IRR], and how ours scale."""

@@ -1,0 +1,28 @@
+"""Solvers, encodings and back ends by name: names only, so that `--help` imports none of them.
+
+Whoever adds one writes it here; the registries beside the interfaces import what is chosen.
+"""
+
+from __future__ import annotations
+
+SOLVERS = ("z3", "cvc5")
+
+ENCODINGS = ("relational", "positions")
+"""How a plan becomes formulas, see :func:`robust.encode.create_encoding`."""
+
+ELIMINATORS = {
+    "project": ("robust.qe.eliminate.enumerate", "Project"),
+    "z3": ("robust.qe.eliminate.z3_tactics", "Z3Tactic"),
+    "cvc5": ("robust.qe.eliminate.cvc5_native", "Cvc5Disjuncts"),
+    "fourier-motzkin": ("robust.qe.eliminate.enumerate", "FourierMotzkin"),
+    "loos-weispfenning": ("robust.qe.eliminate.loos_weispfenning", "LoosWeispfenning"),
+    "z3-qe": ("robust.qe.eliminate.z3_tactics", "Z3OldTactic"),
+    "cvc5-whole": ("robust.qe.eliminate.cvc5_native", "Cvc5Whole"),
+}
+"""Who eliminates time points, and where each lives."""
+
+OFFERED = ("project", "z3", "cvc5", "fourier-motzkin", "loos-weispfenning")
+"""Those that the command line offers; the others are for comparison."""
+
+KNOWLEDGE_BASES = ("pitms", "atms", "sat", "bdd")
+"""Who reasons about choices, see :mod:`robust.pike_bridge.knowledge`."""

@@ -1,1 +1,0 @@
-"""Benchmark drivers: recorded runs of a data set beside ours, and how our runs scale."""

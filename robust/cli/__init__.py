@@ -1,0 +1,26 @@
+"""The command `robust`: the entry points. Everything else is imported once Ctrl-C is taken care of."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Sequence
+
+
+def main() -> None:
+    """Run the command of this process and exit."""
+    if hasattr(signal, "pthread_sigmask"):
+        # For as long as the process lives: neither imports nor the end of the interpreter are to show a traceback.
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+    code = run(sys.argv[1:])
+    if code == 3:
+        os._exit(code)  # taking large formulas apart would take longer than the second that a user waits
+    raise SystemExit(code)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command line and return its exit code."""
+    from robust.cli.main import run_command
+
+    return run_command(arguments)

@@ -1,0 +1,309 @@
+"""Ctrl-C, SIGTERM, SIGHUP and time limits: whatever the program is doing, it answers within a second.
+
+Signals are blocked in the main thread and received by a watcher thread. Neither a solver that handles SIGINT by itself
+nor a finalizer that swallows `KeyboardInterrupt` can then hide one. The watcher interrupts the main thread only while
+work is going on that may be given up, and again until that has ended; if it does not end in time, the watcher answers.
+
+A :class:`Run` is one guarded run of one command: what a search has found is its answer, however it ends.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from enum import Enum
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from robust.cli.output import answering, print_json
+from robust.cli.progress import Display
+from robust.options import Options
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from robust.api import Answer, Search
+
+STOPS = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+_NUDGE = signal.SIGALRM
+_AGAIN = 0.15
+"""Seconds until an interruption without effect is repeated."""
+_PATIENCE = 0.7
+"""Seconds until the watcher gives up waiting for the main thread."""
+_GRACE = 0.25
+"""Seconds after a time limit in which searches stop by themselves."""
+_TICK = 0.05
+"""Seconds between two looks at the clock."""
+UNDECIDED = 3
+"""The exit code."""
+
+
+class Cause(Enum):
+    """Why work was given up."""
+
+    INTERRUPTED = "interrupted"
+    TIMEOUT = "timeout"
+
+    @property
+    def message(self) -> str:
+        """For people."""
+        return "out of time" if self is Cause.TIMEOUT else "interrupted"
+
+
+class GivenUpError(Exception):
+    """Work was interrupted before there was anything to show; not `KeyboardInterrupt`, which typer answers itself."""
+
+
+class Guard:
+    """Interrupts the main thread; a context manager that puts the signals back as they were.
+
+    `cause` is why, once that is so. Without a main thread of its own, or on systems without `sigtimedwait`, it does
+    nothing and Ctrl-C raises `KeyboardInterrupt` as usual.
+    """
+
+    def __init__(self) -> None:
+        self.cause: Cause | None = None
+        self.started = time.monotonic()
+        self._limit: float | None = None
+        self._main = threading.main_thread().ident or 0
+        self._working = False
+        self._since: float | None = None  # when the work under way was interrupted first
+        self._nudged = 0.0
+        self._closed = False
+        self._on_stuck: Callable[[], bool] | None = None
+        self._watcher: threading.Thread | None = None
+
+    def __enter__(self) -> Guard:
+        if not hasattr(signal, "sigtimedwait") or threading.current_thread() is not threading.main_thread():
+            return self
+        self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+        self._handlers = {
+            _NUDGE: signal.signal(_NUDGE, self._interrupt_main),
+            # These run only if a thread that was there before takes the signal. z3 replaces that of SIGINT during its
+            # queries, which is what the watcher's own SIGINT is for. Of nohup, SIGHUP stays ignored.
+            **{
+                number: signal.signal(number, self._note)
+                for number in STOPS
+                if signal.getsignal(number) != signal.SIG_IGN
+            },
+        }
+        self._unraisable, sys.unraisablehook = sys.unraisablehook, self._on_unraisable
+        self._watcher = threading.Thread(target=self._watch, name="robust-guard", daemon=True)
+        self._watcher.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop watching: from now on, signals do what they did before."""
+        if self._watcher is None:
+            return
+        self._closed = True
+        signal.pthread_kill(self._watcher.ident or 0, signal.SIGTERM)
+        self._watcher.join()
+        self._watcher = None
+        sys.unraisablehook = self._unraisable
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
+
+    def hand_over(self) -> None:
+        """Stop watching for work that starts processes, and let the signals raise `KeyboardInterrupt`."""
+        self.close()
+        if threading.current_thread() is threading.main_thread():
+            for number in STOPS:
+                signal.signal(number, signal.default_int_handler)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
+
+    @contextmanager
+    def working(self, limit: float | None = None, on_stuck: Callable[[], bool] | None = None) -> Iterator[None]:
+        """Work that Ctrl-C and the time limit end with `KeyboardInterrupt`.
+
+        Args:
+            limit: seconds since the guard was made; work should keep to it by itself, or is interrupted a little later.
+            on_stuck: called in another thread if the work does not end when interrupted; the process ends afterwards.
+                It returns whether it has printed an answer.
+        """
+        self._limit = limit
+        self._on_stuck = on_stuck
+        self._since = None
+        self._working = True
+        try:
+            if self.cause is not None:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._working = False
+
+    def remaining(self, limit: float | None) -> float | None:
+        """Seconds of the limit that are left, a tiny number if none are."""
+        return None if limit is None else max(1e-3, limit - self.age)
+
+    # -- the main thread -------------------------------------------------------------------------------------------
+
+    def _interrupt_main(self, _number: int, _frame: FrameType | None) -> None:
+        if self._working and self.cause is not None:
+            raise KeyboardInterrupt
+
+    def _note(self, _number: int, _frame: FrameType | None) -> None:
+        self.cause = self.cause or Cause.INTERRUPTED
+
+    def _on_unraisable(self, unraisable: sys.UnraisableHookArgs) -> None:
+        """Finalizers that are interrupted, or find half-made objects then, are not worth a traceback."""
+        if self.cause is None:
+            self._unraisable(unraisable)
+
+    # -- the watcher -----------------------------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        while True:
+            received = signal.sigtimedwait(STOPS, _TICK)
+            if self._closed:
+                return
+            if received is not None:
+                self._on_stop()
+            elif self._working and self._limit is not None and self.age > self._limit + _GRACE:
+                self.cause = self.cause or Cause.TIMEOUT
+            if self._working and self.cause is not None:
+                self._interrupt()
+
+    @property
+    def age(self) -> float:
+        """Seconds since the guard was made."""
+        return time.monotonic() - self.started
+
+    def _on_stop(self) -> None:
+        if self.cause is not None and not self._working:
+            os._exit(UNDECIDED)  # the second one: not even the answer is wanted
+        self.cause = Cause.INTERRUPTED
+
+    def _interrupt(self) -> None:
+        now = time.monotonic()
+        if self._since is None:
+            self._since = self._nudged = now
+            self._nudge()
+        elif now - self._since > _PATIENCE:
+            if self._on_stuck is None or not self._on_stuck():
+                os.write(2, f"robust: {(self.cause or Cause.INTERRUPTED).message}\n".encode())
+            os._exit(UNDECIDED)
+        elif now - self._nudged > _AGAIN:
+            self._nudged = now
+            self._nudge()
+
+    def _nudge(self) -> None:
+        signal.pthread_kill(self._main, _NUDGE)  # ends what waits in the system and raises KeyboardInterrupt
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)  # ends a query of z3
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+
+
+# -- one run of one command --------------------------------------------------------------------------------------------
+
+
+Found = TypeVar("Found")
+Known = TypeVar("Known", bound="Answer")
+
+
+class Run:
+    """One run of one command: its display, its time limit, and its answer; a context manager."""
+
+    def __init__(self, guard: Guard, options: Options) -> None:
+        self.guard = guard
+        self._json = bool(getattr(options, "json", False))
+        limit: float | None = getattr(options, "limit", None)
+        self._limit = limit
+        talks = getattr(options, "quiet", False) or getattr(options, "verbose", False)
+        self.display = Display(shown=hasattr(options, "quiet") and not talks, what="reading")
+
+    def __enter__(self) -> Run:
+        self.display.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.display.stop()
+
+    @property
+    def remaining(self) -> float | None:
+        """Seconds of the time limit that are left."""
+        return self.guard.remaining(self._limit)
+
+    def working(self, on_stuck: Callable[[], bool] | None = None) -> AbstractContextManager[None]:
+        """Work that may be given up, see :meth:`Guard.working`."""
+        return self.guard.working(self._limit, on_stuck)
+
+    @property
+    def timed_out(self) -> bool:
+        """Whether the time limit has ended what was going on."""
+        return self.guard.cause is Cause.TIMEOUT
+
+    def best(self, begin: Callable[[], Search[Known]], show: Callable[[Known], None]) -> Known:
+        """What a search finds until it ends or is ended; where it does not even heed that, `show` and exit.
+
+        Raises:
+            GivenUpError: if nothing is known.
+        """
+        search: Search[Known] | None = None
+
+        def so_far() -> Known | None:
+            return None if search is None else search.so_far(timed_out=self.timed_out)
+
+        def on_stuck() -> bool:
+            if (known := so_far()) is not None:
+                show(known)
+            return known is not None
+
+        try:
+            with self.working(on_stuck):
+                search = begin()
+                result = search.run()
+        except KeyboardInterrupt:
+            known = so_far()
+            if known is None:
+                raise GivenUpError from None
+            return known
+        if self.guard.cause is not None and result.cut_short:
+            # What was interrupted by the time limit is out of time.
+            return so_far() or result
+        return result
+
+    def only(self, work: Callable[[], Found], on_stuck: Callable[[], bool] | None = None) -> Found:
+        """What the work returns.
+
+        Raises:
+            GivenUpError: if it was interrupted, or is out of time.
+        """
+        try:
+            with self.working(on_stuck):
+                return work()
+        except KeyboardInterrupt:
+            raise GivenUpError from None
+
+    def also(self, what: str, work: Callable[[], Found]) -> Found | None:
+        """What the work returns; None if it was interrupted, which leaves the answer as it is."""
+        self.display.say(what)
+        try:
+            with self.working():
+                return work()
+        except KeyboardInterrupt:
+            return None
+
+    def answer(self, document: Callable[[], Mapping[str, Any]], text: Callable[[Console], None]) -> None:
+        """Print one JSON object, or a text for people."""
+        self.display.stop()
+        if self._json:
+            print_json(document())
+            return
+        from robust.show.text import console
+
+        with answering():
+            text(console())

@@ -1,0 +1,185 @@
+"""From arguments to an exit code, whatever happens on the way.
+
+Exit codes: 0 proved or done, 1 refuted, 2 bad input, 3 unknown, out of time or interrupted, 4 unsupported. Answers go
+to stdout, everything else to stderr.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from robust import __version__
+from robust.cli.build import Action, Command, Group, application, read
+from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Guard, Run
+from robust.cli.output import drop_output, print_json
+from robust.errors import InputError, RobustError
+from robust.options import as_typed
+
+HELP = "Verify temporal plans: are they valid for every schedule, and how far may reality deviate?"
+
+COMMANDS: dict[str, Command | Group] = {
+    "check": Command("Is a plan valid for every schedule it allows?", "robust.cli.plans:check"),
+    "envelope": Command("How far may parameters deviate?", "robust.cli.plans:envelope"),
+    "region": Command("All parameter values for which a plan is valid.", "robust.cli.plans:region"),
+    "compare": Command("The exact region beside the boxes of all methods.", "robust.cli.plans:compare"),
+    "convert": Command("Make a flexible plan of a planner's output.", "robust.cli.making:convert"),
+    "execute": Command("Execute in simulated worlds, and plan anew when needed.", "robust.cli.making:execute"),
+    "certify": Command("Write down why a plan is valid, for a checker without solver.", "robust.cli.certify:certify"),
+    "verify": Command("Check a certificate, in a process of its own.", "robust.cli.certify:verify"),
+    "demo": Command("Take a tour on shipped examples.", "robust.cli.making:demo"),
+    "pike": Group(
+        "Plans with choices: which still lead to a correct execution?",
+        {
+            "check": Command("Does a correct execution exist, and in which scenarios?", "robust.cli.pike:check"),
+            "compile": Command("Compile the knowledge base of all correct executions.", "robust.cli.pike:compile_"),
+            "run": Command("Execute a plan with choices with a simulated team.", "robust.cli.pike:run"),
+            "plot": Command("Draw a plan with choices.", "robust.cli.pike:plot"),
+        },
+    ),
+    "bench": Group(
+        "Measure: recorded data sets, the figures of the paper, scaling studies.", "robust.cli.bench:EXPERIMENTS"
+    ),
+}
+"""A new command is a line here, and an action where it says."""
+
+_BAD_USE = 2
+_INTERRUPTED = 130
+"""What typer makes of a `KeyboardInterrupt`."""
+
+
+def run_command(arguments: Sequence[str]) -> int:
+    """Run one command line and return its exit code; never raises."""
+    _prepare_streams()
+    with Guard() as guard:
+        try:
+            return _run(list(arguments), guard)
+        except (KeyboardInterrupt, GivenUpError):
+            return _report_stop(arguments, guard.cause or Cause.INTERRUPTED)
+        except BrokenPipeError:
+            drop_output()
+            return UNDECIDED
+        except RobustError as error:
+            return _report(arguments, error, _kind(error))
+        except OSError as error:
+            place = f"{error.filename}: " if error.filename else ""
+            return _report(arguments, InputError(f"{place}{error.strerror or error}"), "input")
+        except Exception as error:  # the last resort: a user never sees a traceback unasked
+            return _report_internal(arguments, error)
+        finally:
+            _flush()
+
+
+def _run(arguments: list[str], guard: Guard) -> int:
+    def carry_out(asked: Action[Any], given: dict[str, Any]) -> int:
+        with as_typed(given):
+            options = asked.options(**given)
+            if getattr(options, "verbose", False):
+                _log_to_stderr()
+            with Run(guard, options) as run:
+                return asked.carry_out(options, run)
+
+    with guard.working():
+        found = None if "_ROBUST_COMPLETE" in os.environ else read(COMMANDS, arguments)
+    if found is not None:
+        return carry_out(*found)
+    with guard.working():
+        import typer
+
+        app = application(COMMANDS, arguments, HELP, f"robust {__version__}", carry_out)
+        wrong_usage: type[Exception] = typer.BadParameter.__mro__[2]  # there is no public name for it
+    try:
+        code = app(args=arguments, prog_name="robust", standalone_mode=False, obj=guard)
+    except wrong_usage as error:
+        return _report_misuse(arguments, error)
+    if code == _INTERRUPTED:
+        raise KeyboardInterrupt
+    return code if isinstance(code, int) else 0
+
+
+def _log_to_stderr() -> None:
+    """What is done, for `--verbose`."""
+    import logging
+
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("%(relativeCreated)7.0f ms  %(name)s: %(message)s"))
+    logger = logging.getLogger("robust")
+    logger.handlers[:] = [handler]
+    logger.setLevel(logging.DEBUG)
+
+
+# -- what goes wrong -------------------------------------------------------------------------------------------------
+
+
+def _report(
+    arguments: Sequence[str], error: RobustError, kind: str, code: int | None = None, message: str | None = None
+) -> int:
+    """One line on stderr and, for programs, one object on stdout."""
+    code = error.exit_code if code is None else code
+    try:
+        if "--json" in arguments:
+            from robust.show.documents import error as document
+
+            print_json(document(error, kind, code))
+        _complain(message or f"error: {error}")
+    except OSError:
+        drop_output()  # there is no way left to say anything
+    return code
+
+
+def _report_misuse(arguments: Sequence[str], error: Exception) -> int:
+    message = getattr(error, "format_message", error.__str__)().strip().replace("Value error, ", "")
+    if not arguments or message.startswith("Usage:"):
+        print(message, file=sys.stderr)
+        return _BAD_USE
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "robust"
+    message = message if message.endswith((".", "?", "!")) else f"{message}."
+    return _report(arguments, RobustError(f"{message} Try '{command} --help'."), "usage", _BAD_USE)
+
+
+def _report_stop(arguments: Sequence[str], cause: Cause) -> int:
+    """Stopped before there was anything to show."""
+    return _report(arguments, RobustError(cause.message), cause.value, UNDECIDED, cause.message)
+
+
+def _report_internal(arguments: Sequence[str], error: Exception) -> int:
+    if "--verbose" in arguments:
+        import logging
+
+        logging.getLogger(__name__).exception("internal error")
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    if len(text) > 300:
+        text = f"{text[:300]}..."
+    remedy = "" if "--verbose" in arguments else ", with the output of --verbose"
+    message = f"internal error: {text}; please report this{remedy}"
+    return _report(arguments, RobustError(message), "internal", UNDECIDED, message)
+
+
+def _kind(error: RobustError) -> str:
+    return type(error).__name__.removesuffix("Error").lower()
+
+
+def _complain(message: str) -> None:
+    """One line on stderr, whatever file names and input texts contain."""
+    line = "".join(char if char.isprintable() else " " for char in message)
+    print(f"robust: {line}", file=sys.stderr)
+
+
+def _prepare_streams() -> None:
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by the caller, as in `robust ... >&-`
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - as long as the process
+        elif hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal without γ shows `?` instead of a traceback
+
+
+def _flush() -> None:
+    """Write what is still in memory."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        drop_output()

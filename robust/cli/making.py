@@ -1,0 +1,330 @@
+"""`robust convert`, `execute` and `demo`: plans made of planners' output, carried out in simulated worlds; a tour."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robust.cli import plans
+from robust.cli.build import Action, action, read_options
+from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Run
+from robust.cli.output import answering, print_json
+from robust.errors import RefutedError
+from robust.files import atomic_write
+from robust.numbers import format_number, plural
+from robust.options import ConvertCommand, DemoCommand, ExecuteCommand, as_typed, place_of
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from robust.execute import replan
+    from robust.execute.convert import Conversion
+    from robust.plan.parameters import ParameterSpec
+
+# -- convert -----------------------------------------------------------------------------------------------------------
+
+
+@action(ConvertCommand)
+def convert(options: ConvertCommand, run: Run) -> int:
+    """Make a plan with a temporal network of a time-triggered plan, and prove it; steps are called n0, n1, ..."""
+    from robust.show import made
+
+    try:
+        found = run.only(lambda: _converted(options, run))
+    except RefutedError as error:
+        if not options.json:
+            raise
+        violations = getattr(error, "violations", ())
+        print_json(made.convert(options, None, None, None, {}, violations=violations))
+        return error.exit_code
+    from robust.execute.parametrization import write_specs
+    from robust.plan.stn import write_stn
+
+    stn, beside = write_stn(found.stn), write_specs(found.beside)
+    written = {} if options.output is None else _write(options.output, stn, beside)
+    run.display.stop()
+    if options.json:
+        print_json(made.convert(options, found, stn, beside or None, written))
+        return 0
+    with answering():
+        if not written:
+            sys.stdout.write(stn)
+    if not options.quiet:
+        for line in _summary(found, written):
+            print(line, file=sys.stdout if written else sys.stderr)
+    return 0
+
+
+def _converted(options: ConvertCommand, run: Run) -> Conversion:
+    from robust.execute.convert import Mode
+    from robust.execute.convert import convert as make
+    from robust.plan.parameters import parse_specs
+    from robust.plan.pddl.reader import read_domain, read_problem
+    from robust.plan.timed import read_timed_plan
+
+    specs = parse_specs(options.parametrize)
+    domain = read_domain(options.domain)
+    problem = read_problem(options.problem, domain)
+    return make(
+        domain,
+        problem,
+        read_timed_plan(options.plan),
+        mode=Mode(options.mode),
+        specs=specs,
+        epsilon=options.separation,
+        solver=options.solver,
+        timeout=run.remaining,
+        on_progress=run.display.say,
+    )
+
+
+def _write(output: Path, stn: str, beside: str) -> Mapping[str, str]:
+    """Write the plan, and the parameters that it cannot hold by itself; the names of both."""
+    atomic_write(output, stn, place_of("output"))
+    written = {"plan": str(output)}
+    if beside:
+        parameters = output.with_suffix(".toml")
+        atomic_write(parameters, beside, place_of("output"))
+        written["parameters"] = str(parameters)
+    return written
+
+
+def _summary(found: Conversion, written: Mapping[str, str]) -> list[str]:
+    instances, constraints = len(found.stn.instances), len(found.stn.constraints)
+    size = f"{plural(instances, 'instance')}, {plural(constraints, 'constraint')}"
+    lines = [f"{found.check.answer.value}: {size}, {plural(len(found.stn.parameters), 'parameter')}"]
+    broken = next(iter(found.check.counterexamples), None)
+    if broken is not None:
+        lines.append(f"an allowed schedule breaks {broken}; --mode causal gives a network that is proved")
+    for one in found.tightened:
+        lines.append(
+            f"needed: {one.edge.target} - {one.edge.source} >= {format_number(one.edge.weight)} for {one.obligation}"
+        )
+    if "plan" in written:
+        lines.append(f"plan: {written['plan']}")
+    if "parameters" in written:
+        lines.append(f"parameters: {written['parameters']}, for --parameters")
+    elif found.beside:
+        from robust.execute.parametrization import option_of
+
+        given = " ".join(f"--parameter {shlex.quote(option_of(spec))}" for spec in found.beside)
+        lines.append(f"reading this plan needs {given}")
+    return lines
+
+
+# -- execute -----------------------------------------------------------------------------------------------------------
+
+
+@action(ExecuteCommand)
+def execute(options: ExecuteCommand, run: Run) -> int:
+    """Execute a plan in simulated worlds, and plan anew from the state reached when an observation leaves the box."""
+    runs: list[replan.Run] = []
+    cause: Cause | None = None
+    try:
+        run.only(lambda: _execute_all(options, run, runs))
+    except GivenUpError:
+        if not runs:
+            raise
+        cause = run.guard.cause or Cause.INTERRUPTED
+    from robust.show import execution, made
+
+    if options.plot is not None:
+        execution.plot_run(runs[0], options.executor, options.plot)
+
+    def tell(out: Console) -> None:
+        if options.runs == 1 and runs:
+            execution.print_run(out, runs[0], options.executor, quiet=options.quiet)
+        else:
+            execution.print_runs(out, runs, options.executor, quiet=options.quiet)
+        if cause is not None:
+            out.print(f"{cause.message} after {len(runs)} of {options.runs} runs")
+
+    run.answer(lambda: made.execute(options, runs, "complete" if cause is None else cause.value), tell)
+    if cause is not None:
+        return UNDECIDED
+    return 0 if all(not one.reason for one in runs) else 1
+
+
+def _execute_all(options: ExecuteCommand, run: Run, runs: list[replan.Run]) -> None:
+    from robust.execute.replan import execute as carry_out
+    from robust.execute.replan import first_plan
+
+    mission = _mission(options, run.remaining)
+    run.display.say("preparing the plan")
+    prepared = first_plan(mission) if options.plan is None else _prepared(options.plan, mission)
+    for number in range(options.runs):
+        run.display.say(f"run {number + 1} of {options.runs}")
+        runs.append(carry_out(mission, options.seed + number, prepared))
+
+
+def _mission(options: ExecuteCommand, limit: float | None) -> replan.Mission:
+    from robust.execute.dispatch.network import parse_executor
+    from robust.execute.planners.registry import create_planner
+    from robust.execute.replan import Mission, Options
+    from robust.execute.worlds.rules import Rules, read_rules
+    from robust.plan.pddl.reader import read_domain, read_problem
+
+    settings = Options(
+        executor=parse_executor(options.executor),
+        specs=_specs(options),
+        method=options.method,
+        epsilon=options.separation,
+        solver=options.solver,
+        timeout=limit,
+        controllability=options.controllability,
+    )
+    domain = read_domain(options.domain)
+    problem = read_problem(options.problem, domain)
+    return Mission(
+        domain=domain,
+        problem=problem,
+        planner=None if options.planner is None else create_planner(options.planner, epsilon=settings.epsilon),
+        rules=Rules() if options.world is None else read_rules(options.world),
+        options=settings,
+        replans=options.replans,
+        planner_seconds=float(options.planner_limit),
+        planning_time=Fraction(options.planning_time),
+        drain=not options.stop_running,
+    )
+
+
+def _specs(options: ExecuteCommand) -> tuple[ParameterSpec, ...]:
+    from robust.plan.parameters import parse_specs, read_parameter_file
+
+    beside = () if options.parameters is None else read_parameter_file(options.parameters)
+    return (*beside, *parse_specs(options.parametrize))
+
+
+def _prepared(file: Path, mission: replan.Mission) -> replan.Prepared:
+    """The plan in a file: a network, or steps as planners print them."""
+    from robust.execute.replan import prepare_plan, prepare_timed
+    from robust.plan.load import assemble
+    from robust.plan.stn import read_stn
+    from robust.plan.timed import read_timed_plan
+
+    if file.suffix.lower() == ".stn":
+        plan = assemble(mission.domain, mission.problem, read_stn(file), mission.options.specs)
+        return prepare_plan(plan, mission.options)
+    return prepare_timed(mission.domain, mission.problem, read_timed_plan(file), mission.options)
+
+
+# -- demo --------------------------------------------------------------------------------------------------------------
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@dataclass(frozen=True)
+class _Step:
+    """One command of the tour: what to look at, and what to type in the directory of the example."""
+
+    text: str
+    command: str
+    plan: str
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        return "domain.pddl", "problem.pddl", self.plan
+
+
+_TOUR: tuple[tuple[str, str, tuple[_Step, ...]], ...] = (
+    (
+        "two_sample_navigation",
+        "A rover drives to two sites by daylight, takes a sample at each and returns, on one battery.",
+        (
+            _Step(
+                "Is this plan valid? Not for one schedule that was tried, but for every schedule that it allows:",
+                "check",
+                "plan.stn",
+            ),
+            _Step(
+                "The same plan, but the rover may rest up to 20 minutes. Its earliest schedule works, others fail:",
+                "check",
+                "plan-flexible-wait.stn",
+            ),
+            _Step(
+                "Driving takes longer or shorter than planned. For which durations, in any combination, is the first "
+                "plan still valid?",
+                "envelope",
+                "plan.stn",
+            ),
+        ),
+    ),
+    (
+        "generator",
+        "A generator burns fuel while canisters are poured into its tank, which must neither overflow nor run dry.",
+        (
+            _Step(
+                "When may the first two pourings start, whichever comes first?",
+                "envelope",
+                "plan.stn",
+            ),
+        ),
+    ),
+)
+_NEXT = (
+    ("robust check --help", "values and ranges of parameters, all obligations, JSON, SMT-LIB"),
+    ("robust envelope --help", "methods, other quantities as parameters, plots, time limits"),
+    ("robust envelope ... --plot box.svg", "draw the box and how the search came to it"),
+    ("robust region --help", "all valid parameter values, exactly"),
+    ("robust compare --help", "the exact region beside the boxes of all methods"),
+)
+
+
+@action(DemoCommand, epilog=None)
+def demo(_options: DemoCommand, run: Run) -> int:
+    """Take a tour: check and envelope on examples that come with the program."""
+    from robust.show.text import console
+
+    with answering():
+        return _take_tour(console(), run)
+
+
+def _take_tour(out: Console, run: Run) -> int:
+    from rich.text import Text
+
+    def show_command(*words: str) -> None:
+        out.print(Text.assemble(("$ ", "dim"), (shlex.join(words), "cyan")), soft_wrap=True)
+
+    for name, text, steps in _TOUR:
+        directory = EXAMPLES / name
+        out.print(Text(text, style="bold"), soft_wrap=True)
+        show_command("cd", str(directory))
+        with _inside(directory):
+            for step in steps:
+                out.print()
+                out.print(Text(step.text), soft_wrap=True)
+                show_command("robust", step.command, *step.words)
+                if _carry_out(step, run) == UNDECIDED:
+                    return UNDECIDED
+        out.print()
+    out.print(Text("Where to go next", style="bold"))
+    for command, what in _NEXT:
+        out.print(Text.assemble("  ", (f"{command:<36}", "cyan"), what), soft_wrap=True)
+    return 0
+
+
+def _carry_out(step: _Step, run: Run) -> int:
+    found: Action[Any] = plans.check if step.command == "check" else plans.envelope
+    given = read_options(found.options, step.words) or {}
+    with as_typed(given):
+        options = found.options(**given)
+        with Run(run.guard, options) as one:
+            return found.carry_out(options, one)
+
+
+@contextmanager
+def _inside(directory: Path) -> Iterator[None]:
+    """So that commands can be shown as short as they would be typed."""
+    before = Path.cwd()
+    os.chdir(directory)
+    try:
+        yield
+    finally:
+        os.chdir(before)

@@ -1,0 +1,239 @@
+"""`robust check`, `envelope`, `region` and `compare`: questions about a plan, and what is shown of the answers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from robust.cli.build import action
+from robust.files import atomic_write
+from robust.numbers import readable
+from robust.options import CheckCommand, CompareCommand, EnvelopeCommand, PlanCommand, RegionCommand, place_of
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from robust.api import Search
+    from robust.cli.guard import Run
+    from robust.execute.controllability.assess import ControllabilityReport
+    from robust.irr.check import CheckResult, Counterexample
+    from robust.irr.compare import Comparison
+    from robust.irr.search import EnvelopeResult
+    from robust.plan.model import ParametrizedPlan
+    from robust.qe.compute import RegionResult
+
+CODES = {
+    "proved": 0,
+    "refuted": 1,
+    "unknown": 3,
+    "complete": 0,
+    "invalid": 1,
+    "timeout": 3,
+    "interrupted": 3,
+}
+"""Exit codes of verdicts, and of how searches end."""
+
+
+def load(options: PlanCommand) -> ParametrizedPlan:
+    """The plan that a command is about."""
+    from robust.plan.load import load_plan
+
+    files = (options.domain, options.problem, options.plan)
+    return load_plan(*files, parameters=options.parameter, parameter_file=options.parameters)
+
+
+@action(CheckCommand)
+def check(options: CheckCommand, run: Run) -> int:
+    """Is the plan valid for every schedule that its network allows? If not, show one that fails."""
+    from robust.show import text
+
+    def begin() -> Search[CheckResult]:
+        from robust.api import searching_check
+
+        plan = load(options)
+        run.display.say("encoding")
+        return searching_check(plan, options.changed(timeout=run.remaining, on_obligation=run.display.obligation))
+
+    def show(result: CheckResult) -> None:
+        def document() -> dict[str, Any]:
+            from robust.show import documents
+
+            return documents.check(result, options)
+
+        run.answer(document, lambda out: text.print_check(out, result, every=options.every, quiet=options.quiet))
+
+    result = run.best(begin, show)
+    show(result)
+    return CODES[result.answer.value]
+
+
+@action(EnvelopeCommand)
+def envelope(options: EnvelopeCommand, run: Run) -> int:
+    """How far may parameters deviate, all at once, before the plan can fail? Ctrl-C prints the best box so far."""
+    from robust.show import text
+
+    plan: ParametrizedPlan | None = None
+
+    def begin() -> Search[EnvelopeResult]:
+        nonlocal plan
+        from robust.api import searching_envelope
+
+        plan = load(options)
+        run.display.say("encoding, then checking the nominal values")
+        return searching_envelope(plan, options.changed(timeout=run.remaining, on_step=run.display.step))
+
+    def show(
+        result: EnvelopeResult,
+        counterexample: Counterexample | None = None,
+        report: ControllabilityReport | None = None,
+    ) -> None:
+        def tell(out: Console) -> None:
+            quiet = options.quiet
+            text.print_envelope(out, result, promise=_promise(options), quiet=quiet, counterexample=counterexample)
+            if report is not None:
+                from robust.show.execution import print_controllability
+
+                print_controllability(out, report, quiet=quiet)
+
+        def document() -> dict[str, Any]:
+            from robust.show import documents
+
+            wanted = options.controllability is not None
+            return documents.envelope(result, counterexample, report, controllability=wanted)
+
+        run.answer(document, tell)
+
+    result = run.best(begin, show)
+    counterexample = report = None
+    if plan is not None and result.status.value == "invalid":
+        counterexample = _counterexample(options, run, plan)
+    if plan is not None and options.controllability is not None and result.verified:
+        report = _controllability(options, run, plan, result)
+    show(result, counterexample, report)
+    if options.plot is not None and result.verified:
+        from robust.show.plots import plot_envelope
+
+        plot_envelope(result, options.plot)
+    return CODES[result.status.value]
+
+
+def _promise(options: EnvelopeCommand) -> str:
+    """What a complete box of this method is, for people."""
+    if options.precision is not None:
+        gap = options.precision * 2 if options.doubling else options.precision
+        return f"no end can move outwards by {readable(gap)} or more"
+    if options.method == "optimal":
+        where = "around the nominal values" if options.contain_nominal else "in the envelope"
+        return f"no box {where} is wider"
+    return "no valid box contains this one"
+
+
+def _counterexample(options: EnvelopeCommand, run: Run, plan: ParametrizedPlan) -> Counterexample | None:
+    """What happens at the nominal point of an invalid plan; None if there is no schedule, or no time left."""
+    from robust.api import check as ask
+
+    def again() -> CheckResult:
+        return ask(
+            plan,
+            epsilon=options.epsilon,
+            encoding=options.encoding,
+            solver=options.solver,
+            timeout=run.remaining,
+        )
+
+    checked = run.also("looking for a schedule that fails", again)
+    if checked is None or checked.answer.value != "refuted":
+        return None
+    return next(iter(checked.counterexamples.values()), None)
+
+
+def _controllability(
+    options: EnvelopeCommand, run: Run, plan: ParametrizedPlan, result: EnvelopeResult
+) -> ControllabilityReport | None:
+    """What a dispatcher may not know; None if that was interrupted."""
+    from robust.execute.controllability.assess import assess
+
+    kind, solver = options.controllability or "", options.solver
+    return run.also(
+        "asking whether the box is controllable",
+        lambda: assess(plan, result.box, kind, solver=solver, timeout=run.remaining),
+    )
+
+
+@action(RegionCommand)
+def region(options: RegionCommand, run: Run) -> int:
+    """For exactly which parameter values is the plan valid? Out of time, an outer bound is printed."""
+    from robust.show import regions
+
+    plan: ParametrizedPlan | None = None
+    pieces = 0
+
+    def on_piece(_piece: object) -> None:
+        nonlocal pieces
+        pieces += 1
+        run.display.say(f"polyhedra of bad values: {pieces}")
+
+    def begin() -> Search[RegionResult]:
+        nonlocal plan
+        from robust.api import searching_region
+
+        plan = load(options)
+        if options.plot is not None:
+            regions.shown_axes(plan, options.axes or ())
+        run.display.say("encoding")
+        return searching_region(plan, options.changed(timeout=run.remaining, on_piece=on_piece))
+
+    def show(result: RegionResult) -> None:
+        def tell(out: Console) -> None:
+            if options.latex:
+                regions.print_latex(out, result)
+            else:
+                regions.print_region(out, result, quiet=options.quiet)
+
+        def document() -> dict[str, Any]:
+            from robust.show import documents
+
+            return documents.region(result, options.separation)
+
+        run.answer(document, tell)
+
+    found = run.best(begin, show)
+    result = found
+    if run.guard.cause is None:  # else there is no time left for a shorter form
+        simpler = run.also("simplifying", lambda: replace(found, region=regions.in_form(found.region, options.form)))
+        result = simpler or found
+    show(result)
+    if options.plot is not None and plan is not None:
+        regions.plot_slice(result.region, plan, options.plot, options.axes or ())
+    return 0 if result.is_exact else 3
+
+
+@action(CompareCommand)
+def compare(options: CompareCommand, run: Run) -> int:
+    """How much of the exact region does each box cover, and what breaks just outside each of its faces?"""
+    from robust.show import regions
+
+    def begin() -> Search[Comparison]:
+        from robust.api import searching_compare
+
+        plan = load(options)
+        if options.plot is not None:
+            regions.shown_axes(plan, options.axes or ())
+        return searching_compare(plan, options.changed(timeout=run.remaining, on_stage=run.display.say))
+
+    def show(result: Comparison) -> None:
+        def document() -> dict[str, Any]:
+            from robust.show import documents
+
+            return documents.compare(result)
+
+        run.answer(document, lambda out: regions.print_comparison(out, result, quiet=options.quiet))
+
+    result = run.best(begin, show)
+    show(result)
+    if options.plot is not None and result.region is not None:
+        regions.plot_comparison(result, options.plot, options.axes or ())
+    if options.html is not None:
+        page = regions.html_report(result, options.axes or ())
+        atomic_write(options.html, page, place_of("html"))
+    return CODES[result.status.value]

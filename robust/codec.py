@@ -1,0 +1,95 @@
+"""JSON from types, and back: what is printed, kept or sent is declared once, as a class.
+
+Exact numbers are strings (`"1/3"`), an end of an interval that is none is `"inf"` or `"-inf"`, seconds are JSON
+numbers. The schema of a class is generated from it; fields that it does not have are errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+from msgspec import Meta, Struct
+
+from robust.errors import InputError, Location
+from robust.numbers import is_number, parse_number
+
+Rational = Annotated[
+    str, Meta(pattern="^-?[0-9]+(/[1-9][0-9]*)?$", description="a rational: an integer or a reduced fraction")
+]
+End = Annotated[str, Meta(pattern="^(-?inf|-?[0-9]+(/[1-9][0-9]*)?)$", description="a rational, inf or -inf")]
+Seconds = Annotated[float, Meta(ge=0, description="seconds")]
+Count = Annotated[int, Meta(ge=0)]
+Made = TypeVar("Made")
+
+
+class JsonObject(Struct, kw_only=True, forbid_unknown_fields=True):
+    """An object of JSON; other fields than its own are errors."""
+
+
+def about(description: str) -> Meta:
+    """A description for schemas."""
+    return Meta(description=description)
+
+
+def one_of(*values: str | int) -> Meta:
+    """All that there may be."""
+    return Meta(extra_json_schema={"enum": list(values)})
+
+
+def plain(value: object) -> Any:
+    """A record, or anything made of some, as dictionaries, lists, texts and numbers."""
+    return msgspec.to_builtins(value, enc_hook=_plain)
+
+
+def _plain(value: object) -> Any:
+    match value:
+        case Fraction() | Path():
+            return str(value)
+        case Enum():
+            return value.value
+        case Mapping():
+            return dict(value)
+        case _:
+            raise NotImplementedError(f"{type(value).__name__} has no JSON")
+
+
+def from_json(kind: type[Made], text: str | bytes, place: Location) -> Made:
+    """Read a record, and Fractions exactly.
+
+    Raises:
+        InputError: if the text is no JSON, or not of that type; the message says where in it.
+    """
+    try:
+        return msgspec.json.decode(text, type=kind, dec_hook=_exact)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError(f"{error}", place) from None
+
+
+def _exact(kind: type, value: Any) -> Any:
+    if kind is Fraction and (isinstance(value, int) or (isinstance(value, str) and is_number(value))):
+        return Fraction(value) if isinstance(value, int) else parse_number(value)
+    raise ValueError(f"found {value!r}, expected {'a rational' if kind is Fraction else kind.__name__}")
+
+
+def schema_of(kind: Any, title: str, description: str) -> dict[str, Any]:
+    """The JSON Schema (draft 2020-12) of a class; its `RULES` are what types cannot say."""
+    (found,), parts = msgspec.json.schema_components([kind], schema_hook=_schema, ref_template="#/$defs/{name}")
+    top = parts.pop(found["$ref"].rsplit("/", 1)[1]) if "$ref" in found else found
+    top.pop("title", None)
+    for part in parts.values():
+        part.pop("title", None)
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title, "description": description}
+    rest = {key: value for key, value in top.items() if key != "description"}
+    rest |= getattr(kind, "RULES", {})
+    return head | rest | ({"$defs": parts} if parts else {})
+
+
+def _schema(kind: type) -> dict[str, Any]:
+    if kind is Fraction:
+        return {"type": "string", "pattern": "^-?[0-9]+(/[1-9][0-9]*)?$"}
+    raise NotImplementedError(kind.__name__)

@@ -1,0 +1,642 @@
+"""Proofs that a problem has no plan, which are quick, and asked for before any planner is.
+
+A planner that looks for a plan where deadlines are out of reach uses up its time, and is none the wiser.
+
+The problem is relaxed to the ground actions that may matter, by what they need and change. Only facts that are needed
+positively are kept. Numeric conditions, negations and alternatives that may hold are left out, conditional effects that
+add happen, those that delete do not: every plan of the problem is one of what is left.
+
+Lower bounds follow for the times at which pairs of facts can hold together, by h² with durations, deadlines and running
+actions. The bound of a pair of facts is the least over all ways to make one of them true while the other one holds, or
+both at once; what a way needs are pairs again [Haslum & Geffner, Heuristic planning with time and resources, 2001, §3].
+There actions need and keep everything all the time. Here they are those of PDDL 2.1, with starts and ends: that an
+action is running is a fact as well, made true by its start and false by its end. What holds when an action ends has
+held since its start, or has come to hold while it was running, and only in the first case the duration comes on top.
+
+Soundness. What happens at one moment of a valid plan is not mutex, and can be put in a row: ends, then timed literals
+and instantaneous actions, then starts. In this row, whenever two facts hold together, it is not before their bound:
+
+- What holds strictly during an action is not made false while it is running, but perhaps by something that ends at the
+  same moment. So no start and no instantaneous action makes it false while the action runs; ends may.
+- It holds right after the start, and not because of the start of another action, unless that can make it true.
+- That no other copy of an action runs when it ends is only used if no copy can start while it runs, by these bounds.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from itertools import repeat
+from math import inf, lcm
+from operator import lt
+from typing import assert_never
+
+from robust.errors import RobustError
+from robust.execute.planners.interface import Planner, PlannerAnswer, PlannerStatus
+from robust.numbers import format_number
+from robust.plan import model
+from robust.plan.pddl import syntax
+from robust.plan.pddl.declarations import fits
+from robust.plan.pddl.grounding import ground_action, ground_goal
+from robust.plan.polynomial import Polynomial
+from robust.smt.limits import Deadline, OutOfTimeError
+
+Time = float
+"""Ticks: whole numbers as `int`, which are exact, and `inf` for never."""
+
+MOST_ACTIONS = 1000
+"""Ground actions; what is computed for pairs of facts takes too long for more."""
+
+
+class TooLargeError(Exception):
+    """The problem has more ground actions than are looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One end of an action, by numbers of facts: what holds just before it, and what it makes true and false."""
+
+    needs: frozenset[int]
+    adds: frozenset[int]
+    deletes: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True)
+class RelaxedAction:
+    """A ground action. `end` is None if it is instantaneous; `during` holds strictly between start and end.
+
+    `shortest` is the least duration in ticks. At zero there may be nothing in between, and `during` is empty.
+    """
+
+    name: str
+    shortest: int
+    start: Change
+    end: Change | None
+    during: frozenset[int]
+
+    @property
+    def until(self) -> frozenset[int]:
+        """What holds during the action or just before its end."""
+        return self.during if self.end is None else self.during | self.end.needs
+
+
+@dataclass(frozen=True)
+class RelaxedProblem:
+    """Facts are atoms by their number; those that always hold or never can are not among them.
+
+    `arrivals` are the moments at which timed literals make facts true. `last` is when a fact ends for good, for those
+    that no action can make true again. Times are counted in ticks, `ticks` to a unit of time.
+    """
+
+    facts: tuple[model.Atom, ...]
+    actions: tuple[RelaxedAction, ...]
+    initial: frozenset[int]
+    arrivals: tuple[tuple[int, int], ...]
+    last: Mapping[int, int]
+    goal: model.Condition
+    ever: Collection[model.Atom]
+    ticks: int
+
+    @cached_property
+    def number(self) -> dict[model.Atom, int]:
+        return {atom: i for i, atom in enumerate(self.facts)}
+
+
+def relaxed_problem(domain: syntax.Domain, problem: syntax.Problem, deadline: Deadline) -> RelaxedProblem:
+    """The relaxation of a problem.
+
+    Raises:
+        TooLargeError: if there are more than :data:`MOST_ACTIONS` ground actions.
+        OutOfTimeError: at the deadline.
+        RobustError: for an action that cannot be made ground, as one that divides by zero.
+    """
+    constants = _Constants(domain, problem)
+    candidates = []
+    for schema in domain.actions.values():
+        for arguments in _arguments(schema, domain, problem, constants):
+            deadline.enforce()
+            ground = ground_action(domain, problem, schema.name, schema.name, arguments, schema.durative, None)
+            shortest = constants.shortest(ground)
+            if shortest is not None:
+                candidates.append((ground, shortest))
+            if len(candidates) > MOST_ACTIONS:
+                raise TooLargeError
+    goal = model.And(tuple(one.condition for one in ground_goal(domain, problem)))
+    return _Builder(problem, constants, goal).build(candidates)
+
+
+_Candidate = tuple[model.ActionInstance, Fraction]
+
+
+class _Constants:
+    """What nothing changes: predicates and functions that no action and no timed literal has an effect on."""
+
+    def __init__(self, domain: syntax.Domain, problem: syntax.Problem) -> None:
+        changing = {effect.proposition.predicate for one in domain.actions.values() for effect in _literals(one)}
+        changing |= {one.target.predicate for one in problem.timed_literals if isinstance(one.target, model.Atom)}
+        self._changing = changing
+        self._moving = {one.target.function for one in problem.timed_literals if isinstance(one.target, model.Fluent)}
+        self._moving |= domain.written
+        self._problem = problem
+
+    def fixed(self, predicate: str) -> bool:
+        return predicate not in self._changing
+
+    def holds(self, atom: model.Atom) -> bool:
+        return atom in self._problem.atoms
+
+    def value(self, expression: model.Expression) -> model.Expression | None:
+        """The expression with numbers for constant functions; None if one has no value."""
+        fluents = [one for one in model.fluents_in(expression) if one.function not in self._moving]
+        if not self._problem.fluents.keys() >= set(fluents):
+            return None
+        known: dict[model.NumericVariable, model.Expression] = {}
+        known.update((one, Polynomial.constant(self._problem.fluents[one])) for one in fluents)
+        return expression.substitute(lambda one: known.get(one) or Polynomial.variable(one))
+
+    def may_hold(self, compared: model.Comparison) -> bool:
+        """Whether a comparison may be true at some time: only those of constants are decided."""
+        value = self.value(compared.expression)
+        return value is None or not value.is_constant or compared.relation.holds(value.constant_term)
+
+    def shortest(self, action: model.ActionInstance) -> Fraction | None:
+        """The least duration as far as it is known; None if there is none, so that the action is never executed."""
+        lower, upper = Fraction(0), None
+        for one in action.durations:
+            expression = self.value(one.condition.expression)
+            if expression is None:
+                return None
+            if expression.variables != frozenset((model.Duration(),)) or not expression.is_linear:
+                continue
+            factor = dict(expression.coefficients())[model.Duration()]
+            bound = -expression.constant_term / factor
+            if factor > 0 or one.condition.relation is model.Relation.EQUAL:
+                lower = max(lower, bound)
+            if factor < 0 or one.condition.relation is model.Relation.EQUAL:
+                upper = bound if upper is None else min(upper, bound)
+        return None if upper is not None and upper < lower else lower
+
+
+def _literals(schema: syntax.ActionSchema) -> Iterator[syntax.LiteralEffect]:
+    return (one for one in syntax.primitive(schema.effects) if isinstance(one, syntax.LiteralEffect))
+
+
+def _arguments(
+    schema: syntax.ActionSchema, domain: syntax.Domain, problem: syntax.Problem, constants: _Constants
+) -> Iterator[tuple[str, ...]]:
+    """The arguments with which the constant propositions among an action's conditions at start and end hold."""
+    places = {parameter.name: i for i, parameter in enumerate(schema.parameters)}
+    checks: dict[int, list[syntax.Proposition]] = {}
+    for timed in schema.conditions:
+        # what holds over all is left for later: without a duration, it need not hold
+        for one in _propositions(timed.condition) if timed.timing is not model.Timing.OVER_ALL else ():
+            if constants.fixed(one.predicate):
+                place = max((places[term.name] for term in one.arguments if term.variable), default=-1)
+                checks.setdefault(place, []).append(one)
+    choices = [
+        [one.name for one in problem.objects.values() if fits(one.types, parameter.types, domain.types)]
+        for parameter in schema.parameters
+    ]
+
+    def fulfilled(chosen: Sequence[str]) -> bool:
+        return all(
+            constants.holds(
+                model.Atom(
+                    one.predicate, tuple(chosen[places[t.name]] if t.variable else t.name for t in one.arguments)
+                )
+            )
+            for one in checks.get(len(chosen) - 1, ())
+        )
+
+    def extended(chosen: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+        if not fulfilled(chosen):
+            return
+        if len(chosen) == len(choices):
+            yield chosen
+            return
+        for name in choices[len(chosen)]:
+            yield from extended((*chosen, name))
+
+    return extended(())
+
+
+def _propositions(condition: syntax.LiftedCondition) -> Iterator[syntax.Proposition]:
+    if isinstance(condition, syntax.Proposition):
+        yield condition
+    elif isinstance(condition, syntax.Conjunction):
+        for operand in condition.operands:
+            yield from _propositions(operand)
+
+
+@dataclass
+class _Builder:
+    """Finds out which facts and actions matter, and numbers them."""
+
+    problem: syntax.Problem
+    constants: _Constants
+    goal: model.Condition
+    ever: set[model.Atom] = field(default_factory=set)
+    """What may be true at some time, as far as this can be seen without time and deletions."""
+
+    def build(self, candidates: list[_Candidate]) -> RelaxedProblem:
+        possible = self._possible(candidates)
+        effects = [effect for action, _ in possible for effect in action.atom_effects]
+        added = {one.atom for one in effects if one.value}
+        facts = self._facts(possible, {one.atom for one in effects if not one.value})
+        number = {atom: i for i, atom in enumerate(facts)}
+        ticks = lcm(*(shortest.denominator for _, shortest in possible), *(t.denominator for t, _, _ in self._literals))
+        actions = (_action(action, int(shortest * ticks), number) for action, shortest in possible)
+        return RelaxedProblem(
+            facts=facts,
+            actions=tuple(one for one in actions if one is not None),
+            initial=frozenset(number[atom] for atom in self.problem.atoms if atom in number),
+            arrivals=tuple(
+                (int(t * ticks), number[one]) for t, one, value in self._literals if value and one in number
+            ),
+            last={number[one]: int(t * ticks) for one, t in self._lasts(number.keys() - added).items()},
+            goal=self.goal,
+            ever=frozenset(self.ever),
+            ticks=ticks,
+        )
+
+    @cached_property
+    def _literals(self) -> list[tuple[Fraction, model.Atom, bool]]:
+        """Timed literals about atoms; at one moment, those that make an atom true count, and come last."""
+        found = [
+            (one.time, one.target, bool(one.value))
+            for one in self.problem.timed_literals
+            if isinstance(one.target, model.Atom)
+        ]
+        return sorted(found, key=lambda one: (one[0], one[2]))
+
+    def _facts(self, possible: list[_Candidate], deleted: set[model.Atom]) -> tuple[model.Atom, ...]:
+        """What is needed by something, may be true, and is not always true."""
+        deleted = deleted | {atom for _, atom, value in self._literals if not value}
+        wanted = {
+            atom for action, _ in possible for timed in action.conditions for atom in _needed(timed.condition)
+        } | _mentioned(self.goal)
+        return tuple(sorted(one for one in wanted & self.ever if one in deleted or one not in self.problem.atoms))
+
+    def _possible(self, candidates: list[_Candidate]) -> list[_Candidate]:
+        """The actions whose conditions may hold, without regard to time and deletions.
+
+        Those of its end may come to hold because of its start. An action that cannot end is never started.
+        """
+        begin = set(self.problem.atoms) | {atom for _, atom, value in self._literals if value}
+        while True:
+            self.ever = set(begin)
+            self._grow(candidates)
+            possible = [one for one in candidates if self._may_happen(one, model.Timing.AT_END)]
+            if len(possible) == len(candidates):
+                return possible
+            candidates = possible
+
+    def _grow(self, candidates: list[_Candidate]) -> None:
+        """Add what the actions can make true to what may be true."""
+        waiting = [(one, timing) for one in candidates for timing in (model.Timing.AT_START, model.Timing.AT_END)]
+        while True:
+            left = []
+            for candidate, timing in waiting:
+                if self._may_happen(candidate, timing):
+                    effects = candidate[0].atom_effects
+                    self.ever |= {one.atom for one in effects if one.value and one.timing is timing}
+                else:
+                    left.append((candidate, timing))
+            if len(left) == len(waiting):
+                return
+            waiting = left
+
+    def _may_happen(self, candidate: _Candidate, timing: model.Timing) -> bool:
+        """Whether all conditions up to the start or the end of an action may hold at some time."""
+        action, shortest = candidate
+        timings = {model.Timing.AT_START}
+        if timing is model.Timing.AT_END:
+            timings |= {model.Timing.AT_END, model.Timing.OVER_ALL} if shortest else {model.Timing.AT_END}
+        return all(self._may_hold(timed.condition) for timed in action.conditions if timed.timing in timings)
+
+    def _may_hold(self, condition: model.Condition) -> bool:
+        match condition:
+            case model.Holds(atom, value):
+                always = self.constants.fixed(atom.predicate) and self.constants.holds(atom)
+                return atom in self.ever if value else not always
+            case model.Comparison():
+                return self.constants.may_hold(condition)
+            case model.And(operands):
+                return all(map(self._may_hold, operands))
+            case model.Or(operands):
+                return any(map(self._may_hold, operands))
+            case model.Truth(value):
+                return value
+            case _:
+                assert_never(condition)
+
+    def _lasts(self, atoms: Collection[model.Atom]) -> dict[model.Atom, Fraction]:
+        """For atoms that no action adds: when the last timed literal makes them false, unless one makes them true."""
+        lasts: dict[model.Atom, Fraction] = {}
+        for moment, atom, value in self._literals:
+            if value:
+                lasts.pop(atom, None)
+            elif atom in atoms:
+                lasts[atom] = moment
+        return lasts
+
+
+def _action(ground: model.ActionInstance, shortest: int, number: Mapping[model.Atom, int]) -> RelaxedAction | None:
+    """The action by numbers of facts; None if its start makes a condition false that holds during all of it."""
+
+    def needs(timing: model.Timing) -> frozenset[int]:
+        timed = (one for one in ground.conditions if one.timing is timing)
+        return frozenset(number[atom] for one in timed for atom in _needed(one.condition) if atom in number)
+
+    def change(timing: model.Timing) -> Change:
+        effects = [one for one in ground.atom_effects if one.timing is timing and one.atom in number]
+        adds = frozenset(number[one.atom] for one in effects if one.value)
+        deletes = frozenset(number[one.atom] for one in effects if not one.value and one.condition == model.Truth(True))
+        return Change(needs(timing), adds, deletes - adds)
+
+    start = change(model.Timing.AT_START)
+    during = needs(model.Timing.OVER_ALL) if shortest else frozenset()
+    if during & start.deletes:
+        return None
+    return RelaxedAction(str(ground), shortest, start, change(model.Timing.AT_END) if ground.durative else None, during)
+
+
+def _needed(condition: model.Condition) -> Iterator[model.Atom]:
+    """The atoms that are true whenever the condition is: its positive conjuncts."""
+    return (one.atom for one in model.conjuncts(condition) if isinstance(one, model.Holds) and one.value)
+
+
+def _mentioned(condition: model.Condition) -> set[model.Atom]:
+    return {leaf.atom for leaf in model.leaves(condition) if isinstance(leaf, model.Holds)}
+
+
+NAME = "reachability"
+_SHARE = 0.25
+_LONGEST = 10.0
+"""Of the time for a plan, no more than this share, and no more than so many seconds."""
+
+
+def unreachable(domain: syntax.Domain, problem: syntax.Problem, deadline: Deadline) -> str | None:
+    """Why a problem has no plan, in one line; None if that is not found out, which says nothing.
+
+    The proof is that of :class:`robust.execute.planners.reachability.EarliestTimes`, as far as it gets by the deadline.
+    """
+    try:
+        relaxed = relaxed_problem(domain, problem, deadline)
+        times = EarliestTimes(relaxed, deadline)
+    except (TooLargeError, OutOfTimeError, RobustError):
+        return None  # it is for the planner to say what is wrong with the problem
+    return _reason(relaxed, times) if times.condition(relaxed.goal) == inf else None
+
+
+def _reason(problem: RelaxedProblem, times: EarliestTimes) -> str:
+    late = sorted(times.too_late.items(), key=lambda item: str(problem.facts[item[0]]))
+    if not late:
+        return "the goal is out of reach, whatever is done"
+    parts = [
+        f"{problem.facts[fact]} ends at {_number(problem.last[fact], problem)}, "
+        f"and what needs it would end at {_number(int(moment), problem)} or later"
+        for fact, moment in late
+    ]
+    return f"the goal is out of reach: {'; '.join(parts)}"
+
+
+def _number(ticks: int, problem: RelaxedProblem) -> str:
+    return format_number(Fraction(ticks, problem.ticks))
+
+
+@dataclass(frozen=True, slots=True)
+class ReachabilityFirst:
+    """A planner that is only asked if no proof is found that there is no plan."""
+
+    planner: Planner
+
+    @property
+    def name(self) -> str:
+        return self.planner.name
+
+    def solve(self, domain: syntax.Domain, problem: syntax.Problem, deadline: Deadline) -> PlannerAnswer:
+        """See :class:`robust.execute.planners.interface.Planner`; a proof answers in the name of `reachability`."""
+        start = time.monotonic()
+        remaining = deadline.remaining
+        share = _LONGEST if remaining is None else min(_LONGEST, remaining * _SHARE)
+        reason = unreachable(domain, problem, Deadline.after(share))
+        if reason is None:
+            return self.planner.solve(domain, problem, deadline)
+        return PlannerAnswer(NAME, PlannerStatus.NO_PLAN, None, time.monotonic() - start, reason)
+
+
+class EarliestTimes:
+    """Lower bounds for all pairs of facts, in ticks; `inf` is never.
+
+    Args:
+        problem: what is asked about.
+        deadline: when to stop.
+
+    Raises:
+        OutOfTimeError: at the deadline.
+    """
+
+    def __init__(self, problem: RelaxedProblem, deadline: Deadline) -> None:
+        self._problem = problem
+        self._atoms = len(problem.facts)
+        size = self._atoms + len(problem.actions)
+        self._size = size
+        self._pair: list[list[Time]] = [[inf] * size for _ in range(size)]
+        self._single: list[Time] = [inf] * size
+        self._since: list[list[Time]] = [[inf] * size for _ in problem.actions]
+        """When an action can have started with a fact that holds right after the start."""
+        self._meanwhile: list[list[Time]] = [[inf] * len(problem.actions) for _ in range(size)]
+        """When a fact can come to hold while an action is running."""
+        self._began: list[Time] = [inf] * len(problem.actions)
+        self._last: list[Time] = [problem.last.get(fact, inf) for fact in range(self._atoms)]
+        self._last += [min((self._last[fact] for fact in one.until), default=inf) for one in problem.actions]
+        self._overlapping: set[int] = set()
+        durative = [(one, one.end) for one in problem.actions if one.end is not None]
+        begun = frozenset(fact for action, _ in durative for fact in action.start.adds)
+        undone = frozenset(fact for _, end in durative for fact in end.deletes)
+        self._steps = [_Bounds(number, one, begun, undone) for number, one in enumerate(problem.actions)]
+        self._run(deadline)
+
+    @property
+    def too_late(self) -> dict[int, Time]:
+        """For facts that end for good: how early something could be done that needs them, and is too late."""
+        found: dict[int, Time] = {}
+        for step in self._steps:
+            for late in (step.late_start, step.late_end):
+                for fact in step.all_needs if late < inf else ():
+                    if late > self._last[fact]:
+                        found[fact] = min(late, found.get(fact, inf))
+        return found
+
+    def together(self, facts: Iterable[int]) -> Time:
+        """The bound of facts that hold together: that of the worst pair."""
+        chosen = tuple(facts)
+        return max((self._pair[a][b] for a in chosen for b in chosen), default=0)
+
+    def condition(self, condition: model.Condition) -> Time:
+        """When a condition can hold: negations and numbers always, as far as this bound is concerned."""
+        number, alternatives, facts = self._problem.number, [], []
+        for one in model.conjuncts(condition):
+            match one:
+                case model.Holds(atom, True) if atom in number:
+                    facts.append(number[atom])
+                case model.Holds(atom, True) if atom not in self._problem.ever:
+                    return inf
+                case model.Or(operands):
+                    alternatives.append(min(map(self.condition, operands), default=inf))
+                case model.Truth(False):
+                    return inf
+                case _:
+                    pass
+        return max([self.together(facts), *alternatives])
+
+    # -- the fixpoint ------------------------------------------------------------------------------------------------
+
+    def _run(self, deadline: Deadline) -> None:
+        for a in self._problem.initial:
+            for b in self._problem.initial:
+                self._pair[a][b] = 0
+            self._single[a] = 0
+        self._changed = set(range(self._size))
+        while self._changed:
+            changed, self._changed = self._changed, set()
+            for arrival, fact in self._problem.arrivals:
+                self._arrive(arrival, fact)
+            for step in self._steps:
+                deadline.enforce()
+                if self._is_due(step, changed):
+                    self._start(step)
+                    self._end(step)
+            if not self._changed:
+                self._changed = self._let_overlap()
+
+    def _is_due(self, step: _Bounds, changed: set[int]) -> bool:
+        """Whether something has changed that the bounds of a step depend on; without needs, that is everything."""
+        inputs = (*step.all_needs, self._atoms + step.number)
+        return not step.needs or any(fact in changed or fact in self._changed for fact in inputs)
+
+    def _let_overlap(self) -> set[int]:
+        """Actions that may be started while they run, found out just now: their ends leave them running."""
+        found = {step.number for step in self._steps if step.number not in self._overlapping and step.restart < inf}
+        self._overlapping |= found
+        return {self._atoms + number for number in found}
+
+    def _arrive(self, time: int, fact: int) -> None:
+        if time <= self._last[fact]:
+            values = [
+                time if single <= time <= last else inf for single, last in zip(self._single, self._last, strict=True)
+            ]
+            self._achieve((fact,), time, values)
+
+    def _broken(self, change: Change) -> Iterator[int]:
+        """The running actions that something breaks: facts that it makes false hold during them."""
+        if change.deletes:
+            for number, action in enumerate(self._problem.actions):
+                if not change.deletes.isdisjoint(action.during):
+                    yield self._atoms + number
+
+    def _start(self, step: _Bounds) -> None:
+        base = self.together(step.needs)
+        latest = step.latest_start(self._last)
+        step.late_start = base + step.action.shortest if base > latest else inf
+        if base > latest or base == inf:
+            return
+        values = list(map(max, repeat(base), self._single, *(self._pair[fact] for fact in step.needs)))
+        values = [v if v <= last else inf for v, last in zip(values, self._last, strict=True)]
+        if latest < inf:
+            values = [v if v <= latest else inf for v in values]
+        action = step.action
+        for fact in action.start.deletes:
+            values[fact] = inf
+        for running in self._broken(action.start):
+            values[running] = inf
+        if action.end is None:
+            self._achieve(action.start.adds, base, values)
+            return
+        running = self._atoms + step.number
+        step.restart = values[running]
+        self._achieve((*action.start.adds, running), base, values)
+        since = self._since[step.number]
+        for fact in action.start.adds:
+            values[fact] = base
+        values[running] = base
+        if any(map(lt, values, since)):
+            self._since[step.number] = list(map(min, values, since))
+            self._changed.add(running)
+        self._began[step.number] = min(self._began[step.number], base)
+
+    def _end(self, step: _Bounds) -> None:
+        change, shortest = step.action.end, step.action.shortest
+        began = self._began[step.number]
+        if change is None or began == inf:
+            return
+        number, done = step.number, began + shortest
+        since = self._since[number]
+        held = [min(since[fact] + shortest, max(self._meanwhile[fact][number], done)) for fact in range(self._size)]
+        base = max([done, self.together(step.before_end), *(held[fact] for fact in step.before_end)])
+        running = self._atoms + number
+        step.late_end = base if base > self._last[running] else inf
+        if base > self._last[running] or base == inf:
+            return
+        last_end = self._last[running]
+        values = list(map(max, repeat(base), held, self._single, *(self._pair[fact] for fact in step.at_end)))
+        values = [v if v <= last and v <= last_end else inf for v, last in zip(values, self._last, strict=True)]
+        for fact in change.deletes:
+            values[fact] = inf
+        if number not in self._overlapping:
+            values[running] = inf
+        self._achieve(change.adds, base, values)
+
+    def _achieve(self, adds: Iterable[int], base: Time, values: list[Time]) -> None:
+        """Facts are made true at `base` at the earliest, and at `values` together with the others."""
+        chosen = [fact for fact in adds if base <= self._last[fact]]
+        for fact in chosen:
+            self._lower(fact, values)
+            for other in chosen:
+                if base < self._pair[fact][other]:
+                    self._pair[fact][other] = self._pair[other][fact] = base
+                    self._changed |= {fact, other}
+            self._single[fact] = min(self._single[fact], base)
+
+    def _lower(self, fact: int, values: list[Time]) -> None:
+        row, last = self._pair[fact], self._last[fact]
+        if any(map(lt, values, row)):
+            for other, value in enumerate(values):
+                if value < row[other] and value <= last:
+                    row[other] = self._pair[other][fact] = value
+                    self._changed |= {fact, other}
+        meanwhile = self._meanwhile[fact]
+        for number, value in enumerate(values[self._atoms :]):
+            if value < meanwhile[number] and value <= last:
+                meanwhile[number] = value
+                self._changed.add(self._atoms + number)
+
+
+class _Bounds:
+    """What of an action is looked at again and again.
+
+    Some start makes the facts `begun` true, and some end makes the facts `undone` false.
+    """
+
+    def __init__(self, number: int, action: RelaxedAction, begun: frozenset[int], undone: frozenset[int]) -> None:
+        self.number = number
+        self.action = action
+        self.restart: Time = inf
+        """When the action can be started while it runs."""
+        self.late_start: Time = inf
+        self.late_end: Time = inf
+        """When its end comes at the earliest if that is too late, as seen from its start, or from its end."""
+        self.needs = tuple(action.start.needs | (action.during - action.start.adds - begun))
+        self.before_end = tuple(action.until)
+        self.at_end = tuple((frozenset() if action.end is None else action.end.needs) | (action.during - undone))
+        self.all_needs = action.start.needs | action.until
+
+    def latest_start(self, last: list[Time]) -> Time:
+        """When it starts at the latest to end in time."""
+        action = self.action
+        lasts = [last[fact] - action.shortest for fact in action.until]
+        return min([*lasts, *(last[fact] for fact in action.start.needs)], default=inf)

@@ -1,0 +1,329 @@
+"""Searches that know what is bad: exact widening, and the box of greatest weighted width Σ ω(u − l) [IRR §5, CCMMZ].
+
+A box misses a bad polyhedron if and only if its ends break one of the inequalities of that polyhedron's projection onto
+the ends of the boxes that meet it; so each bad polyhedron known is one clause over the 2n ends. Models of the clauses
+are improved by linear programming until no better one exists; the winner is checked against the envelope, and a bad
+point in it adds a polyhedron. When the winner is inside it is optimal: no box that misses even the known polyhedra is
+better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from robust.encode.interface import Encoding
+from robust.encode.variables import Linear, variable
+from robust.irr.containment import require_some_schedule
+from robust.irr.irr import ordered
+from robust.irr.search import OutsideError, Search, Step
+from robust.irr.widen import DiscoveredBadSet, Widening, faces_of
+from robust.plan.model import ParameterReference
+from robust.plan.polynomial import Polynomial
+from robust.qe.box import Box, Face, Interval, Side
+from robust.qe.compute import RegionSearch, RegionStatus
+from robust.qe.constraint import LinearConstraint
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.simplex import feasible_point, maximize
+from robust.smt.export import Exporter
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from robust.smt.session import Session, Verdict
+from robust.smt.terms import Terms
+
+ENUMERATION = 20.0
+"""Seconds at most that the optimal box spends on knowing the envelope before it starts."""
+REACH = Fraction(1_000_000)
+"""How far from zero ends are looked for at first, in multiples of the greatest nominal value."""
+FARTHEST = Fraction(2**80)
+"""Where the search for ever wider boxes ends: the envelope has no widest one, nor an infinite one."""
+
+
+class ExactSearch(Search):
+    """Exact widening or the optimal box over a discovered bad set.
+
+    `widen` is the max–min fair maximal box; with an order, as far as possible parameter by parameter in that order.
+    `optimal` is the box of greatest weighted width, anywhere in the envelope or around the nominal point.
+
+    Args:
+        encoding: the plan's formulas.
+        method: `widen` or `optimal`.
+        order: for `widen`, see above.
+        contain_nominal: for `optimal`, only boxes that contain the nominal point.
+        solver: `z3` or `cvc5`.
+        exporter: where queries are written, if anywhere.
+        deadline: when to stop with the best box so far.
+        on_step: called with every box that is known to be inside.
+
+    Raises:
+        InputError: if `order` names unknown or repeated parameters.
+    """
+
+    def __init__(
+        self,
+        encoding: Encoding,
+        *,
+        method: str = "widen",
+        order: Sequence[str] = (),
+        contain_nominal: bool = False,
+        solver: str = "z3",
+        exporter: Exporter | None = None,
+        deadline: Deadline = NEVER,
+        on_step: Callable[[Step], None] | None = None,
+    ) -> None:
+        self._bad = DiscoveredBadSet(encoding, solver=solver, exporter=exporter)
+        self._best: OptimalBox | None = None
+        self._contain_nominal = contain_nominal
+        parameters = encoding.plan.parameters
+        turns = [[parameter] for parameter in ordered(parameters, order)] if order else [parameters]
+        self._groups = [faces_of(turn) for turn in turns]
+        super().__init__(
+            encoding,
+            method=method,
+            solver=solver,
+            statistics=self._bad.statistics,
+            deadline=deadline,
+            on_step=on_step,
+        )
+
+    @property
+    def checks(self) -> int:
+        return self._bad.checks
+
+    @property
+    def bound(self) -> Fraction | None:
+        return self._best.bound if self._best is not None else None
+
+    def _search(self) -> None:
+        pieces: list[Polyhedron] = []
+        if self.method == "widen":
+            self._widen(pieces)
+            return
+        if self._contain_nominal or self._bad.piece_in(self.box, self.deadline) is None:
+            # A good box at once, and the pieces that shape it.
+            self._widen(pieces)
+        pieces += self._enumerated()
+        self._best = OptimalBox(self._bad, pieces, contain_nominal=self._contain_nominal, deadline=self.deadline)
+        self._keep(self._best.run())
+
+    def _widen(self, pieces: list[Polyhedron]) -> None:
+        """Widen from the nominal point, and add the bad polyhedra that shape the box to the pieces."""
+        piece = self._bad.piece_in(self.box, self.deadline)
+        if piece is not None:
+            if piece in self._bad.existence:
+                require_some_schedule(self.encoding, self._bad.open_session(), self.deadline)
+            raise OutsideError(self._bad.reasons[piece], self.encoding.plan.nominal)
+        self.verified = True
+        parameters = self.encoding.plan.parameters
+        Widening(self._bad, parameters, pieces, groups=self._groups, deadline=self.deadline, on_box=self._keep).run()
+
+    def _enumerated(self) -> list[Polyhedron]:
+        """Bad polyhedra by enumeration, for a while: they are larger than what single boxes run into."""
+        remaining = self.deadline.remaining
+        found = RegionSearch(
+            self.encoding.plan,
+            epsilon=self.encoding.epsilon,
+            solver=self._bad.solver,
+            encoding=self.encoding.name,
+            timeout=ENUMERATION if remaining is None else min(ENUMERATION, remaining / 2),
+        ).run()
+        if found.status is RegionStatus.INTERRUPTED:
+            raise KeyboardInterrupt
+        difference = found.region.as_difference()
+        outside = difference.base.complement() if difference.base is not None else []
+        return [*outside, *difference.pieces]
+
+    def _keep(self, box: Box) -> None:
+        self.verified = True
+        self._accept(box)
+        self._record(self._bad.checks, accepted=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """Ends of a box with their weighted width; if not `attained`, some ends do not belong to the box."""
+
+    width: Fraction
+    attained: bool
+    ends: Mapping[str, Fraction]
+    chosen: Sequence[LinearConstraint]
+
+
+class OptimalBox:
+    """One search for the widest box.
+
+    Args:
+        bad: the bad set.
+        pieces: bad polyhedra that are known already.
+        contain_nominal: only boxes that contain the nominal point.
+        deadline: when to stop.
+    """
+
+    def __init__(
+        self, bad: DiscoveredBadSet, pieces: Iterable[Polyhedron], *, contain_nominal: bool, deadline: Deadline
+    ) -> None:
+        self._bad = bad
+        self._parameters = bad.encoding.plan.parameters
+        self._contain_nominal = contain_nominal
+        self._deadline = deadline
+        self._faces = faces_of(self._parameters)
+        self._ends = [_end(face) for face in self._faces]
+        self._reach = REACH * max([Fraction(1), *(abs(parameter.nominal) for parameter in self._parameters)])
+        self.pieces = list(pieces)
+        self._terms = Terms()
+        self._session = Session(self._terms, solver=bad.solver)
+        self._clauses: list[tuple[LinearConstraint, ...]] = []
+        """What a box must satisfy to miss each known piece."""
+        self.bound: Fraction | None = None
+
+    def run(self) -> Box:
+        """Search until the best box is proved optimal; `bound` is then its weighted width over finite sides.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first; no box is wider than `bound`.
+            OutsideError: if no parameter values are inside.
+        """
+        while True:
+            candidate = self._best_candidate()
+            box = self._box_at(candidate)
+            far = self._far_faces(candidate)
+            self.bound = None if far else candidate.width
+            piece = self._bad_piece(box)
+            if piece is None and not far:
+                return self._with_ends_closed(box)
+            if piece is None:
+                unbounded = box
+                for face in far:
+                    unbounded = unbounded.moved(face, None)
+                piece = self._bad_piece(unbounded)
+                if piece is None or self._reach > FARTHEST:
+                    return unbounded if piece is None else box
+                self._reach *= 2
+            elif piece in self.pieces:
+                # Only approached, and from a side where some parameter has no room: take a box just short of it.
+                return self._box_just_below(candidate)
+            self.pieces.append(piece)
+
+    def _far_faces(self, candidate: Candidate) -> list[Face]:
+        """Faces that only the reach of the search holds back."""
+        return [face for face in self._faces if abs(candidate.ends[_end(face)]) == self._reach]
+
+    def _bad_piece(self, box: Box) -> Polyhedron | None:
+        return self._bad.piece_in(box, self._deadline)
+
+    # -- the best box that misses the known pieces --------------------------------------------------------------------
+
+    def _best_candidate(self) -> Candidate:
+        """The widest box that misses every known piece, proved by an unsatisfiable query for a wider one."""
+        terms = self._terms
+        for piece in self.pieces[len(self._clauses) :]:
+            self._clauses.append(self._clause(piece))
+            self._session.add(terms.disjunction(c.to_formula(terms) for c in self._clauses[-1]))
+        width = sum((variable(ParameterReference(n)).scaled(f) for n, f in self._objective().items()), _ZERO)
+        symbols = [terms.real(ParameterReference(name)) for name in self._ends]
+        best: Candidate | None = None
+        while best is None or best.width != self.bound:
+            better = [] if best is None else [terms.greater(width - best.width)]
+            with self._session.frame(*(c.to_formula(terms) for c in self._always()), *better):
+                verdict = self._session.check("a wider box that misses what is known", self._deadline)
+                if verdict is Verdict.UNKNOWN:
+                    raise OutOfTimeError
+                if verdict is Verdict.UNSATISFIABLE:
+                    break
+                values = self._session.values(symbols)
+            point = {name: Fraction(values.get(name, 0)) for name in self._ends}
+            chosen = [next(c for c in clause if c.evaluate(point)) for clause in self._clauses]
+            best = self._improved(chosen)
+        if best is None:
+            reason = "the envelope is empty: no parameter values are inside"
+            raise OutsideError(reason, self._bad.encoding.plan.nominal)
+        return best
+
+    def _improved(self, chosen: Sequence[LinearConstraint]) -> Candidate:
+        """The widest box under one choice of disjuncts."""
+        best = maximize(self._ends, [*self._always(), *chosen], self._objective())
+        if best is None or best.value is None:
+            raise ValueError("a model satisfies the constraints, and all ends are within reach")
+        return Candidate(best.value, best.attained, best.point, chosen)
+
+    def _clause(self, piece: Polyhedron) -> tuple[LinearConstraint, ...]:
+        """A box misses the piece if and only if its ends satisfy one of these."""
+        relevant = {name for constraint in piece.constraints for name in constraint.parameters}
+        constraints = list(piece.constraints)
+        for name, side in self._faces:
+            if name in relevant:
+                constraints.append(LinearConstraint.of({name: side.sign, _end((name, side)): -side.sign}, "<=", 0))
+        meeting = Polyhedron((*piece.parameters, *self._ends), tuple(constraints)).project(self._ends)
+        return tuple(negated for constraint in meeting.constraints for negated in constraint.negation())
+
+    def _always(self) -> Iterator[LinearConstraint]:
+        """Lower ends below upper ends, all within reach, and around the nominal point where that is asked for."""
+        for parameter in self._parameters:
+            low, high = _end((parameter.name, Side.LOWER)), _end((parameter.name, Side.UPPER))
+            yield LinearConstraint.of({low: 1, high: -1}, "<=", 0)
+            yield LinearConstraint.of({low: 1}, ">=", -self._reach)
+            yield LinearConstraint.of({high: 1}, "<=", self._reach)
+            if self._contain_nominal:
+                yield LinearConstraint.of({low: 1}, "<=", parameter.nominal)
+                yield LinearConstraint.of({high: 1}, ">=", parameter.nominal)
+
+    def _objective(self) -> dict[str, Fraction]:
+        weights = {parameter.name: parameter.weight for parameter in self._parameters}
+        return {_end((name, side)): side.sign * weights[name] for name, side in self._faces}
+
+    # -- from ends to boxes --------------------------------------------------------------------------------------------
+
+    def _box_at(self, candidate: Candidate) -> Box:
+        """The box at the ends; if its width is only approached, without the ends of sides that have any width."""
+        intervals = {}
+        for parameter in self._parameters:
+            low = candidate.ends[_end((parameter.name, Side.LOWER))]
+            high = candidate.ends[_end((parameter.name, Side.UPPER))]
+            closed = candidate.attained or low == high
+            intervals[parameter.name] = Interval(low, high, closed, closed)
+        return Box(intervals)
+
+    def _with_ends_closed(self, box: Box) -> Box:
+        """Close every open end that allows it, one after the other."""
+        for name in box.intervals:
+            for side in Side:
+                if not box[name].is_closed_at(side):
+                    closed = box.moved((name, side), box[name].end(side))
+                    if self._bad_piece(closed) is None:
+                        box = closed
+        return box
+
+    def _box_just_below(self, candidate: Candidate) -> Box:
+        """A box of the same width but for its open ends, or if there is none, a closed one that is a little narrower.
+
+        Strict bounds on sides without any width must be kept; those on the others are what the open ends stand for.
+        """
+        flat = {
+            _end((name, side))
+            for name, interval in self._box_at(candidate).intervals.items()
+            for side in Side
+            if interval.width == 0
+        }
+        kept = [c if flat & set(c.parameters) else c.closed() for c in (*self._always(), *candidate.chosen)]
+        for shortfall in (Fraction(0), max(candidate.width, Fraction(1)) / 1_000_000):
+            least = LinearConstraint.of(self._objective(), ">=", candidate.width - shortfall)
+            ends = feasible_point(
+                self._ends, [*(kept if not shortfall else [*self._always(), *candidate.chosen]), least]
+            )
+            if ends is not None:
+                box = self._box_at(Candidate(candidate.width, bool(shortfall), ends, candidate.chosen))
+                piece = self._bad_piece(box)
+                if piece is None:
+                    return box if shortfall else self._with_ends_closed(box)
+                if piece not in self.pieces:
+                    self.pieces.append(piece)
+                    return self.run()
+        raise ValueError("a supremum is approached from within the constraints")
+
+
+_ZERO: Linear = Polynomial({})
+
+
+def _end(face: Face) -> str:
+    """The variable for an end; no parameter can have such a name."""
+    return f"{face[1].value} end of {face[0]}"

@@ -1,0 +1,207 @@
+"""What every search for a box keeps and returns: the best box so far, how it came about, and how the search ended."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from fractions import Fraction
+
+from robust.encode.interface import Encoding
+from robust.plan.model import Parameter
+from robust.qe.box import Box, Face, Side
+from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Statistics
+
+
+class Status(Enum):
+    """How a search ended."""
+
+    COMPLETE = "complete"
+    TIMEOUT = "timeout"
+    INTERRUPTED = "interrupted"
+    INVALID = "invalid"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One containment check of a search: its number, seconds since the start, what was tried and what came of it.
+
+    Searches that move all faces at once have no single `parameter`, `side` and `delta`.
+    """
+
+    check: int
+    seconds: float
+    parameter: str | None
+    side: Side | None
+    delta: Fraction | None
+    accepted: bool
+    box: Box
+    """The best box after the step."""
+
+
+@dataclass(frozen=True)
+class EnvelopeResult:
+    """A decoupled robustness envelope and how it was found.
+
+    `reason` and `values` explain INVALID: what breaks at the nominal point, with which parameter values. `checks`
+    counts the rectangles tried as in [IRR §5]; queries about unbounded directions are in `unbounded_checks`. `verified`
+    is False if not even the nominal point is known to be inside: INVALID, or stopped before that was decided. `bound`
+    is what no box can be wider than, where the widest one was looked for.
+    """
+
+    status: Status
+    method: str
+    encoding: str
+    solver: str
+    beta: Fraction | None
+    parameters: tuple[Parameter, ...]
+    box: Box
+    checks: int
+    unbounded_checks: int
+    first_widening_seconds: float | None
+    seconds: float
+    verified: bool = True
+    trace: tuple[Step, ...] = ()
+    reason: str | None = None
+    values: Mapping[str, Fraction] = field(default_factory=dict)
+    bound: Fraction | None = None
+    statistics: Statistics = field(default_factory=Statistics)
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the search before it was done."""
+        return self.status in {Status.TIMEOUT, Status.INTERRUPTED}
+
+    def convergence(self) -> tuple[tuple[int, Fraction], ...]:
+        """[IRR §5, Convergence]: after each check, Σ(u − l) as a share of the final one, between 0 and 1.
+
+        Empty if a side is infinite or the final box is a point.
+        """
+        final = self.box.total_width
+        if not final:
+            return ()
+        widths = ((step.check, step.box.total_width) for step in self.trace)
+        return tuple((check, width / final) for check, width in widths if width is not None)
+
+
+class OutsideError(Exception):
+    """The nominal point is outside the envelope, or there is none; internal, reported as INVALID."""
+
+    def __init__(self, reason: str, values: Mapping[str, Fraction]) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.values = values
+
+
+class Search(ABC):
+    """One search from the nominal point outwards; subclasses accept boxes, record steps, and say how to search.
+
+    Args:
+        encoding: the plan's formulas.
+        method: the name of the search.
+        solver: the name of the solver that is asked.
+        statistics: where its queries are counted.
+        deadline: when to stop with the best box so far.
+        on_step: called with each step.
+    """
+
+    def __init__(
+        self,
+        encoding: Encoding,
+        *,
+        method: str,
+        solver: str,
+        statistics: Statistics,
+        deadline: Deadline,
+        on_step: Callable[[Step], None] | None,
+    ) -> None:
+        self.encoding = encoding
+        self.method = method
+        self.deadline = deadline
+        self.beta: Fraction | None = None
+        self.unbounded_checks = 0
+        self.box = Box.nominal(encoding.plan.parameters)
+        self.verified = False
+        self._solver = solver
+        self._statistics = statistics
+        self._on_step = on_step
+        self._started = time.perf_counter()
+        self._first_widening: float | None = None
+        self._trace: list[Step] = []
+
+    @property
+    @abstractmethod
+    def checks(self) -> int:
+        """Rectangles tried by now."""
+
+    @property
+    def bound(self) -> Fraction | None:
+        """What no box can be wider than, as far as that is known."""
+        return None
+
+    def run(self) -> EnvelopeResult:
+        """Search until done, out of time or interrupted by Ctrl-C; a `verified` box is inside the envelope.
+
+        Raises:
+            InputError: if the network has no schedule, whatever the parameter values.
+        """
+        try:
+            self._search()
+        except OutOfTimeError:
+            return self._result(Status.TIMEOUT)
+        except KeyboardInterrupt:
+            return self._result(Status.INTERRUPTED)
+        except OutsideError as outside:
+            return self._result(Status.INVALID, outside.reason, outside.values)
+        return self._result(Status.COMPLETE)
+
+    def so_far(self, *, timed_out: bool) -> EnvelopeResult:
+        """The best box by now, if the search is given up: because time is out, or else by an interruption."""
+        return self._result(Status.TIMEOUT if timed_out else Status.INTERRUPTED)
+
+    def _result(
+        self, status: Status, reason: str | None = None, values: Mapping[str, Fraction] | None = None
+    ) -> EnvelopeResult:
+        return EnvelopeResult(
+            status=status,
+            method=self.method,
+            encoding=self.encoding.name,
+            solver=self._solver,
+            beta=self.beta,
+            parameters=self.encoding.plan.parameters,
+            box=self.box,
+            checks=self.checks,
+            unbounded_checks=self.unbounded_checks,
+            first_widening_seconds=self._first_widening,
+            seconds=self._seconds(),
+            verified=self.verified,
+            trace=tuple(self._trace),
+            reason=reason,
+            values=values or {},
+            bound=self.bound,
+            statistics=self._statistics,
+        )
+
+    @abstractmethod
+    def _search(self) -> None:
+        """Accept boxes and record steps until done, or until an exception says how the search ended."""
+
+    def _accept(self, box: Box) -> None:
+        """The box is inside the envelope and the best one by now."""
+        self.box = box
+        if self._first_widening is None and any(interval.width != 0 for interval in box.intervals.values()):
+            self._first_widening = self._seconds()
+
+    def _record(self, check: int, *, accepted: bool, face: Face | None = None, delta: Fraction | None = None) -> None:
+        """Note a step, with the face that was tried and how far where it was one."""
+        name, side = face or (None, None)
+        step = Step(check, self._seconds(), name, side, delta, accepted, self.box)
+        self._trace.append(step)
+        if self._on_step is not None:
+            self._on_step(step)
+
+    def _seconds(self) -> float:
+        return time.perf_counter() - self._started

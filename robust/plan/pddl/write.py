@@ -1,0 +1,303 @@
+"""PDDL as text: conditions for names of obligations, domains and problems for planners, and for generators of plans.
+
+The way back from :mod:`robust.plan.pddl.reader`: reading the text of a domain gives an equal domain. Numbers of a
+problem are decimals. One without a finite decimal, as 1/3, or with more than `_PLACES` places, is rounded: times of
+timed literals so that what holds for a shorter time is not made to hold for longer, other numbers to the nearest. A
+planner may then miss a plan; one that is not valid for the exact numbers is found out by the check of its plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import assert_never
+
+from robust.errors import UnsupportedError
+from robust.numbers import format_number
+from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
+from robust.plan.pddl import syntax
+
+Bindings = Mapping[str, str]
+_UNBOUND: Bindings = {}
+
+_REQUIREMENTS = ":typing :fluents :adl :durative-actions :duration-inequalities :timed-initial-literals"
+_CONTINUOUS = ":continuous-effects"
+_PLACES = 9
+_TIME_PLACES = 3
+"""Planners print times with three places; a limit between two of them is of no use to them."""
+
+
+# -- lifted conditions and expressions --------------------------------------------------------------------------------
+
+
+def condition_text(  # noqa: PLR0911 (one return for each kind of condition)
+    condition: syntax.LiftedCondition, bindings: Bindings = _UNBOUND
+) -> str:
+    """The condition in PDDL; variables that `bindings` does not have stay variables."""
+    match condition:
+        case syntax.Proposition(predicate, arguments):
+            return _form(predicate, *[_term(argument, bindings) for argument in arguments])
+        case syntax.Equality(left, right):
+            return _form("=", _term(left, bindings), _term(right, bindings))
+        case syntax.NumericComparison(comparator, left, right):
+            return _form(comparator.value, expression_text(left, bindings), expression_text(right, bindings))
+        case syntax.Negation(operand):
+            return _form("not", condition_text(operand, bindings))
+        case syntax.Conjunction(operands):
+            return conjunction_text(condition_text(operand, bindings) for operand in operands)
+        case syntax.Disjunction(operands):
+            return _form("or", *[condition_text(operand, bindings) for operand in operands])
+        case syntax.Implication(premise, conclusion):
+            return _form("imply", condition_text(premise, bindings), condition_text(conclusion, bindings))
+        case syntax.Quantification(universal, variables, operand):
+            hidden = {variable.name for variable in variables}
+            inner = {name: value for name, value in bindings.items() if name not in hidden}
+            listed = " ".join(
+                f"?{variable.name}" if variable.types == (syntax.OBJECT,) else _typed([variable], "?")
+                for variable in variables
+            )
+            return _form("forall" if universal else "exists", f"({listed})", condition_text(operand, inner))
+        case _:
+            assert_never(condition)
+
+
+def expression_text(expression: syntax.NumericExpression, bindings: Bindings = _UNBOUND) -> str:
+    """The expression in PDDL."""
+    match expression:
+        case syntax.Number(_, text):
+            return text
+        case syntax.FunctionTerm(function, arguments):
+            return _form(function, *[_term(argument, bindings) for argument in arguments])
+        case syntax.DurationTerm():
+            return "?duration"
+        case syntax.ParameterTerm(name):
+            return f"?{name}"
+        case syntax.Arithmetic(operator, operands):
+            return _form(operator.value, *[expression_text(operand, bindings) for operand in operands])
+        case _:
+            assert_never(expression)
+
+
+def duration_text(bound: syntax.DurationBound, bindings: Bindings = _UNBOUND) -> str:
+    """The duration constraint in PDDL, without its time specifier."""
+    return _form(bound.comparator.value, "?duration", expression_text(bound.bound, bindings))
+
+
+def type_text(types: Sequence[str]) -> str:
+    return types[0] if len(types) == 1 else _form("either", *types)
+
+
+def _form(head: str, *operands: str) -> str:
+    return f"({' '.join([head, *operands])})"
+
+
+def _term(term: syntax.Term, bindings: Bindings) -> str:
+    return bindings.get(term.name, f"?{term.name}") if term.variable else term.name
+
+
+# -- the frame of a file, which every writer of PDDL shares -----------------------------------------------------------
+
+
+def define(kind: str, name: str, sections: Iterable[str]) -> str:
+    """A file with a `domain` or a `problem`; empty sections are left out."""
+    return "\n".join([f"(define ({kind} {name})", *filter(None, sections)]) + ")\n"
+
+
+def section(keyword: str, items: Iterable[str]) -> str:
+    """`(keyword item ...)`; nothing if there is no item."""
+    body = " ".join(filter(None, items))
+    return f"({keyword} {body})" if body else ""
+
+
+def conjunction_text(parts: Iterable[str]) -> str:
+    return _form("and", *parts)
+
+
+def timed(timing: Timing, text: str) -> str:
+    return _form(timing.value, text)
+
+
+def action_text(
+    name: str, condition: str, effects: Iterable[str], *, parameters: str = "", duration: str | None = None
+) -> str:
+    """An action; durative if it has a `duration`."""
+    keywords = (":action", ":precondition") if duration is None else (":durative-action", ":condition")
+    lines = [
+        f"({keywords[0]} {name}",
+        f" :parameters ({parameters})",
+        *([] if duration is None else [f" :duration {duration}"]),
+        f" {keywords[1]} {condition}",
+        f" :effect {conjunction_text(effects)})",
+    ]
+    return "\n".join(lines)
+
+
+# -- domains and problems as they were read ---------------------------------------------------------------------------
+
+
+def domain_text(domain: syntax.Domain) -> str:
+    """The domain in PDDL.
+
+    Raises:
+        UnsupportedError: for synthesis parameters, which no planner reads.
+    """
+    actions = domain.actions.values()
+    parameters = [*domain.parameters, *(name for one in actions for name in one.synth_parameters)]
+    if parameters:
+        expected = "a domain without: write their values in"
+        raise UnsupportedError(f"found synthesis parameter {parameters[0]!r}, expected {expected}", domain.location)
+    continuous = any(isinstance(one, syntax.ContinuousUpdate) for schema in actions for one in schema.effects)
+    sections = [
+        section(":requirements", [_REQUIREMENTS, _CONTINUOUS if continuous else ""]),
+        section(":types", _types(domain.types)),
+        section(":constants", [_typed(domain.constants.values())]),
+        section(":predicates", map(_signature, domain.predicates.values())),
+        section(":functions", map(_signature, domain.functions.values())),
+        *map(_action, actions),
+    ]
+    return define("domain", domain.name, sections)
+
+
+def problem_text(problem: syntax.Problem, domain: syntax.Domain) -> str:
+    """The problem in PDDL, with a time to be short as its metric: planners need one to prefer one plan to another."""
+    facts = [
+        *(str(atom) for atom in sorted(problem.atoms)),
+        *(f"(= {fluent} {decimal(value, _PLACES)})" for fluent, value in problem.fluents.items()),
+        *map(_timed_literal, problem.timed_literals),
+    ]
+    sections = [
+        f"(:domain {problem.domain})",
+        section(":objects", [_typed(one for name, one in problem.objects.items() if name not in domain.constants)]),
+        f"(:init {' '.join(facts)})",
+        f"(:goal {condition_text(problem.goal)})",
+        "(:metric minimize (total-time))",
+    ]
+    return define("problem", problem.name, sections)
+
+
+def decimal(value: Fraction, places: int, *, up: bool | None = None) -> str:
+    """The value with at most so many decimals; rounded up, down, or (None) to the nearest where it has more."""
+    scaled = value * 10**places
+    whole = round(scaled) if up is None else -(-scaled // 1) if up else scaled // 1
+    return format_number(Fraction(whole, 10**places))
+
+
+def _timed_literal(literal: TimedLiteral) -> str:
+    match literal.target:
+        case Atom():
+            fact = str(literal.target) if literal.value else f"(not {literal.target})"
+        case Fluent():
+            fact = f"(= {literal.target} {decimal(Fraction(literal.value), _PLACES)})"
+        case _:
+            assert_never(literal.target)
+    return f"(at {decimal(literal.time, _TIME_PLACES, up=literal.value is True)} {fact})"
+
+
+def _types(types: Mapping[str, frozenset[str]]) -> Iterable[str]:
+    """Each type with its direct ancestors: those that are no ancestors of another one."""
+    for name in (one for one in types if one != syntax.OBJECT):
+        above = types[name] - {name}
+        direct = sorted(one for one in above if not any(one in types[other] for other in above - {one}))
+        yield f"{name} - {type_text(direct or (syntax.OBJECT,))}"
+
+
+def _typed(names: Iterable[syntax.TypedName], mark: str = "") -> str:
+    return " ".join(f"{mark}{one.name} - {type_text(one.types)}" for one in names)
+
+
+def _signature(signature: syntax.Signature) -> str:
+    return section(signature.name, [_typed(signature.parameters, "?")]) or f"({signature.name})"
+
+
+def _action(schema: syntax.ActionSchema) -> str:
+    parameters = _typed(schema.parameters, "?")
+    effects = [_effect(one, schema.durative) for one in schema.effects]
+    if not schema.durative:
+        condition = _together([condition_text(one.condition) for one in schema.conditions])
+        return action_text(schema.name, condition, effects, parameters=parameters)
+    conditions = conjunction_text(timed(one.timing, condition_text(one.condition)) for one in schema.conditions)
+    bounds = [_when(one.timing, duration_text(one), one.timing is Timing.AT_END) for one in schema.durations]
+    return action_text(schema.name, conditions, effects, parameters=parameters, duration=_together(bounds))
+
+
+def _together(texts: list[str]) -> str:
+    """A conjunction; not all planners read one of a single part."""
+    return texts[0] if len(texts) == 1 else conjunction_text(texts)
+
+
+def _effect(effect: syntax.LiftedEffect, durative: bool) -> str:
+    match effect:
+        case syntax.LiteralEffect(timing, proposition, value):
+            text = condition_text(proposition)
+            return _when(timing, text if value else f"(not {text})", durative)
+        case syntax.NumericUpdate(timing, update, target, expression):
+            return _when(timing, _form(update.value, expression_text(target), expression_text(expression)), durative)
+        case syntax.ContinuousUpdate(update, target, rate):
+            return _form(update.value, expression_text(target), f"(* #t {expression_text(rate)})")
+        case syntax.ForallEffect(variables, effects):
+            return f"(forall ({_typed(variables, '?')}) {_all(effects, durative)})"
+        case syntax.WhenEffect(condition, effects):
+            timings = (one.timing for one in syntax.primitive(effects) if not isinstance(one, syntax.ContinuousUpdate))
+            guard = _when(next(timings, Timing.AT_START), condition_text(condition), durative)
+            return f"(when {guard} {_all(effects, durative)})"
+        case _:
+            assert_never(effect)
+
+
+def _all(effects: Iterable[syntax.LiftedEffect], durative: bool) -> str:
+    return conjunction_text(_effect(one, durative) for one in effects)
+
+
+def _when(timing: Timing, text: str, durative: bool) -> str:
+    return timed(timing, text) if durative else text
+
+
+# -- action models that a program sketches ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class ActionText:
+    """A durative action: conditions at its start, over all of it and at its end, effects at its start and at
+    its end.
+
+    Each is a literal such as `(have mug)` or `(not (have mug))`.
+    """
+
+    name: str
+    at_start: tuple[str, ...] = ()
+    over_all: tuple[str, ...] = ()
+    at_end: tuple[str, ...] = ()
+    start_effects: tuple[str, ...] = ()
+    end_effects: tuple[str, ...] = ()
+    parameters: str = ""
+    """As PDDL writes them: `?who - agent`."""
+
+    def __str__(self) -> str:
+        conditions = [
+            *(timed(Timing.AT_START, literal) for literal in self.at_start),
+            *(timed(Timing.OVER_ALL, literal) for literal in self.over_all),
+            *(timed(Timing.AT_END, literal) for literal in self.at_end),
+        ]
+        effects = [
+            *(timed(Timing.AT_START, literal) for literal in self.start_effects),
+            *(timed(Timing.AT_END, literal) for literal in self.end_effects),
+        ]
+        duration = "(>= ?duration 0)"
+        return action_text(
+            self.name, conjunction_text(conditions), effects, parameters=self.parameters, duration=duration
+        )
+
+
+def sketched_domain(
+    name: str, predicates: Iterable[str], actions: Iterable[ActionText], *, extra: Sequence[str] = ()
+) -> str:
+    """A domain; `extra` are whole declarations, such as types and constants, to come before the predicates."""
+    requirements = "(:requirements :typing :negative-preconditions :durative-actions :duration-inequalities)"
+    return define("domain", name, [requirements, *extra, section(":predicates", predicates), *map(str, actions)])
+
+
+def sketched_problem(name: str, domain: str, initial: Iterable[str], goal: Iterable[str], *, objects: str = "") -> str:
+    """A problem over a domain."""
+    sections = [f"(:domain {domain})", section(":objects", [objects]), f"(:init {' '.join(initial)})"]
+    return define("problem", name, [*sections, f"(:goal {conjunction_text(goal)})"])

@@ -1,0 +1,152 @@
+"""Intervals and boxes of numbers; decoupled robustness envelopes are boxes of parameter values [IRR, Definition 3]."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+
+from robust.errors import InputError
+from robust.plan.model import Parameter
+from robust.qe.constraint import LinearConstraint, Sense
+
+
+class Side(Enum):
+    """A face of a box: the least or the greatest value of a parameter."""
+
+    LOWER = "lower"
+    UPPER = "upper"
+
+    @property
+    def sign(self) -> int:
+        """1 where outwards is upwards, else −1."""
+        return 1 if self is Side.UPPER else -1
+
+
+Face = tuple[str, Side]
+"""A side of a box: a parameter and which end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """The values from `lower` to `upper`; None is an infinite end, which is always open.
+
+    Raises:
+        InputError: if there are no such values.
+    """
+
+    lower: Fraction | None
+    upper: Fraction | None
+    lower_closed: bool = True
+    upper_closed: bool = True
+
+    def __post_init__(self) -> None:
+        if self.lower is None or self.upper is None:
+            return
+        both = self.lower_closed and self.upper_closed
+        if self.lower > self.upper or (self.lower == self.upper and not both):
+            raise InputError(f"the interval {self} is empty; expected a lower end below the upper one")
+
+    def __contains__(self, value: Fraction) -> bool:
+        above = self.lower is None or self.lower < value or (self.lower_closed and self.lower == value)
+        below = self.upper is None or value < self.upper or (self.upper_closed and self.upper == value)
+        return above and below
+
+    def is_within(self, other: Interval) -> bool:
+        """Whether every value of this interval is a value of the other one."""
+        if self.lower is None:
+            above = other.lower is None
+        else:
+            above = other.lower is None or other.lower < self.lower
+            above = above or (other.lower == self.lower and (other.lower_closed or not self.lower_closed))
+        if self.upper is None:
+            return above and other.upper is None
+        below = other.upper is None or self.upper < other.upper
+        return above and (below or (other.upper == self.upper and (other.upper_closed or not self.upper_closed)))
+
+    def some_value(self) -> Fraction:
+        """Some value of a non-empty interval: the middle of a finite one."""
+        if self.lower is None:
+            return Fraction(0) if self.upper is None else self.upper - 1
+        return self.lower + 1 if self.upper is None else (self.lower + self.upper) / 2
+
+    @property
+    def width(self) -> Fraction | None:
+        """`upper − lower`; None if infinite."""
+        return None if self.lower is None or self.upper is None else self.upper - self.lower
+
+    def end(self, side: Side) -> Fraction | None:
+        """The lower or the upper end; None if infinite."""
+        return self.upper if side is Side.UPPER else self.lower
+
+    def is_closed_at(self, side: Side) -> bool:
+        """Whether a finite end is a value of the interval."""
+        return self.upper_closed if side is Side.UPPER else self.lower_closed
+
+    def with_end(self, side: Side, end: Fraction | None, *, closed: bool = True) -> Interval:
+        """The interval with another end on one side."""
+        if side is Side.UPPER:
+            return Interval(self.lower, end, self.lower_closed, closed)
+        return Interval(end, self.upper, closed, self.upper_closed)
+
+    def __str__(self) -> str:
+        opening = "[" if self.lower is not None and self.lower_closed else "("
+        closing = "]" if self.upper is not None and self.upper_closed else ")"
+        lower = "-inf" if self.lower is None else str(self.lower)
+        upper = "inf" if self.upper is None else str(self.upper)
+        return f"{opening}{lower}, {upper}{closing}"
+
+
+@dataclass(frozen=True)
+class Box:
+    """An interval for each parameter, in the plan's order."""
+
+    intervals: Mapping[str, Interval]
+
+    @staticmethod
+    def point(values: Mapping[str, Fraction]) -> Box:
+        """The degenerate box that holds one point."""
+        return Box({name: Interval(value, value) for name, value in values.items()})
+
+    @staticmethod
+    def nominal(parameters: Iterable[Parameter]) -> Box:
+        return Box.point({parameter.name: parameter.nominal for parameter in parameters})
+
+    def __getitem__(self, name: str) -> Interval:
+        return self.intervals[name]
+
+    def __contains__(self, values: Mapping[str, Fraction]) -> bool:
+        return all(values[name] in interval for name, interval in self.intervals.items())
+
+    def replace(self, name: str, interval: Interval) -> Box:
+        return Box({**self.intervals, name: interval})
+
+    def moved(self, face: Face, end: Fraction | None, *, closed: bool = True) -> Box:
+        """The box with one face elsewhere."""
+        name, side = face
+        return self.replace(name, self.intervals[name].with_end(side, end, closed=closed))
+
+    @property
+    def ranges(self) -> dict[str, tuple[Fraction | None, Fraction | None]]:
+        """Ends by parameter."""
+        return {name: (interval.lower, interval.upper) for name, interval in self.intervals.items()}
+
+    @property
+    def total_width(self) -> Fraction | None:
+        """Σ (u − l) [IRR §5, Convergence]; None if a side is infinite."""
+        widths = [interval.width for interval in self.intervals.values()]
+        finite = [width for width in widths if width is not None]
+        return sum(finite, Fraction(0)) if len(finite) == len(widths) else None
+
+    def constraints(self) -> Iterator[LinearConstraint]:
+        """The box as linear constraints."""
+        for name, interval in self.intervals.items():
+            for side in Side:
+                end = interval.end(side)
+                if end is not None:
+                    sense = Sense.AT_MOST if interval.is_closed_at(side) else Sense.LESS
+                    yield LinearConstraint(((name, Fraction(side.sign)),), sense, side.sign * end)
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name} ∈ {interval}" for name, interval in self.intervals.items()) or "(no parameters)"

@@ -1,0 +1,215 @@
+"""Files of records that only grow: JSON objects, one a line, after a header that says what the file is.
+
+A record is on the disk when :meth:`RecordFile.append` returns. A last line without its end was cut off by a crash, so
+nobody was told of it: it is dropped. One process at a time writes; readers may look at any time. Where records are
+chained, each line carries a checksum of all lines up to it, so that no other damage goes unnoticed.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeAlias
+
+from robust.errors import InputError, Location
+
+_DIGITS = 16
+"""Of each checksum."""
+_CHAINED = re.compile(rf'(.*), "checksum": "([0-9a-f]{{{_DIGITS}}})"}}', re.DOTALL)
+Accept: TypeAlias = Callable[[int, str], None]
+"""Takes a line by its number, the header as number 1; raises InputError, about the line, if it is not as expected."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordFormat:
+    """What tells files of one kind from all others.
+
+    Attributes:
+        name: what messages call such a file: `journal`.
+        header: its first record, whose `schema` says what the file is; what else is in it the reader compares.
+        chained: whether lines carry checksums.
+    """
+
+    name: str
+    header: Mapping[str, Any]
+    chained: bool = False
+
+    @property
+    def expected(self) -> str:
+        """What messages say was expected instead of another file."""
+        return f"a {self.name} ({self.header['schema']}); choose a new file, or one of these"
+
+
+@contextmanager
+def in_line(file: str, number: int) -> Iterator[None]:
+    """Errors about the text of one line say which line of the file it is; lines count from 1."""
+    try:
+        yield
+    except InputError as error:
+        column = error.location.column if error.location is not None else None
+        raise InputError(error.message, Location(file, number, column)) from None
+
+
+def read_records(path: str | os.PathLike[str], form: RecordFormat, accept: Accept) -> None:
+    """Hand each line to `accept`, without its checksum; the file may be in use.
+
+    Raises:
+        InputError: if the file is not of that format, is damaged, or a line is not accepted; the message has the line.
+        OSError: if it cannot be read.
+    """
+    _Chain(str(path), form).read(Path(path).read_bytes(), accept)
+
+
+class RecordFile:
+    """A file of records that this process alone may write, until it is closed or the process is no more."""
+
+    def __init__(self, path: str | os.PathLike[str], form: RecordFormat, accept: Accept) -> None:
+        """Open such a file, or begin one; what it holds is handed to `accept` as by :func:`read_records`.
+
+        What was cut off is removed once everything else has been accepted.
+
+        Raises:
+            InputError: if it cannot be opened, is in use, is not of that format, is damaged, or is not accepted.
+        """
+        self.path = Path(path)
+        self._form = form
+        try:
+            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise self._error(f"cannot open the {form.name}: {(error.strerror or str(error)).lower()}") from None
+        try:
+            self._lock()
+            self._open(accept)
+        except BaseException:
+            os.close(self._file)
+            raise
+
+    def append(self, record: Mapping[str, Any]) -> None:
+        """Add a record, which is not empty; when this returns, it is on disk.
+
+        Raises:
+            InputError: if it cannot be written; then the file is as it was.
+        """
+        line, checksum = self._chain.line(record)
+        try:
+            remaining = memoryview(line)
+            while remaining:
+                remaining = remaining[os.write(self._file, remaining) :]
+            os.fsync(self._file)
+        except OSError as error:
+            os.ftruncate(self._file, self._chain.length)
+            raise self._error(f"cannot be written: {error.strerror}") from error
+        self._chain.length += len(line)
+        self._chain.checksum = checksum
+
+    def close(self) -> None:
+        """Let others have it."""
+        os.close(self._file)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            name = self._form.name
+            raise self._error(
+                f"found a {name} that another process writes, expected one that is free; wait, or choose another file"
+            ) from None
+
+    def _open(self, accept: Accept) -> None:
+        self._chain = _Chain(str(self.path), self._form)
+        content = self.path.read_bytes()
+        self._chain.read(content, accept)
+        if self._chain.length < len(content):
+            os.ftruncate(self._file, self._chain.length)
+        if not self._chain.length:
+            self.append(self._form.header)
+            self._synchronize_directory()
+
+    def _synchronize_directory(self) -> None:
+        """Make sure that a new file is found after a crash of the machine."""
+        directory = os.open(self.path.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(directory)
+        finally:
+            os.close(directory)
+
+    def _error(self, message: str) -> InputError:
+        return InputError(message, Location(str(self.path)))
+
+
+class _Chain:
+    """The lines of a file, one after the other; `length` and `checksum` are those of all complete ones so far."""
+
+    def __init__(self, file: str, form: RecordFormat) -> None:
+        self.length = 0
+        self.checksum = ""
+        self._file = file
+        self._form = form
+
+    def line(self, record: Mapping[str, Any]) -> tuple[bytes, str]:
+        """A record as the next line, and the checksum after it."""
+        text = json.dumps(record)
+        checksum = ""
+        if self._form.chained:
+            checksum = self._next_checksum(text[:-1])
+            text = f'{text[:-1]}, "checksum": "{checksum}"}}'
+        return f"{text}\n".encode(), checksum
+
+    def read(self, content: bytes, accept: Accept) -> None:
+        """Hand on all complete lines of a file that begins as such files do."""
+        *complete, rest = content.split(b"\n")
+        if not complete and not self.line(self._form.header)[0].startswith(rest):
+            raise InputError(f"found something else, expected {self._form.expected}", Location(self._file, 1))
+        for number, line in enumerate(complete, 1):
+            with in_line(self._file, number):
+                text = self._decoded(line)
+                if number == 1:
+                    self._check_schema(text)
+                accept(number, self._unchained(text) if self._form.chained else text)
+            self.length += len(line) + 1
+
+    def _decoded(self, line: bytes) -> str:
+        try:
+            return line.decode()
+        except UnicodeDecodeError:
+            raise InputError("found bytes that are no UTF-8, expected a JSON object") from None
+
+    def _check_schema(self, text: str) -> None:
+        try:
+            header = json.loads(text)
+        except (ValueError, RecursionError):
+            raise InputError(f"found a line that is not JSON, expected {self._form.expected}") from None
+        found = header.get("schema") if isinstance(header, dict) else None
+        if found != self._form.header["schema"]:
+            what = "no schema" if found is None else f"schema {found!r:.60}"
+            raise InputError(f"found {what}, expected {self._form.expected}")
+
+    def _unchained(self, text: str) -> str:
+        match = _CHAINED.fullmatch(text)
+        if match is None:
+            raise InputError("found no field 'checksum', expected one at the end", Location(self._file, 1, 1))
+        body, found = match.groups()
+        expected = self._next_checksum(body)
+        if found != expected:
+            raise InputError(f"found checksum {found!r}, expected {expected}: the {self._form.name} was changed here")
+        self.checksum = expected
+        return f"{body}}}"
+
+    def _next_checksum(self, body: str) -> str:
+        return sha256(f"{self.checksum}\n{body}".encode()).hexdigest()[:_DIGITS]

@@ -1,1 +1,0 @@
-"""`robust pike`: from options to answers about plans with choices."""

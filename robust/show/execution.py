@@ -1,0 +1,200 @@
+"""Executions for people: who did what when, and why plans were given up; and whether boxes are controllable."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+
+from rich import box as borders
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from robust.execute.controllability.assess import ControllabilityReport, Kind, Verdict
+from robust.execute.controllability.boxes import HORIZON, Loss, Shrunk
+from robust.execute.dispatch.dispatcher import interval_text as observed_interval
+from robust.execute.dispatch.network import Guarantee
+from robust.execute.replan import Run, RunStatus, Segment
+from robust.execute.worlds.world import Outcome
+from robust.numbers import end, interval_text, plural, readable
+from robust.plan.model import ActionInstance
+from robust.qe.box import Face, Side
+from robust.show.gantt import Bar, Chart, Lane, Mark, draw_chart
+from robust.show.made import summary
+from robust.show.text import show_table, table
+
+_GUARANTEES = {
+    Guarantee.DYNAMIC: "dynamically controllable: the plan succeeds while observations are inside",
+    Guarantee.WEAK: "not dynamically controllable: the plan may fail although observations are inside",
+    Guarantee.NONE: "no guarantee",
+}
+_OUTCOMES = {Outcome.DONE: "end", Outcome.FAILED: "failed", Outcome.STOPPED: "stopped", Outcome.RUNNING: "running"}
+_STYLES = {Verdict.CONTROLLABLE: "green", Verdict.NOT_CONTROLLABLE: "bold red", Verdict.UNKNOWN: "yellow"}
+_REASONS = 5
+"""Reasons of failures that are shown at most."""
+
+
+# -- for people --------------------------------------------------------------------------------------------------------
+
+
+def print_run(out: Console, run: Run, executor: str, *, quiet: bool) -> None:
+    """How a run ended; unless `quiet` also its timeline."""
+    out.print(_verdict(run, executor), soft_wrap=True)
+    if quiet:
+        return
+    for number, segment in enumerate(run.segments, start=1):
+        out.print()
+        out.print(f"plan {number}, from {readable(segment.start)}: {_GUARANTEES[segment.guarantee]}", soft_wrap=True)
+        for name, interval in segment.box.intervals.items():
+            out.print(f"  {name} in {observed_interval(interval)}", soft_wrap=True)
+        for time, what, detail in sorted(_events(segment), key=lambda event: event[0]):
+            out.print(f"{readable(time):>10}  {what:<9} {detail}", soft_wrap=True)
+
+
+def _verdict(run: Run, executor: str) -> Text:
+    succeeded = run.status is RunStatus.SUCCEEDED
+    text = Text(run.status.value, style="green" if succeeded else "bold red")
+    text.append(f" at {readable(run.end)} with {plural(run.replans, 're-plan')} ({executor}, seed {run.seed})", "none")
+    if run.reason:
+        text.append(f": {run.reason}", "none")
+    return text
+
+
+def _events(segment: Segment) -> Iterator[tuple[Fraction, str, str]]:
+    for one in segment.executed:
+        name = f"{one.instance.identifier} {one.instance}"
+        if not one.instance.durative:
+            yield one.start, "do", name
+            continue
+        yield one.start, "start", name
+        if one.end is not None:
+            yield one.end, _OUTCOMES[one.outcome], name
+    for seen in segment.observations:
+        yield seen.time, "observed", f"{seen.what} = {readable(seen.value)}{'' if seen.inside else ', outside'}"
+    for rejected in segment.rejected:
+        yield rejected.time, "rejected", rejected.reason
+    if segment.ending is not None and segment.given_up is not None:
+        yield segment.given_up, "gave up", str(segment.ending)
+
+
+def print_runs(out: Console, runs: Sequence[Run], executor: str, *, quiet: bool) -> None:
+    """How many runs succeeded; unless `quiet` also why the others failed."""
+    found = summary(runs)
+    row = (
+        executor,
+        str(found.runs),
+        str(found.succeeded),
+        "" if found.coverage is None else f"{100 * found.coverage:.1f} %",
+        "" if found.average_replans is None else f"{found.average_replans:.2f}",
+        str(found.inside),
+    )
+    columns = ("executor", "runs", "succeeded", "coverage", "re-plans of these", "always inside the box")
+    shown = Table(box=borders.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        shown.add_column(column, justify="left" if column == "executor" else "right")
+    shown.add_row(*row)
+    out.print(shown)
+    if quiet:
+        return
+    reasons = Counter(_kind(run.reason) for run in runs if run.reason)
+    for reason, count in reasons.most_common(_REASONS):
+        out.print(f"failed {plural(count, 'time')}: {reason}", soft_wrap=True)
+    if len(reasons) > _REASONS:
+        out.print(f"and {len(reasons) - _REASONS} other reasons")
+
+
+def _kind(reason: str) -> str:
+    """A reason without the numbers of one run: what was outside of the box, and what came of it."""
+    first, _, rest = reason.partition("; ")
+    subject, equals, _ = first.partition(" = ")
+    shown = f"{subject} left its interval" if equals else first
+    return f"{shown}; {rest}" if rest else shown
+
+
+# -- as a drawing ------------------------------------------------------------------------------------------------------
+
+
+def plot_run(run: Run, executor: str, path: Path) -> None:
+    """A Gantt chart: a lane for each first argument of an action, which most domains give to who acts."""
+    executed = [one for segment in run.segments for one in segment.executed]
+    lanes = tuple(Lane(name) for name in dict.fromkeys(_lane(one.instance) for one in executed))
+    kinds = {Outcome.DONE: "action", Outcome.RUNNING: "running"}
+    bars = tuple(
+        Bar(
+            _lane(one.instance),
+            one.start,
+            one.end,
+            f"{one.instance.action} {' '.join(one.instance.arguments[1:])}".strip(),
+            kinds.get(one.outcome, one.outcome.value),
+        )
+        for one in executed
+    )
+    title = f"{run.status.value} with {plural(run.replans, 're-plan')} ({executor}, seed {run.seed})"
+    draw_chart(Chart(title, lanes, bars, tuple(_marks(run))), path)
+
+
+def _lane(instance: ActionInstance) -> str:
+    return instance.arguments[0] if instance.arguments else instance.action
+
+
+def _marks(run: Run) -> Iterator[Mark]:
+    for number, segment in enumerate(run.segments, start=1):
+        if number > 1:
+            yield Mark(segment.start, None, f"plan {number}", "next plan")
+        if segment.given_up is not None:
+            yield Mark(segment.given_up, None, str(segment.ending), "given up")
+
+
+# -- controllability ---------------------------------------------------------------------------------------------------
+
+
+def print_controllability(out: Console, report: ControllabilityReport, *, quiet: bool) -> None:
+    """The verdicts, and the part that is controllable where the box is not; unless `quiet` also reasons and waits."""
+    out.print()
+    for one in report.findings:
+        text = Text.assemble((one.verdict.value, _STYLES[one.verdict]), f": {_ADVERB[one.kind]}")
+        if one.reason is not None and not quiet:
+            text.append(f"; {one.reason}")
+        out.print(text, soft_wrap=True)
+    if report.failure is not None:
+        out.print(Text(f"no {_ADVERB[report.wanted]} controllable part: {report.failure}", "yellow"), soft_wrap=True)
+    elif report.shrunk is not None and report.lost is not None and not report.was_controllable:
+        _print_part(out, report, report.shrunk, report.lost, quiet)
+    if not quiet:
+        for line in report.waits:
+            out.print(Text(line, style="dim"), soft_wrap=True)
+
+
+_ADVERB = {Kind.WEAK: "weakly", Kind.DYNAMIC: "dynamically", Kind.STRONG: "strongly"}
+
+
+def _print_part(out: Console, report: ControllabilityReport, shrunk: Shrunk, lost: Loss, quiet: bool) -> None:
+    columns = ("parameter", "box", f"{_ADVERB[report.wanted]} controllable", "lost below", "lost above")
+    rows = [
+        (
+            name,
+            interval_text(report.box[name]),
+            interval_text(interval),
+            _lost(lost.faces, (name, Side.LOWER)),
+            _lost(lost.faces, (name, Side.UPPER)),
+        )
+        for name, interval in shrunk.box.intervals.items()
+    ]
+    out.print()
+    show_table(out, table(columns, rows, right=columns[1:]))
+    if quiet:
+        return
+    out.print()
+    share = "" if lost.share is None else f"; {float(lost.share):.1%} of the total width is lost"
+    largest = f"no {_ADVERB[report.wanted]} controllable part of the box contains this one{share}."
+    out.print(Text(largest), soft_wrap=True)
+    if shrunk.cut:
+        names = ", ".join(dict.fromkeys(name for name, _ in shrunk.cut))
+        text = f"{names} may be any finite amount larger: ends were set {readable(HORIZON)} weights from the centre."
+        out.print(Text(text), soft_wrap=True)
+
+
+def _lost(faces: Mapping[Face, Fraction | None], face: Face) -> str:
+    return end(faces[face], upper=True)

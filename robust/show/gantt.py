@@ -1,0 +1,346 @@
+"""Gantt charts of executions as SVG, PNG or PDF: who did what when, and what happened meanwhile.
+
+Pure data goes in. Within a lane, bars and marks are packed into as few rows as leave every label readable: what
+overlaps, labels included, goes to another row. Imports of matplotlib wait until something is drawn.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Final
+
+from robust.errors import InputError
+from robust.files import atomic_write
+from robust.options import place_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito, lightened for bars: distinguishable without colour vision, and black text is readable on them.
+_BARS: Final = ("#A6D8F5", "#F7CE7B", "#9FDCC6", "#E8B9D3", "#F5EE9B", "#F2AE7E", "#A8C8E8")
+_MARKS: Final = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+_SHAPES: Final = ("D", "o", "^", "s", "v", "P", "X")
+_EDGE = "0.25"
+
+_WIDTH = 11.0
+_ROW = 0.3
+"""Inches of the figure, and of one row of bars."""
+_LETTER = 0.063
+"""Inches of a letter of a label, roughly, and of the space around it."""
+_SMALLEST = 0.04
+"""Inches that a bar is drawn wide at least: actions of ε must not vanish."""
+_LONGEST = 44
+"""Letters of a label or lane; what is longer is cut."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """A horizontal lane, such as an agent; bars and marks refer to it by its name, `label` is what is written."""
+
+    name: str
+    label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """Something that lasts from `start` to `end` in a lane; None if it had not ended when the chart does.
+
+    Bars of one `kind` have one colour, which the legend explains.
+    """
+
+    lane: str
+    start: Fraction
+    end: Fraction | None
+    label: str
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Something that happens at a moment: in a lane, or (None) to all of them, drawn as a line through the chart."""
+
+    time: Fraction
+    lane: str | None
+    label: str
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """Lanes from top to bottom, what is in them, and what the axis of time is called."""
+
+    title: str
+    lanes: tuple[Lane, ...]
+    bars: tuple[Bar, ...]
+    marks: tuple[Mark, ...] = ()
+    axis: str = "time"
+
+
+def draw_chart(chart: Chart, path: str | os.PathLike[str]) -> None:
+    """Draw a chart; the suffix of the file names the format.
+
+    Raises:
+        InputError: if a bar or mark is in no lane, ends before it starts, or the file cannot be written.
+    """
+    _check(chart)
+    import matplotlib as mpl  # noqa: PLC0415 - takes half a second
+
+    # Texts stay texts in an SVG; labels must not be read as formulas.
+    with mpl.rc_context({"svg.fonttype": "none", "text.parse_math": False}):
+        figure = _Drawing(chart).figure()
+        atomic_write(path, lambda beside: figure.savefig(beside, dpi=160), place_of("plot"))
+
+
+def _check(chart: Chart) -> None:
+    known = {lane.name for lane in chart.lanes}
+    things: tuple[Bar | Mark, ...] = (*chart.bars, *chart.marks)
+    for thing in things:
+        if thing.lane is not None and thing.lane not in known:
+            raise InputError(f"found {thing.label!r} in lane {thing.lane!r}, expected one of the chart's lanes")
+    for bar in chart.bars:
+        if bar.end is not None and bar.end < bar.start:
+            raise InputError(f"found bar {bar.label!r} from {bar.start} to {bar.end}, expected an end after its start")
+
+
+@dataclass(frozen=True, slots=True)
+class _Placed:
+    """A bar or mark with its row, counted over all lanes; `outside` if its label is written to the right of it."""
+
+    item: Bar | Mark
+    row: int
+    outside: bool
+
+
+class _Drawing:
+    def __init__(self, chart: Chart) -> None:
+        self._chart = chart
+        times = [float(mark.time) for mark in chart.marks]
+        times += [float(bar.start) for bar in chart.bars]
+        times += [float(bar.end) for bar in chart.bars if bar.end is not None]
+        self._first, self._last = min(times, default=0.0), max(times, default=1.0)
+        self._margin = 0.35 + _LETTER * max((len(_cut(lane.label or lane.name)) for lane in chart.lanes), default=0)
+        self._room = _WIDTH - self._margin - 0.2
+        self._inches = self._scale()
+        self._rows: dict[str, tuple[int, int]] = {}
+        self._placed: list[_Placed] = []
+        self._header = self._pack_header()
+        self._pack_lanes()
+
+    # -- places ------------------------------------------------------------------------------------------------------
+
+    def _scale(self) -> float:
+        """Inches of a unit of time: as many as leave room for the labels beside what comes last."""
+        fits = [self._room / ((self._last - self._first) or 1.0)]
+        things: tuple[Bar | Mark, ...] = (*self._chart.bars, *self._chart.marks)
+        for thing in things:
+            end = thing.end if isinstance(thing, Bar) else thing.time
+            reach = (self._last if end is None else float(end)) - self._first
+            inside = (
+                isinstance(thing, Bar)
+                and _width(thing.label) < float(reach - float(thing.start) + self._first) * fits[0]
+            )
+            if reach > 0 and not inside and thing.lane is not None:
+                fits.append((self._room - _width(thing.label) - 0.1) / reach)
+        return min(fits)
+
+    def _at(self, time: Fraction | float) -> float:
+        """Inches from the left end of the axis."""
+        return (float(time) - self._first) * self._inches
+
+    def _ends(self, bar: Bar) -> tuple[float, float]:
+        left = self._at(bar.start)
+        return left, max(self._at(self._last if bar.end is None else bar.end), left + _SMALLEST)
+
+    def _pack_header(self) -> list[tuple[Mark, int]]:
+        """Marks without a lane and the line of the header that each label is on."""
+        rows: list[float] = []
+        found = []
+        for mark in sorted((mark for mark in self._chart.marks if mark.lane is None), key=lambda mark: mark.time):
+            left = self._left_of_header(mark)
+            row = _first_free(rows, left)
+            rows[row] = left + _width(mark.label)
+            found.append((mark, row))
+        self._header_rows = len(rows)
+        return found
+
+    def _left_of_header(self, mark: Mark) -> float:
+        return max(0.0, min(self._at(mark.time), self._room - _width(mark.label)))
+
+    def _pack_lanes(self) -> None:
+        top = 0
+        for lane in self._chart.lanes:
+            bars = [bar for bar in self._chart.bars if bar.lane == lane.name]
+            marks = [mark for mark in self._chart.marks if mark.lane == lane.name]
+            rows: list[list[tuple[float, float]]] = []
+            bars.sort(key=lambda bar: bar.start)
+            marks.sort(key=lambda mark: mark.time)
+            items: list[Bar | Mark] = [*bars, *marks]
+            for item in items:
+                left, right, outside = self._extent(item)
+                row = _first_gap(rows, left, right)
+                rows[row].append((left, right))
+                self._placed.append(_Placed(item, top + row, outside))
+            self._rows[lane.name] = (top, max(1, len(rows)))
+            top += max(1, len(rows))
+        self._count = top
+
+    def _extent(self, item: Bar | Mark) -> tuple[float, float, bool]:
+        """From where to where an item with its label reaches, in inches, and whether the label is outside."""
+        if isinstance(item, Mark):
+            left = self._at(item.time)
+            return left, left + _SMALLEST + _width(item.label), True
+        left, right = self._ends(item)
+        if not item.label or _width(item.label) <= right - left:
+            return left, right, False
+        return left, right + _width(item.label), True
+
+    # -- drawing -----------------------------------------------------------------------------------------------------
+
+    def figure(self) -> Figure:
+        from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
+
+        header = 0.45 + 0.2 * self._header_rows
+        body = _ROW * self._count + 0.15 * len(self._chart.lanes)
+        footer = 0.85
+        height = header + body + footer
+        figure = Figure(figsize=(_WIDTH, height))
+        place = (self._margin / _WIDTH, footer / height, self._room / _WIDTH, body / height)
+        axes = figure.add_axes(place)
+        self._draw_lanes(axes)
+        for placed in self._placed:
+            match placed.item:
+                case Bar():
+                    self._draw_bar(axes, placed.item, placed)
+                case Mark():
+                    self._draw_mark(axes, placed.item, placed)
+        self._draw_header(axes)
+        self._finish(axes)
+        figure.text(0.012, 1 - 0.12 / height, self._chart.title, fontsize=10, ha="left", va="top")
+        return figure
+
+    def _top(self, row: int) -> float:
+        """Where a row begins, in inches from the top; there is a gap before each lane."""
+        lanes = sum(1 for first, _ in self._rows.values() if first <= row)
+        return _ROW * row + 0.15 * (lanes - 0.5)
+
+    def _draw_lanes(self, axes: Axes) -> None:
+        axes.set_xlim(0, self._room)
+        axes.set_ylim(self._top(self._count - 1) + _ROW + 0.075, 0)
+        places, names = [], []
+        for index, lane in enumerate(self._chart.lanes):
+            first, count = self._rows[lane.name]
+            top, bottom = self._top(first) - 0.075, self._top(first + count - 1) + _ROW + 0.075
+            if index % 2 == 0:
+                axes.axhspan(top, bottom, color="0.965", linewidth=0, zorder=0)
+            places.append((top + bottom) / 2)
+            names.append(_cut(lane.label or lane.name))
+        axes.set_yticks(places, names)
+
+    def _draw_bar(self, axes: Axes, bar: Bar, placed: _Placed) -> None:
+        left, right = self._ends(bar)
+        middle = self._top(placed.row) + _ROW / 2
+        colour = _BARS[self._kinds(self._chart.bars)[bar.kind] % len(_BARS)]
+        axes.barh(
+            middle,
+            right - left,
+            left=left,
+            height=_ROW * 0.78,
+            color=colour,
+            edgecolor=_EDGE,
+            linewidth=0.7,
+            linestyle="--" if bar.end is None else "-",
+            zorder=2,
+        )
+        place = right + 0.04 if placed.outside else (left + right) / 2
+        side = "left" if placed.outside else "center"
+        axes.text(place, middle, _cut(bar.label), ha=side, va="center_baseline", fontsize=8, zorder=4)
+
+    def _draw_mark(self, axes: Axes, mark: Mark, placed: _Placed) -> None:
+        kind = self._kinds(self._chart.marks)[mark.kind]
+        middle, left = self._top(placed.row) + _ROW / 2, self._at(mark.time)
+        shape, colour = _SHAPES[kind % len(_SHAPES)], _MARKS[kind % len(_MARKS)]
+        axes.plot(left, middle, marker=shape, color=colour, markersize=5, markeredgecolor="white", zorder=5)
+        axes.text(left + 0.07, middle, _cut(mark.label), va="center_baseline", fontsize=7.5, color="0.2", zorder=4)
+
+    def _draw_header(self, axes: Axes) -> None:
+        for mark, row in self._header:
+            colour = _MARKS[self._kinds(self._chart.marks)[mark.kind] % len(_MARKS)]
+            axes.axvline(self._at(mark.time), color=colour, linewidth=1, linestyle=(0, (4, 2)), zorder=3)
+            place = (self._left_of_header(mark), -0.05 - 0.2 * row)
+            axes.text(*place, _cut(mark.label), ha="left", va="bottom", fontsize=7.5, color=colour, clip_on=False)
+
+    def _finish(self, axes: Axes) -> None:
+        from matplotlib.patches import Patch  # noqa: PLC0415 - takes half a second
+        from matplotlib.ticker import MaxNLocator  # noqa: PLC0415 - likewise
+
+        reach = self._first + self._room / self._inches
+        ticks = [tick for tick in MaxNLocator(9).tick_values(self._first, reach) if self._first <= tick <= reach]
+        axes.set_xticks([self._at(tick) for tick in ticks], [f"{tick:g}" for tick in ticks])
+        axes.set_xlabel(self._chart.axis, fontsize=8.5)
+        for side in ("top", "right", "left"):
+            axes.spines[side].set_visible(False)
+        axes.grid(axis="x", color="0.88", linewidth=0.7, zorder=1)
+        axes.set_axisbelow(True)
+        axes.tick_params(labelsize=8.5)
+        axes.tick_params(axis="y", length=0)
+        handles: list[Patch] = [
+            Patch(facecolor=_BARS[i % len(_BARS)], edgecolor=_EDGE, linewidth=0.7, label=kind)
+            for kind, i in self._kinds(self._chart.bars).items()
+        ]
+        if len(handles) + len(self._kinds(self._chart.marks)) > 1:
+            self._legend(axes, handles)
+
+    def _legend(self, axes: Axes, handles: Sequence[object]) -> None:
+        from matplotlib.lines import Line2D  # noqa: PLC0415 - takes half a second
+
+        in_lanes = {mark.kind for mark in self._chart.marks if mark.lane is not None}
+        lines = [
+            Line2D(
+                [],
+                [],
+                color=_MARKS[i % len(_MARKS)],
+                marker=_SHAPES[i % len(_SHAPES)] if kind in in_lanes else "",
+                linestyle="" if kind in in_lanes else "--",
+                linewidth=1,
+                markersize=5,
+                label=kind,
+            )
+            for kind, i in self._kinds(self._chart.marks).items()
+        ]
+        every = [*handles, *lines]
+        axes.figure.legend(handles=every, loc="lower left", ncols=8, fontsize=7.5, frameon=False)
+
+    @staticmethod
+    def _kinds(items: Iterable[Bar | Mark]) -> Mapping[str, int]:
+        """The kinds in order of appearance, numbered."""
+        return {kind: i for i, kind in enumerate(dict.fromkeys(item.kind for item in items))}
+
+
+def _first_free(rows: list[float], left: float) -> int:
+    """The first row that ends before `left`, perhaps a new one."""
+    for row, end in enumerate(rows):
+        if end <= left:
+            return row
+    rows.append(0.0)
+    return len(rows) - 1
+
+
+def _first_gap(rows: list[list[tuple[float, float]]], left: float, right: float) -> int:
+    """The first row in which nothing overlaps, perhaps a new one."""
+    for row, taken in enumerate(rows):
+        if all(right <= start or end <= left for start, end in taken):
+            return row
+    rows.append([])
+    return len(rows) - 1
+
+
+def _width(label: str) -> float:
+    return _LETTER * (len(_cut(label)) + 1)
+
+
+def _cut(label: str) -> str:
+    return label if len(label) <= _LONGEST else f"{label[: _LONGEST - 3]}..."

@@ -1,0 +1,478 @@
+"""Plans with choices for people and programs: answers, sizes, and simulated executions with their reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from fractions import Fraction
+from statistics import median
+from typing import Annotated, Any
+
+from msgspec import UNSET, UnsetType
+from rich.console import Console
+from rich.text import Text
+
+from robust.codec import Count, JsonObject, Seconds, about, one_of
+from robust.numbers import duration, format_number, plural, readable
+from robust.pike_bridge.compile import PikeCheck, Sizes
+from robust.pike_bridge.cross_check import Crossed
+from robust.pike_bridge.model import TeamPlan
+from robust.pike_bridge.online import progress as said
+from robust.pike_bridge.online.inquiry import Reason, WhyChosen, WhyExecuted, WhyNot, answer
+from robust.pike_bridge.online.world import ExecutionRecord, ExecutionStep
+from robust.pike_bridge.semantics import Execution
+from robust.show.documents import Document, Ended, Rationals, Verdict, document
+from robust.show.gantt import Bar, Chart, Lane, Mark
+
+Stages = Annotated[dict[str, Seconds], about("by stage")]
+
+
+class PikeChecked(JsonObject, tag_field="schema", tag="robust/pike-check/1", kw_only=True):
+    """what `robust pike check --json` prints"""
+
+    verdict: Annotated[Verdict, about("proved: a correct execution exists under the assumptions")]
+    backend: str
+    scenario: dict[str, str] | None
+    schedule: Annotated[Rationals | None, about("times of the activated events, the earliest first")]
+    scenarios: Annotated[
+        list[dict[str, str]] | UnsetType,
+        about("with --all-scenarios: every team scenario that admits a correct execution"),
+    ] = UNSET
+    complete: Annotated[bool, about("whether no scenario that was asked for is missing")]
+    interrupted: bool
+    seconds: Stages
+
+
+class PikeCompile(JsonObject, tag_field="schema", tag="robust/pike-compile/1", kw_only=True):
+    """what `robust pike compile --json` prints"""
+
+    status: Ended
+    backend: str
+    temporal: Annotated[str, one_of("lazy", "apsp")]
+    solver: str
+    satisfiable: bool | None
+    candidate_subplans: Count | None
+    choices: Count | UnsetType = UNSET
+    events: Count | UnsetType = UNSET
+    activities: Count | UnsetType = UNSET
+    conditions: Count | UnsetType = UNSET
+    choice_variables: Count | UnsetType = UNSET
+    links: Count | UnsetType = UNSET
+    added_orderings: Count | UnsetType = UNSET
+    propositional_constraints: Count | UnsetType = UNSET
+    temporal_conflicts: Count | UnsetType = UNSET
+    prime_implicants: Count | None
+    models: Count | None
+    seconds: Stages
+    statistics: dict[str, Any]
+    implicants: Annotated[list[dict[str, str]] | UnsetType, about("with --implicants")] = UNSET
+
+
+class Disagreement(JsonObject):
+    backend: str
+    question: str
+    expected: str
+    found: str
+
+
+class PikeCross(JsonObject, tag_field="schema", tag="robust/pike-cross/1"):
+    """what `robust pike check --cross --json` prints"""
+
+    status: Ended
+    agree: bool | None
+    scenarios: Count | None
+    questions: Annotated[dict[str, Count], about("asked of each back end")]
+    out_of_time: list[str]
+    disagreements: list[Disagreement]
+    witness: Annotated[str | None, about("the file of a small plan that shows the first disagreement")]
+
+
+class PikePlot(JsonObject, tag_field="schema", tag="robust/pike-plot/1"):
+    """what `robust pike plot --json` prints"""
+
+    plot: str
+    events: Count
+    activities: Count
+    choices: Count
+    links: Count | None
+
+
+DOCUMENTS: tuple[type[JsonObject], ...] = (PikeChecked, PikeCompile, PikeCross, PikePlot)
+"""As in :mod:`robust.show.documents`."""
+STAGES = ("precedence", "links", "conflicts", "knowledge")
+_STYLES = {"succeeded": "green", "failed": "bold red"}
+
+
+# -- check -------------------------------------------------------------------------------------------------------------
+
+
+def check_document(result: PikeCheck) -> Document:
+    """`robust/pike-check/1`."""
+    execution = result.execution
+    return document(
+        PikeChecked(
+            verdict=result.verdict.value,
+            backend=result.backend,
+            scenario=None if execution is None else dict(execution.scenario),
+            schedule=None if execution is None else {event: str(when) for event, when in in_order(execution.schedule)},
+            scenarios=UNSET if result.scenarios is None else [dict(scenario) for scenario in result.scenarios],
+            complete=result.complete,
+            interrupted=result.interrupted,
+            seconds=_rounded(result.seconds or {}),
+        )
+    )
+
+
+def _rounded(seconds: Mapping[str, float]) -> dict[str, float]:
+    return {stage: round(spent, 6) for stage, spent in seconds.items()}
+
+
+def in_order(schedule: Mapping[str, Fraction]) -> list[tuple[str, Fraction]]:
+    """Events by time."""
+    return sorted(schedule.items(), key=lambda item: (item[1], item[0]))
+
+
+def print_check(out: Console, result: PikeCheck, plan: TeamPlan | None, *, quiet: bool) -> None:
+    """The verdict; unless `quiet` also the execution and the scenarios."""
+    out.print(_check_headline(result))
+    if quiet:
+        return
+    if result.execution is not None:
+        for line in execution_lines(result.execution, plan):
+            out.print(f"  {line}")
+    if result.scenarios is not None:
+        missing = "" if result.complete else " so far"
+        out.print(f"{plural(len(result.scenarios), 'team scenario')}{missing}:")
+        for scenario in result.scenarios:
+            out.print(f"  {scenario_text(scenario)}")
+
+
+def _check_headline(result: PikeCheck) -> str:
+    match result.verdict.value:
+        case "proved":
+            return "A correct execution exists."
+        case "refuted":
+            return "No correct execution exists."
+        case _:
+            return "Undecided: interrupted." if result.interrupted else "Undecided: out of time."
+
+
+def scenario_text(scenario: Mapping[str, str]) -> str:
+    """`x = 1, y = 2`."""
+    return ", ".join(f"{name} = {value}" for name, value in scenario.items()) or "no choices"
+
+
+def execution_lines(execution: Execution, plan: TeamPlan | None) -> Iterable[str]:
+    """The choices, and the activities by the time at which they start."""
+    yield scenario_text(execution.scenario)
+    if plan is None:
+        return
+    schedule = execution.schedule
+    rows = [
+        (schedule[activity.source], schedule[activity.target], activity)
+        for activity in plan.network.activities
+        if all(execution.scenario[variable] == value for variable, value in activity.guard)
+    ]
+    for start, end, activity in sorted(rows, key=lambda row: row[:2]):
+        agent = "" if activity.agent is None else f"  [{activity.agent}]"
+        yield f"{format_number(start)} – {format_number(end)}  {activity.action}{agent}"
+
+
+# -- compile -----------------------------------------------------------------------------------------------------------
+
+
+def compile_document(sizes: Sizes) -> Document:
+    """`robust/pike-compile/1`."""
+    return document(
+        PikeCompile(
+            status=sizes.status,
+            backend=sizes.backend,
+            temporal=sizes.temporal,
+            solver=sizes.solver,
+            satisfiable=sizes.satisfiable,
+            candidate_subplans=sizes.candidate_subplans,
+            **sizes.counts,
+            prime_implicants=sizes.prime_implicants,
+            models=sizes.models,
+            seconds=_rounded(sizes.seconds),
+            statistics=sizes.statistics,
+            implicants=UNSET if sizes.implicants is None else sizes.implicants,
+        )
+    )
+
+
+def print_sizes(out: Console, sizes: Sizes, *, quiet: bool) -> None:
+    """Whether it was compiled; unless `quiet` also how large everything is."""
+    out.print(_compile_headline(sizes))
+    if quiet:
+        return
+    for name, value in _facts(sizes).items():
+        out.print(f"  {name}: {value}")
+    for implicant in sizes.implicants or ():
+        out.print("  {" + ", ".join(f"{name} = {value}" for name, value in implicant.items()) + "}")
+
+
+def _compile_headline(sizes: Sizes) -> str:
+    if sizes.status != "complete":
+        reached = [stage for stage in STAGES if stage in sizes.seconds]
+        after = f" in stage {reached[-1]!r}" if reached else ""
+        return f"Not compiled: {'out of time' if sizes.status == 'timeout' else 'interrupted'}{after}."
+    return "Compiled: a correct execution exists." if sizes.satisfiable else "Compiled: no correct execution exists."
+
+
+def _facts(sizes: Sizes) -> Mapping[str, str]:
+    counts = {
+        "candidate subplans": sizes.candidate_subplans,
+        **{name.replace("_", " "): value for name, value in sizes.counts.items()},
+        "prime implicants": sizes.prime_implicants,
+        "models": sizes.models,
+    }
+    times = {f"{stage}, time": duration(spent) for stage, spent in sizes.seconds.items()}
+    return {name: f"{value:,}" for name, value in counts.items() if value is not None} | times
+
+
+# -- cross-check -------------------------------------------------------------------------------------------------------
+
+
+def cross_document(crossed: Crossed) -> Document:
+    """`robust/pike-cross/1`."""
+    outcome = crossed.outcome
+    return document(
+        PikeCross(
+            status=crossed.status,
+            agree=None if outcome is None else outcome.agree,
+            scenarios=None if outcome is None else outcome.scenarios,
+            questions={} if outcome is None else outcome.questions,
+            out_of_time=[] if outcome is None else outcome.out_of_time,
+            disagreements=[
+                Disagreement(backend=one.backend, question=one.question, expected=one.expected, found=one.found)
+                for one in (() if outcome is None else outcome.disagreements)
+            ],
+            witness=None if crossed.written is None else str(crossed.written),
+        )
+    )
+
+
+def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
+    """Whether all agree; unless `quiet` also how much they were asked."""
+    outcome = crossed.outcome
+    if outcome is None:
+        out.print("Undecided: out of time before the oracle had found every scenario.")
+        return
+    asked = sum(outcome.questions.values())
+    if outcome.agree:
+        out.print(f"All agree: {plural(outcome.scenarios, 'team scenario')}, {plural(asked, 'question')}.")
+    else:
+        out.print(f"{plural(len(outcome.disagreements), 'disagreement')} with the oracle:")
+        for one in outcome.disagreements:
+            out.print(f"  {one}")
+    if not quiet:
+        for name, count in outcome.questions.items():
+            late = "; out of time" if name in outcome.out_of_time else ""
+            out.print(f"  {name}: {plural(count, 'question')}{late}")
+    if crossed.written is not None:
+        out.print(f"The smallest plan found that shows it: {crossed.written}")
+
+
+# -- run: reasons ------------------------------------------------------------------------------------------------------
+
+
+def decision_reason(step: ExecutionStep, at: int) -> dict[str, Any]:
+    """The `why` of a decision by its place in the step; nothing if there is none."""
+    reason = _of_decision(step, at)
+    return {} if reason is None else {"why": _answer(reason)}
+
+
+def step_why(step: ExecutionStep) -> dict[str, Any]:
+    """The `why` of a step: the continuation that supports it, and its inferences; nothing if it was not asked for."""
+    if step.reasons is None:
+        return {}
+    inferences = {choice: _answer(reason) for choice, reason in step.reasons.inferences.items()}
+    return {"why": {"continuation": answer(step.reasons.continuation), "inferences": inferences}}
+
+
+class Telling:
+    """Reasons in a timeline, none of them told twice."""
+
+    def __init__(self) -> None:
+        self._inferred: dict[str, str] = {}
+        self._said: set[str] = set()
+
+    def order(self, step: ExecutionStep) -> Iterator[str]:
+        """The choices that the step has narrowed, those first whose reasons others rest on."""
+        return iter(step.inferred if step.reasons is None else step.reasons.inferences)
+
+    def of_decision(self, step: ExecutionStep, at: int) -> Iterator[str]:
+        """The lines below a decision, by its place in the step."""
+        match _of_decision(step, at):
+            case WhyChosen() as reason if self._inferred.get(reason.choice) == reason.value:
+                yield "; ".join(["as inferred", *self._new(reason.parts)])
+            case WhyChosen() as reason:
+                yield from reason.excluding
+                yield from self._joined(reason.parts)
+            case WhyExecuted() as reason:
+                yield from self._joined(reason.parts)
+            case WhyNot() as reason:
+                yield from reason.lines
+            case None:
+                pass
+
+    def of_inference(self, step: ExecutionStep, choice: str) -> Iterator[str]:
+        """The lines below an inference."""
+        reason = None if step.reasons is None else step.reasons.inferences.get(choice)
+        if isinstance(reason, WhyChosen):
+            if reason.value is not None:
+                self._inferred[choice] = reason.value
+            yield from reason.excluding
+
+    def _joined(self, parts: tuple[str, ...]) -> Iterator[str]:
+        """One line, if anything is new."""
+        new = "; ".join(self._new(parts))
+        if new:
+            yield new
+
+    def _new(self, lines: tuple[str, ...]) -> Iterator[str]:
+        for line in lines:
+            if line not in self._said:
+                self._said.add(line)
+                yield line
+
+
+def _of_decision(step: ExecutionStep, at: int) -> Reason | None:
+    return None if step.reasons is None else step.reasons.decisions[at]
+
+
+def _answer(reason: Reason) -> dict[str, Any]:
+    """Without its continuation, which is that of the step."""
+    return {key: value for key, value in reason.as_dict().items() if key != "continuation"}
+
+
+# -- run: for programs, people, and as a drawing -----------------------------------------------------------------------
+
+
+def run_document(record: ExecutionRecord, *, seed: int, backend: str) -> dict[str, Any]:
+    """`robust/pike-run/1`."""
+    return {
+        "schema": "robust/pike-run/1",
+        "status": record.ending.value,
+        "seed": seed,
+        "backend": backend,
+        "time": str(record.time),
+        "choices": dict(record.choices),
+        "schedule": {event: str(time) for event, time in sorted(record.schedule.items(), key=lambda item: item[1])},
+        "steps": [_step_answer(step) for step in record.steps],
+        "conflict": [{"about": fact.kind.value, "fact": fact.text} for fact in record.conflict],
+    }
+
+
+def _step_answer(step: ExecutionStep) -> dict[str, Any]:
+
+    return {
+        "time": str(step.time),
+        "messages": [str(message) for message in step.messages],
+        "decisions": [
+            {"what": what, "text": text, **decision_reason(step, at)} for at, (what, text) in enumerate(_lines(step))
+        ],
+        "possible": {choice: list(values) for choice, values in step.inferred.items()},
+        "seconds": round(step.seconds, 6),
+        **step_why(step),
+    }
+
+
+def _lines(step: ExecutionStep) -> Iterator[tuple[str, str]]:
+    """What was decided or noticed, for people: a kind and a text."""
+
+    for decision in step.decisions:
+        match decision:
+            case said.Executed(event, _, reported):
+                yield ("event", f"{event}, reported" if reported else event)
+            case said.Dispatched(action, agent, _, _, lower, upper):
+                limits = f"takes {readable(lower)} to {'any time' if upper is None else readable(upper)}"
+                yield ("begin", f"{f'{agent}: ' if agent else ''}{action}, {limits}")
+            case said.Chosen(choice, value, _, observed):
+                yield ("observed" if observed else "chosen", f"{choice} = {value}")
+            case said.Violated(atom, expected, producer, consumers, _):
+                yield ("broken", _broken_text(str(atom), expected, producer, consumers))
+            case said.Rejected(message, reason, _):
+                yield ("rejected", f"{message}: {reason}")
+            case said.Failed(_, reason):
+                yield ("failed", reason)
+            case said.Succeeded():
+                yield ("succeeded", "every activated event has been executed")
+
+
+def _broken_text(atom: str, expected: bool, producer: str, consumers: tuple[str, ...]) -> str:
+    state = "false" if expected else "true"
+    return f"{atom} is {state} since {producer} should have made it otherwise; needed by {', '.join(consumers)}"
+
+
+def print_run(out: Console, record: ExecutionRecord, *, seed: int, explained: bool, quiet: bool) -> None:
+    """How it ended; unless `quiet` also the timeline, and what contradicts each other if that was not explained."""
+    ending = record.ending.value
+
+    headline = Text(ending, style=_STYLES.get(ending, "yellow"))
+    slowest = max((step.seconds for step in record.steps), default=0.0)
+    typical = median(step.seconds for step in record.steps) if record.steps else 0.0
+    headline.append(
+        f" at {readable(record.time)} (seed {seed}); decisions took {duration(typical)} each, "
+        f"{duration(slowest)} at most",
+        "none",
+    )
+    out.print(headline, soft_wrap=True)
+    if quiet:
+        return
+    telling = Telling()
+    for step in record.steps:
+        for at, (what, text) in enumerate(_lines(step)):
+            if what != "event":
+                out.print(Text(f"{readable(step.time):>10}  {what:<9} {text}"), soft_wrap=True)
+                _print_lines(out, telling.of_decision(step, at))
+        for choice in telling.order(step):
+            values = step.inferred[choice]
+            verb = "must be" if len(values) == 1 else "may still be"
+            out.print(Text(f"{'':>10}  so        {choice} {verb} {' or '.join(values)}"), soft_wrap=True)
+            _print_lines(out, telling.of_inference(step, choice))
+    if record.conflict and not explained:
+        out.print()
+        out.print("These facts contradict each other; without any one of them a correct execution would be left:")
+        for fact in record.conflict:
+            out.print(Text(f"  {fact.text}"), soft_wrap=True)
+
+
+def _print_lines(out: Console, lines: Iterable[str]) -> None:
+    for line in lines:
+        out.print(Text(f"{'':>24}{line}", style="dim"), soft_wrap=True)
+
+
+def run_chart(plan: TeamPlan, record: ExecutionRecord) -> Chart:
+    """Who did what when, with choices, inferences and violations."""
+
+    lanes: dict[str, Lane] = {}
+    bars: list[Bar] = []
+    marks: list[Mark] = []
+    for step in record.steps:
+        for decision in step.decisions:
+            match decision:
+                case said.Dispatched(action, agent, time, end, _, _):
+                    name = agent or "no agent"
+                    lanes.setdefault(name, Lane(name))
+                    bars.append(Bar(name, time, record.schedule.get(end), action, "activity"))
+                case said.Chosen(choice, value, time, observed):
+                    lanes.setdefault("choices", Lane("choices"))
+                    kind = "observed choice" if observed else "choice of the executive"
+                    marks.append(Mark(time, "choices", f"{choice} = {value}", kind))
+                case said.Violated(atom, _, _, _, time):
+                    marks.append(Mark(time, None, f"{atom} broken", "violation"))
+                case said.Failed(time, _):
+                    marks.append(Mark(time, None, "failed", "failure"))
+                case _:
+                    pass  # events and messages are in the timeline
+        for choice, values in step.inferred.items():
+            if len(values) == 1:
+                lanes.setdefault("choices", Lane("choices"))
+                marks.append(Mark(step.time, "choices", f"{choice} must be {values[0]}", "inference"))
+    return Chart(f"{plan.name}: {record.ending.value}", tuple(_sorted(lanes)), tuple(bars), tuple(marks))
+
+
+def _sorted(lanes: Mapping[str, Any]) -> list[Any]:
+    """Agents by name, choices last."""
+    return [lanes[name] for name in sorted(lanes, key=lambda name: (name == "choices", name))]

@@ -1,0 +1,239 @@
+"""The box around the nominal values, and how the search came to it, as SVG, PNG or PDF.
+
+Rows are deviations from the nominal values, so that parameters of different size can share one axis; where deviations
+differ by orders of magnitude, the axis is logarithmic on both sides of zero. Floats appear here and nowhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
+
+from robust.files import atomic_write
+from robust.irr.search import EnvelopeResult, Status
+from robust.numbers import approximate, end, readable
+from robust.options import place_of
+from robust.qe.box import Box
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Okabe and Ito: distinguishable without colour vision, and in grey.
+BOX = "#56B4E9"
+EDGE = "#0072B2"
+NOMINAL = "#D55E00"
+GREY = "0.45"
+
+_TALLEST = 4.5
+"""Inches up to which the convergence curve is as tall as the box."""
+_WIDE = 100
+"""A ratio of deviations from which a linear axis would hide the small ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """One parameter: deviations below and above (None: unbounded), and the texts beside them."""
+
+    name: str
+    nominal: str
+    below: float | None
+    above: float | None
+    lower: str
+    upper: str
+
+
+def plot_envelope(result: EnvelopeResult, path: Path) -> None:
+    """Draw the box and the convergence curve.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    rows = _rows(result)
+    # Texts stay texts in an SVG; names of parameters must not be read as formulas.
+    with mpl.rc_context({"svg.fonttype": "none", "text.parse_math": False}):
+        figure = _figure(result, rows)
+        atomic_write(path, lambda beside: figure.savefig(beside, dpi=160), place_of("plot"))
+
+
+def _figure(result: EnvelopeResult, rows: Sequence[_Row]) -> Figure:
+    height = max(2.6, 1.5 + 0.42 * len(rows))
+    figure = Figure(figsize=(10.5, height), layout="constrained")
+    # With many parameters the curve stays at the top and keeps its proportions.
+    curve = min(height, _TALLEST)
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.75, 1], height_ratios=[curve, max(height - curve, 1e-3)])
+    tall = height > _TALLEST
+    _draw_box(figure.add_subplot(grid[:, 0] if tall else grid[0, 0]), rows)
+    _draw_convergence(figure.add_subplot(grid[0, 1]), result)
+    figure.suptitle(_title(result), fontsize=10, x=0.01, ha="left")
+    return figure
+
+
+def _title(result: EnvelopeResult) -> str:
+    ends = {
+        Status.COMPLETE: "complete",
+        Status.TIMEOUT: "out of time: best box so far",
+        Status.INTERRUPTED: "interrupted: best box so far",
+        Status.INVALID: "invalid",
+    }
+    method = {"irr": "IRR", "widen": "exact widening", "optimal": "greatest total width"}[result.method]
+    precision = "" if result.beta is None else f", β = {readable(result.beta)}"
+    search = f"{method}{precision}; {ends[result.status]}"
+    return f"The plan is valid for all values in this box ({search})"
+
+
+def _rows(result: EnvelopeResult) -> list[_Row]:
+    rows = []
+    for parameter in result.parameters:
+        interval = result.box[parameter.name]
+        below = None if interval.lower is None else approximate(parameter.nominal - interval.lower)
+        above = None if interval.upper is None else approximate(interval.upper - parameter.nominal)
+        lower = end(interval.lower, upper=False, closed=interval.lower_closed)
+        upper = end(interval.upper, upper=True, closed=interval.upper_closed)
+        rows.append(_Row(_short(parameter.name), readable(parameter.nominal), below, above, lower, upper))
+    return rows
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= 28 else f"{name[:25]}..."
+
+
+# -- the box ---------------------------------------------------------------------------------------------------------
+
+
+def _draw_box(axes: Axes, rows: Sequence[_Row]) -> None:
+    ends = _scale(axes, rows)
+    for index, row in enumerate(rows):
+        left = -ends[0] if row.below is None else -row.below
+        right = ends[1] if row.above is None else row.above
+        axes.barh(index, right - left, left=left, height=0.5, color=BOX, edgecolor=EDGE, linewidth=1, zorder=2)
+        axes.plot(0, index, marker="D", markersize=5, color=NOMINAL, markeredgecolor="white", zorder=4)
+        if row.below != 0 or row.above != 0:
+            _draw_end(axes, (left, index), row.lower, infinite=row.below is None, side=-1)
+        _draw_end(axes, (right, index), row.upper, infinite=row.above is None, side=1)
+    axes.axvline(0, color=NOMINAL, linewidth=1, zorder=1)
+    axes.set_yticks(range(len(rows)), [f"{row.name} = {row.nominal}" for row in rows])
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_xlabel("deviation from the nominal value (labels: values)")
+    axes.set_title("Box", fontsize=10, loc="left")
+    axes.tick_params(axis="y", length=0)
+    _tidy(axes, grid="x")
+
+
+def _draw_end(axes: Axes, place: tuple[float, float], text: str, *, infinite: bool, side: int) -> None:
+    """The value beside an end, and an arrow where there is no end; `side` is −1 or 1."""
+    if infinite:
+        marker = "<" if side < 0 else ">"
+        axes.plot(*place, marker=marker, markersize=11, color=EDGE, clip_on=False, zorder=5)
+    axes.annotate(
+        text,
+        place,
+        xytext=(side * (9 if infinite else 4), 0),
+        textcoords="offset points",
+        ha="left" if side > 0 else "right",
+        va="center",
+        fontsize=8,
+        annotation_clip=False,
+        zorder=6,
+    )
+
+
+def _scale(axes: Axes, rows: Sequence[_Row]) -> tuple[float, float]:
+    """Set the horizontal axis; returns how far to the left and to the right unbounded ends are drawn."""
+    sides = [[row.below for row in rows], [row.above for row in rows]]
+    finite = [one for side in sides for one in side if one]
+    largest, smallest = max(finite, default=1.0), min(finite, default=1.0)
+    wide = largest / smallest > _WIDE
+    if wide:
+        _logarithmic(axes, smallest, largest)
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(7))
+        axes.xaxis.set_major_formatter(FuncFormatter(_tick))
+    ends, limits = [], []
+    for side in sides:
+        reach = max((one for one in side if one), default=0.0)
+        ends.append((reach or largest) * (3 if wide else 1.25))
+        shown = ends[-1] if None in side else reach
+        # Room for the labels beside the bars.
+        limits.append(max(shown * 8, smallest) if wide else shown + largest * 0.25)
+    axes.set_xlim(-limits[0], limits[1])
+    return ends[0], ends[1]
+
+
+def _logarithmic(axes: Axes, smallest: float, largest: float) -> None:
+    linear = 10.0 ** _floor_log10(smallest)
+    axes.set_xscale("symlog", linthresh=linear, linscale=0.6)
+    decades = _floor_log10(largest / linear) + 1
+    ticks = [linear * 10.0**power for power in range(0, decades + 1, 1 if decades < 4 else 2 if decades < 9 else 4)]
+    axes.set_xticks([*(-tick for tick in reversed(ticks)), 0, *ticks])
+    axes.xaxis.set_major_formatter(FuncFormatter(_tick))
+    axes.xaxis.set_minor_locator(NullLocator())
+
+
+def _floor_log10(value: float) -> int:
+    exponent = 0
+    while value >= 10:
+        value, exponent = value / 10, exponent + 1
+    while 0 < value < 1:
+        value, exponent = value * 10, exponent - 1
+    return exponent
+
+
+def _tick(value: float, _position: object = None) -> str:
+    return "0" if not value else f"{value:+g}".replace("-", "−")
+
+
+# -- convergence -----------------------------------------------------------------------------------------------------
+
+
+def _draw_convergence(axes: Axes, result: EnvelopeResult) -> None:
+    checks, shares, note = _convergence(result)
+    axes.set_title("Convergence", fontsize=10, loc="left")
+    axes.set_xlabel("containment check")
+    axes.set_ylabel(f"total width{note}, share of final")
+    if len(checks) > 1:
+        axes.step(checks, shares, where="post", color=EDGE, linewidth=1.8)
+        axes.fill_between(checks, shares, step="post", color=BOX, alpha=0.35, linewidth=0)
+        axes.set_xlim(0, checks[-1])
+        axes.set_ylim(0, 1.05)
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{share:.0%}"))
+        axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    else:
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.set_ylabel("")
+        place = axes.transAxes
+        axes.text(0.5, 0.5, "no finite width", ha="center", va="center", color=GREY, transform=place)
+    _tidy(axes, grid="both")
+
+
+def _convergence(result: EnvelopeResult) -> tuple[list[int], list[float], str]:
+    """Checks and shares, beginning at the nominal point; over the parameters that are bounded in the end."""
+    bounded = [name for name, interval in result.box.intervals.items() if interval.width is not None]
+    final = _width(result.box, bounded)
+    if not final:
+        return [], [], ""
+    note = "" if len(bounded) == len(result.box.intervals) else " of the bounded"
+    checks, shares = [0], [0.0]
+    for step in result.trace:
+        checks.append(step.check)
+        shares.append(approximate(_width(step.box, bounded) / final))
+    return checks, shares, note
+
+
+def _width(box: Box, names: Sequence[str]) -> Fraction:
+    return sum((box[name].width or Fraction(0) for name in names), start=Fraction(0))
+
+
+def _tidy(axes: Axes, *, grid: Literal["x", "both"]) -> None:
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    axes.grid(axis=grid, color="0.9", linewidth=0.8, zorder=0)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)

@@ -1,0 +1,365 @@
+"""Drawings of regions with one or two parameters, and of slices and projections of others.
+
+This is the only place of the package where exact numbers become floats: for the eye, never for a verdict.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from itertools import pairwise
+from math import atan2
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robust.errors import InputError
+from robust.files import atomic_write
+from robust.qe.box import Box
+from robust.qe.constraint import LinearConstraint, Sense
+from robust.qe.polyhedron import Point, Polyhedron
+from robust.qe.region import Region
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Corner = tuple[Fraction, Fraction]
+Segment = tuple[Corner, Corner]
+Rectangle = tuple[tuple[Fraction, Fraction], ...]
+"""The part of the plane (or line) that is shown: lower and upper end by axis."""
+
+FILL, EDGE, REMOVED = "#9ecae1", "#08519c", "#cb181d"
+BOX_COLOURS = ("#d94801", "#238b45", "#6a51a3", "#a63603", "#525252")
+FORMATS = (".svg", ".png", ".pdf")
+THIN = Fraction(1, 150)
+"""Slabs narrower than this share of the view are drawn as lines, so that they stay visible."""
+
+
+def plot_region(
+    region: Region,
+    path: str | Path,
+    *,
+    axes: Sequence[str] | None = None,
+    at: Point | None = None,
+    boxes: Mapping[str, Box] | None = None,
+    points: Mapping[str, Point] | None = None,
+    view: Mapping[str, tuple[Fraction, Fraction]] | None = None,
+    title: str = "",
+) -> None:
+    """Draw a region and write it to an SVG, PNG or PDF file.
+
+    Args:
+        axes: the one or two parameters to show; may be left out if the region has no more.
+        at: values for parameters that are not shown; the region is sliced there, and projected along the rest.
+        boxes, points: what to draw on top, by the name to show in the legend; only their shown parameters matter.
+        view: range to show by parameter; by default what is bounded, the boxes and the points, with a margin.
+
+    Raises:
+        InputError: if the axes or the file's suffix do not fit, or the file cannot be written.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in FORMATS:
+        raise InputError(f"{target}: cannot draw a file with suffix {target.suffix!r}; expected {', '.join(FORMATS)}")
+    import matplotlib  # noqa: PLC0415 - takes more than half a second
+
+    with matplotlib.rc_context({"svg.hashsalt": "robust", "svg.fonttype": "none"}):
+        figure = draw_region(region, axes=axes, at=at, boxes=boxes, points=points, view=view, title=title)
+        metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(target.suffix.lower())
+        try:
+            atomic_write(target, lambda beside: figure.savefig(beside, dpi=150, metadata=metadata), None)
+        except OSError as error:
+            raise InputError(f"{target}: cannot write the drawing ({error.strerror})") from error
+
+
+def draw_region(
+    region: Region,
+    *,
+    axes: Sequence[str] | None = None,
+    at: Point | None = None,
+    boxes: Mapping[str, Box] | None = None,
+    points: Mapping[str, Point] | None = None,
+    view: Mapping[str, tuple[Fraction, Fraction]] | None = None,
+    title: str = "",
+) -> Figure:
+    """The drawing of `plot_region` as a matplotlib figure that belongs to no window."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    shown = _shown(region, axes, at or {})
+    boxes, points = boxes or {}, points or {}
+    _check_overlays(shown.parameters, boxes, points)
+    rectangle = _view(shown, list(boxes.values()), list(points.values()), view or {})
+    flat = len(shown.parameters) == 1
+    figure = Figure(figsize=(6.4, 1.4 + 0.3 * len(boxes) if flat else 4.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    canvas = figure.add_subplot()
+    (_draw_line if flat else _draw_plane)(canvas, shown, rectangle, boxes, points)
+    if title:
+        canvas.set_title(title)
+    if boxes or points:
+        canvas.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize="small", frameon=False)
+    return figure
+
+
+def _shown(region: Region, axes: Sequence[str] | None, at: Point) -> Region:
+    names = tuple(name for name in region.parameters if name not in at) if axes is None else tuple(axes)
+    if len(names) not in (1, 2) or any(name in at for name in names):
+        raise InputError(
+            f"cannot draw the parameters ({', '.join(names)}); expected one or two that are not fixed, "
+            f"chosen by `axes` from {', '.join(region.parameters) or 'none'}"
+        )
+    sliced = region.slice(at) if at else region
+    if set(sliced.parameters) == set(names):
+        return Region(names, sliced.pieces, sliced.base)
+    return sliced.project(names)
+
+
+def _check_overlays(names: Sequence[str], boxes: Mapping[str, Box], points: Mapping[str, Point]) -> None:
+    for name in names:
+        for label, known in [*((k, box.intervals) for k, box in boxes.items()), *points.items()]:
+            if name not in known:
+                raise InputError(f"{label!r} has no value for parameter {name!r}, which is drawn")
+
+
+def _view(
+    region: Region,
+    boxes: Sequence[Box],
+    points: Sequence[Point],
+    given: Mapping[str, tuple[Fraction, Fraction]],
+) -> Rectangle:
+    """For each axis the given range, or one around everything finite."""
+    ranges = []
+    for name in region.parameters:
+        if name in given:
+            ranges.append((Fraction(given[name][0]), Fraction(given[name][1])))
+            continue
+        overlays = [end for box in boxes for end in (box.intervals[name].lower, box.intervals[name].upper)]
+        overlays += [point[name] for point in points]
+        values = [value for value in overlays if value is not None] + _landmarks(region, name)
+        low, high = min(values, default=Fraction(0)), max(values, default=Fraction(0))
+        margin = (high - low) * Fraction(2, 25) or max(abs(low) / 4, Fraction(1))
+        ranges.append((low - margin, high + margin))
+    return tuple(ranges)
+
+
+def _landmarks(region: Region, name: str) -> list[Fraction]:
+    """Ends and coordinates of vertices; they show where something happens even if the region is unbounded."""
+    bases = [base for base, _ in region.parts()]
+    bases += [base.intersection(piece) for base, removed in region.parts() for piece in removed]
+    extents = [extent for extent in (base.extent(name) for base in bases) if extent is not None]
+    ends = [end for extent in extents for end in (extent.lower, extent.upper) if end is not None]
+    return ends + [vertex[name] for base in bases for vertex in base.vertices()]
+
+
+def _clip(names: Sequence[str], rectangle: Rectangle) -> list[LinearConstraint]:
+    """The view as constraints."""
+    clip = []
+    for name, (lower, upper) in zip(names, rectangle, strict=True):
+        clip.append(LinearConstraint(((name, Fraction(1)),), Sense.AT_MOST, upper))
+        clip.append(LinearConstraint(((name, Fraction(-1)),), Sense.AT_MOST, -lower))
+    return clip
+
+
+def _draw_plane(
+    canvas: Axes, region: Region, rectangle: Rectangle, boxes: Mapping[str, Box], points: Mapping[str, Point]
+) -> None:
+    """Pieces are filled without outline, so that no seam shows between them; only edges of the whole are drawn."""
+    names = region.parameters
+    clip = _clip(names, rectangle)
+    parts = [(base.restricted(clip), removed) for base, removed in region.parts()]
+    cuts = [base.intersection(piece) for base, removed in parts for piece in removed]
+    disjoint = [base for base, removed in parts if not removed]
+    for base, removed in parts:
+        if removed:
+            disjoint += Region.difference(base, removed).as_union(disjoint=True).pieces
+    for piece in disjoint:
+        _fill(canvas, piece)
+    for piece in [base for base, _ in parts]:
+        _outline(canvas, piece, region, rectangle, EDGE)
+    for cut in cuts:
+        _outline(canvas, cut, region, rectangle, EDGE)
+        _mark_thin(canvas, cut, rectangle)
+    for colour, (label, box) in _coloured(boxes):
+        shape = Polyhedron(names, _sides(names, box)).restricted(clip)
+        corners = [(float(x), float(y)) for x, y in _corners(shape)]
+        if 0 < len(corners) < 3:
+            # Without any width in some direction, a box has no sides to outline.
+            canvas.plot(*zip(*corners, strict=True), color=colour, linewidth=1.8, marker=".", zorder=5, label=label)
+        else:
+            _outline(canvas, shape, None, rectangle, colour, label=label)
+    for label, point in points.items():
+        canvas.plot([float(point[names[0]])], [float(point[names[1]])], "k+", markersize=9, label=label, zorder=6)
+    canvas.set_xlim(*map(float, rectangle[0]))
+    canvas.set_ylim(*map(float, rectangle[1]))
+    canvas.set_xlabel(_escaped(names[0]))
+    canvas.set_ylabel(_escaped(names[1]))
+
+
+def _coloured(boxes: Mapping[str, Box]) -> Iterable[tuple[str, tuple[str, Box]]]:
+    return ((BOX_COLOURS[i % len(BOX_COLOURS)], item) for i, item in enumerate(boxes.items()))
+
+
+def _sides(names: Sequence[str], box: Box) -> tuple[LinearConstraint, ...]:
+    """The constraints of a box on the shown parameters."""
+    return tuple(side for side in box.constraints() if side.parameters[0] in names)
+
+
+def _corners(piece: Polyhedron) -> list[Corner]:
+    """Vertices of a bounded polygon, a segment or a point, in circular order."""
+    corners = [(vertex[piece.parameters[0]], vertex[piece.parameters[1]]) for vertex in piece.vertices()]
+    if len(corners) < 3:
+        return corners
+    centre = [sum(values) / len(corners) for values in zip(*corners, strict=True)]
+    # Normalised to the polygon's extent: in a very thin one floats would confuse the angles.
+    size = [max(abs(corner[axis] - centre[axis]) for corner in corners) for axis in (0, 1)]
+    return sorted(
+        corners, key=lambda c: atan2(float((c[1] - centre[1]) / size[1]), float((c[0] - centre[0]) / size[0]))
+    )
+
+
+def _fill(canvas: Axes, piece: Polyhedron) -> None:
+    """Fill a polygon; what is lower-dimensional becomes a line or a dot."""
+    corners = [(float(x), float(y)) for x, y in _corners(piece)]
+    match len(corners):
+        case 0:
+            return
+        case 1:
+            canvas.plot(*zip(*corners, strict=True), "o", color=EDGE, markersize=4, zorder=3)
+        case 2:
+            canvas.plot(*zip(*corners, strict=True), "-", color=EDGE, linewidth=1.6, zorder=3)
+        case _:
+            # A hair-thin line of the same colour closes the gap that antialiasing leaves between neighbours.
+            canvas.fill(*zip(*corners, strict=True), facecolor=FILL, edgecolor=FILL, linewidth=0.4, zorder=1)
+
+
+def _edges(piece: Polyhedron, rectangle: Rectangle) -> list[tuple[Polyhedron, bool]]:
+    """The sides of a polygon that are not sides of the view, as segments, and whether they are open."""
+    form = piece.normal_form
+    if form is None or len(form.free) < 2:
+        return []
+    frame = set(_clip(piece.parameters, rectangle))
+    closure = piece.closure()
+    return [
+        (closure.restricted([side.with_relation(Sense.EQUAL)]), side.is_strict)
+        for side in form.inequalities
+        if side not in frame
+    ]
+
+
+def _outline(
+    canvas: Axes, piece: Polyhedron, region: Region | None, rectangle: Rectangle, colour: str, *, label: str = ""
+) -> None:
+    """Draw those parts of a polygon's sides that bound the region: solid if they belong to it, else dashed."""
+    width = 1.1 if region is not None else 1.8
+    for side, is_open in _edges(piece, rectangle):
+        corners = _corners(side)
+        if len(corners) == 2:
+            segment = (corners[0], corners[1])
+            for stroke, dashed in [(segment, is_open)] if region is None else _boundary(segment, region):
+                xs, ys = zip(*((float(x), float(y)) for x, y in stroke), strict=True)
+                style: Any = (0, (4, 3)) if dashed else "-"
+                canvas.plot(xs, ys, color=colour, linestyle=style, linewidth=width, zorder=4, label=label)
+                label = ""
+
+
+def _boundary(segment: Segment, region: Region) -> list[tuple[Segment, bool]]:
+    """The parts of a side that the region's boundary contains, and whether they are outside the region.
+
+    Between two points where sides of any polyhedra cross the segment, all points are alike: the middle one decides.
+    """
+    names, (start, end) = region.parameters, segment
+    sides = [c for base, removed in region.parts() for polyhedron in (base, *removed) for c in polyhedron.constraints]
+    marks = {Fraction(0), Fraction(1)}
+    for side in sides:
+        first, last = (side.constant - side.value(dict(zip(names, corner, strict=True))) for corner in segment)
+        if first * last < 0:
+            marks.add(first / (first - last))
+    ordered = sorted(marks)
+    strokes: list[tuple[Segment, bool]] = []
+    for low, high in pairwise(ordered):
+        middle = dict(zip(names, _between(start, end, (low + high) / 2), strict=True))
+        normal = dict(zip(names, (start[1] - end[1], end[0] - start[0]), strict=True))
+        if not _is_inside(middle, normal, sides, region):
+            stroke, is_open = (_between(start, end, low), _between(start, end, high)), middle not in region
+            if strokes and strokes[-1][0][1] == stroke[0] and strokes[-1][1] == is_open:
+                stroke = (strokes.pop()[0][0], stroke[1])
+            strokes.append((stroke, is_open))
+    return strokes
+
+
+def _between(start: Corner, end: Corner, share: Fraction) -> Corner:
+    return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+
+
+def _is_inside(middle: Point, normal: Point, sides: Iterable[LinearConstraint], region: Region) -> bool:
+    """Whether the region contains a point and what is just to both sides of it: then it is on a mere seam."""
+    if middle not in region:
+        return False
+    step = Fraction(1)
+    for side in sides:
+        slack, speed = abs(side.constant - side.value(middle)), abs(side.value(normal))
+        if slack and speed:
+            step = min(step, slack / speed / 2)
+    return all({n: middle[n] + sign * step * normal[n] for n in region.parameters} in region for sign in (1, -1))
+
+
+def _mark_thin(canvas: Axes, cut: Polyhedron, rectangle: Rectangle) -> None:
+    """A removed slab too thin to be seen, or without any width, as a line of its own colour."""
+    corners = _corners(cut)
+    if len(corners) < 2:
+        return
+    scaled = [
+        tuple((value - low) / (high - low) for value, (low, high) in zip(corner, rectangle, strict=True))
+        for corner in corners
+    ]
+    ends = max(
+        ((a, b) for a in range(len(corners)) for b in range(a)),
+        key=lambda pair: sum((x - y) ** 2 for x, y in zip(scaled[pair[0]], scaled[pair[1]], strict=True)),
+    )
+    (ax, ay), (bx, by) = scaled[ends[0]], scaled[ends[1]]
+    length = float((ax - bx) ** 2 + (ay - by) ** 2) ** 0.5
+    away = max(abs(float((x - ax) * (by - ay) - (y - ay) * (bx - ax))) for x, y in scaled)
+    if length and away / length < float(THIN):
+        line = [(float(x), float(y)) for x, y in (corners[ends[0]], corners[ends[1]])]
+        canvas.plot(*zip(*line, strict=True), color=REMOVED, linewidth=1.2, zorder=5)
+
+
+def _draw_line(
+    canvas: Axes, region: Region, rectangle: Rectangle, boxes: Mapping[str, Box], points: Mapping[str, Point]
+) -> None:
+    """Intervals as bars: the region below, one row for each box; filled ends belong to the set, hollow ones do not."""
+    (name,) = region.parameters
+    clip = _clip(region.parameters, rectangle)
+    pieces = (
+        Region.union_of((name,), (piece.restricted(clip) for piece in region.as_union().pieces)).simplified().pieces
+    )
+    for piece in pieces:
+        _bar(canvas, piece, rectangle, 0, EDGE)
+    for row, (colour, (label, box)) in enumerate(_coloured(boxes), start=1):
+        _bar(canvas, Polyhedron((name,), (*_sides((name,), box), *clip)), rectangle, row, colour, label=label)
+    for label, point in points.items():
+        canvas.axvline(float(point[name]), color="black", linewidth=1, linestyle=":", label=label)
+    canvas.set_xlim(*map(float, rectangle[0]))
+    canvas.set_ylim(-0.6, len(boxes) + 0.6)
+    canvas.set_yticks([])
+    canvas.set_xlabel(_escaped(name))
+
+
+def _bar(
+    canvas: Axes, piece: Polyhedron, rectangle: Rectangle, row: int, colour: str, *, label: str | None = None
+) -> None:
+    extent = piece.extent(piece.parameters[0])
+    if extent is None or extent.lower is None or extent.upper is None:
+        return
+    canvas.plot([float(extent.lower), float(extent.upper)], [row, row], color=colour, linewidth=5, label=label,
+                solid_capstyle="butt")  # fmt: skip
+    for end, closed in ((extent.lower, extent.lower_closed), (extent.upper, extent.upper_closed)):
+        if end not in rectangle[0]:
+            canvas.plot(
+                [float(end)], [row], "o", color=colour, markersize=7, markerfacecolor=colour if closed else "white"
+            )
+
+
+def _escaped(name: str) -> str:
+    """A name that matplotlib does not take for a formula."""
+    return name.replace("$", r"\$")

@@ -1,0 +1,355 @@
+"""Exact regions, alone and beside boxes: as sentences and inequalities, pictures, and a page of HTML."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
+from html import escape
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from rich.console import Console
+from rich.text import Text
+
+from robust.errors import InputError, did_you_mean
+from robust.irr.compare import Comparison, Entry, FaceGap, Share
+from robust.irr.search import Status
+from robust.numbers import duration, interval_text, readable
+from robust.options import place_of
+from robust.plan.model import ParametrizedPlan
+from robust.qe.box import Side
+from robust.qe.compute import RegionResult, RegionStatus
+from robust.qe.constraint import Sense
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region, absorb
+from robust.qe.render import oriented
+from robust.show.text import show_table, table
+
+MANY = 20
+"""Pieces up to which a region is shown as a union by default."""
+_STOPPED = {RegionStatus.TIMEOUT: "out of time", RegionStatus.INTERRUPTED: "interrupted"}
+
+
+# -- forms -----------------------------------------------------------------------------------------------------------
+
+
+def in_form(region: Region, form: str | None) -> Region:
+    """The region simplified, as a `union` or a `difference`; None: a union if that takes no more than a few pieces."""
+    match form:
+        case "union":
+            return region.as_union().simplified()
+        case "difference":
+            return tidied(region.as_difference())
+        case _:
+            return short_union(region) or tidied(region)
+
+
+def tidied(region: Region) -> Region:
+    """The region simplified; of many pieces only those that others contain are left out, which is quick."""
+    if len(region.pieces) <= MANY or region.base is None:
+        return region.simplified()
+    return Region.difference(region.base, absorb(region.pieces))
+
+
+def short_union(region: Region, most: int = MANY) -> Region | None:
+    """The region as a simplified union if at no moment of the conversion there are more pieces than `most`."""
+    if len(region.pieces) > 3 * most:
+        return None
+    current: list[Polyhedron] = []
+    for base, removed in region.parts():
+        rest = [base]
+        for piece in removed:
+            parts = [Region.difference(old, (piece,)).as_union().pieces for old in rest]
+            rest = list(absorb(part for pieces in parts for part in pieces))
+            if len(rest) > most:
+                return None
+        current += rest
+    return Region.union_of(region.parameters, current).simplified() if len(current) <= most else None
+
+
+# -- output ----------------------------------------------------------------------------------------------------------
+
+
+def print_latex(out: Console, result: RegionResult) -> None:
+    """A formula; what it is, if not the envelope, in a comment."""
+    if not result.is_exact:
+        out.print(Text(f"% {_STOPPED[result.status]}: {result.meaning}"), soft_wrap=True)
+    out.print(Text(result.region.to_latex()), soft_wrap=True)
+
+
+def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
+    """Inequalities, and what they mean; unless `quiet` also how they were found."""
+    for line in region_lines(result.region, exact=result.is_exact):
+        out.print(Text(line), soft_wrap=True)
+    if not quiet:
+        out.print()
+    if not result.is_exact:
+        text = f"{_STOPPED[result.status]}: an outer bound of the envelope; outside the plan can fail, inside it may"
+        out.print(Text(text, style="yellow"), soft_wrap=True)
+    if not quiet:
+        out.print(_summary(result), soft_wrap=True)
+
+
+def _summary(result: RegionResult) -> Text:
+    text = Text()
+    if result.is_exact:
+        text.append("complete", style="green")
+        text.append(": the exact envelope; ")
+    found = "1 polyhedron" if result.pieces == 1 else f"{result.pieces} polyhedra"
+    text.append(f"{found} of bad values, {result.backend}, {duration(result.seconds)}.")
+    return text
+
+
+def region_lines(region: Region, *, exact: bool) -> Iterator[str]:
+    """The region as sentences over lines of inequalities."""
+    valid = "The plan is valid if and only if" if exact else "The plan can be valid only if"
+    region = region if region.base is None or region.pieces else Region.union_of(region.parameters, (region.base,))
+    if not region.parameters:
+        holds = "is valid" if exact else "can be valid"
+        yield f"The plan {holds if region.some_point() is not None else 'is not valid'}; it has no parameters."
+        return
+    if region.base is None and not region.pieces:
+        yield "The plan is valid for no parameter values."
+    elif region.base is None and len(region.pieces) == 1:
+        lines = polyhedron_lines(region.pieces[0])
+        if lines:
+            yield valid
+            yield from (f"  {line}" for line in lines)
+        else:
+            yield f"The plan {'is' if exact else 'can be'} valid for all parameter values."
+    elif region.base is None:
+        yield f"{valid} all lines of one of these {len(region.pieces)} groups hold"
+        for index, piece in enumerate(region.pieces, start=1):
+            yield f"  {index}."
+            yield from (f"     {line}" for line in polyhedron_lines(piece) or ["no condition"])
+    else:
+        yield valid
+        yield from (f"  {line}" for line in polyhedron_lines(region.base) or ["(no condition)"])
+        yield f"and not all lines of {'this group' if len(region.pieces) == 1 else 'one of these groups'} hold"
+        for index, piece in enumerate(region.pieces, start=1):
+            yield f"  {index}."
+            yield from (f"     {line}" for line in polyhedron_lines(piece) or ["no condition"])
+
+
+def polyhedron_lines(piece: Polyhedron) -> list[str]:
+    """One line for each linear form: `2 ≤ a + b < 5`."""
+    lower: dict[str, str] = {}
+    upper: dict[str, str] = {}
+    for constraint in piece.constraints:
+        if not constraint.coefficients:
+            if constraint.is_false:
+                return ["0 = 1"]
+            continue
+        terms, sign, constant = oriented(constraint)
+        form, number = _form(terms), readable(constant)
+        if constraint.relation is Sense.EQUAL:
+            upper[form], lower[form] = f" = {number}", ""
+        elif sign in "≤<":
+            lower.setdefault(form, "")
+            upper[form] = f" {sign} {number}"
+        else:
+            lower[form] = f"{number} {'≤' if sign == '≥' else '<'} "
+    return [_line(form, before, upper.get(form, "")) for form, before in lower.items()]
+
+
+def _line(form: str, before: str, after: str) -> str:
+    if before and not after:
+        number, sign = before.split()
+        return f"{form} {'≥' if sign == '≤' else '>'} {number}"
+    return f"{before}{form}{after}"
+
+
+def _form(terms: Sequence[tuple[str, Fraction]]) -> str:
+    text = ""
+    for name, factor in terms:
+        sign = ("−" if factor < 0 else "") if not text else (" − " if factor < 0 else " + ")
+        text += f"{sign}{'' if abs(factor) == 1 else f'{readable(abs(factor))} '}{name}"
+    return text
+
+
+# -- drawings --------------------------------------------------------------------------------------------------------
+
+
+def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
+    """The one or two parameters that are drawn: those that were asked for, or the first two.
+
+    Raises:
+        InputError: if there is nothing to draw, or the axes are none.
+    """
+    known = [parameter.name for parameter in plan.parameters]
+    if not known:
+        raise InputError("found a plan without parameters, expected one or more to draw", place_of("plot"))
+    for name in axes:
+        if name not in known:
+            raise InputError(f"found unknown parameter {name!r}{did_you_mean(name, known)}", place_of("axes"))
+    if len(axes) > 2 or len(set(axes)) < len(axes):
+        raise InputError(f"found {','.join(axes)}, expected one or two different parameters", place_of("axes"))
+    return tuple(axes) or tuple(known[:2])
+
+
+def plot_slice(
+    region: Region,
+    plan: ParametrizedPlan,
+    path: Path,
+    axes: Sequence[str],
+    draw: Callable[..., None] | None = None,
+    **overlays: Any,
+) -> None:
+    """Draw one or two parameters, the others at their nominal values."""
+    from robust.show.region_plot import plot_region  # noqa: PLC0415 - late, as all that leads to matplotlib
+
+    shown = shown_axes(plan, axes)
+    nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}
+    rest = {name: value for name, value in nominal.items() if name not in shown}
+    (draw or plot_region)(region, path, axes=shown, at=rest or None, points={"nominal values": nominal}, **overlays)
+
+
+# -- comparisons -----------------------------------------------------------------------------------------------------
+
+_NAMES = {
+    "irr": "IRR",
+    "widen": "widening",
+    "optimal": "optimal",
+    "optimal-nominal": "optimal around the nominal values",
+}
+
+Row = tuple[str, ...]
+_BOXES = ("method", "status", "volume", "total width", "time")
+_FACES = ("method", "face", "gap", "breaks just outside", "at")
+
+
+def box_rows(result: Comparison) -> list[Row]:
+    """One row for each method."""
+    return [
+        (
+            _NAMES[entry.method],
+            entry.result.status.value,
+            _share(entry.volume_share),
+            _share(entry.width_share),
+            duration(entry.result.seconds),
+        )
+        for entry in result.entries
+    ]
+
+
+def face_rows(result: Comparison) -> list[Row]:
+    """One row for each finite face of each box."""
+    return [(_NAMES[entry.method], *_face_cells(face)) for entry in result.entries for face in entry.faces]
+
+
+def _face_cells(face: FaceGap) -> Row:
+    signs = "<≤" if face.side is Side.UPPER else ">≥"
+    sign = signs[face.closed]
+    witness = face.witness
+    point = "" if witness is None else ", ".join(f"{name} = {readable(v)}" for name, v in witness.values.items())
+    gap = "∞" if face.gap is None else readable(face.gap)
+    return f"{face.parameter} {sign} {readable(face.end)}", gap, witness.obligation if witness else "", point
+
+
+def _share(share: Share | None) -> str:
+    if share is None:
+        return "–"
+    if share.is_exact:
+        return _percent(share.lower)
+    if share.upper is None:
+        return f"at least {_percent(share.lower)}"
+    return f"{_percent(share.lower)} to {_percent(share.upper)}"
+
+
+def _percent(value: Fraction) -> str:
+    return f"{float(value * 100):.1f} %"
+
+
+def print_comparison(out: Console, result: Comparison, *, quiet: bool) -> None:
+    """The region, the boxes, and unless `quiet` what stops each face."""
+    if result.region is not None:
+        for line in region_lines(in_form(result.region.region, None), exact=result.region.is_exact):
+            out.print(Text(line), soft_wrap=True)
+        out.print()
+    show_table(out, table(_BOXES, box_rows(result), right=_BOXES[2:]))
+    for entry in result.entries:
+        out.print()
+        out.print(Text(f"{_NAMES[entry.method]}: {_box_text(entry)}"), soft_wrap=True)
+    if quiet:
+        return
+    rows = face_rows(result)
+    if rows:
+        out.print()
+        show_table(out, table(_FACES, rows, right=("gap",)))
+    out.print()
+    out.print(Text(_compare_summary(result)), soft_wrap=True)
+
+
+def _box_text(entry: Entry) -> str:
+    if not entry.result.verified:
+        return entry.result.reason or "no box is known"
+    box = entry.result.box.intervals.items()
+    return ", ".join(f"{name} ∈ {interval_text(interval)}" for name, interval in box) or "no parameters"
+
+
+def _compare_summary(result: Comparison) -> str:
+    words = {
+        Status.COMPLETE: "complete: shares are of the exact envelope, and of its bounding box",
+        Status.INVALID: "the plan can fail at the nominal values",
+        Status.TIMEOUT: "out of time: gaps are at most those shown, shares at least",
+        Status.INTERRUPTED: "interrupted: what was known by then",
+    }
+    region = "" if result.region is None else f"; region {duration(result.region.seconds)}"
+    return f"{words[result.status]}{region}, {duration(result.seconds)} in all."
+
+
+def plot_comparison(result: Comparison, path: Path, axes: Sequence[str]) -> None:
+    """Draw the region with all boxes in it, if there is a region."""
+    if result.region is None:
+        return
+    boxes = {_NAMES[entry.method]: entry.result.box for entry in result.entries if entry.result.verified}
+    plot_slice(result.region.region, result.plan, path, axes, boxes=boxes)
+
+
+_PAGE = Template("""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>$title</title>
+<style>body{font:15px/1.45 sans-serif;max-width:70em;margin:2em auto;padding:0 1em}table{border-collapse:collapse}
+th,td{padding:.25em .8em;border-bottom:1px solid #ddd;text-align:left}pre{background:#f6f6f6;padding:.8em}
+svg{max-width:100%;height:auto}</style></head><body>
+<h1>$title</h1><p>$summary</p><h2>Exact envelope</h2><pre>$region</pre>$figure
+<h2>Boxes</h2>$boxes<ul>$ends</ul><h2>What stops each face</h2>$faces</body></html>
+""")
+
+
+def html_report(result: Comparison, axes: Sequence[str] = ()) -> str:
+    """One static page with the drawing in it."""
+    lines = ["not computed"]
+    if result.region is not None:
+        lines = list(region_lines(in_form(result.region.region, None), exact=result.region.is_exact))
+    ends = (f"{_NAMES[entry.method]}: {_box_text(entry)}" for entry in result.entries)
+    return _PAGE.substitute(
+        title=escape(f"Envelopes of {_title(result.plan)}"),
+        summary=escape(_compare_summary(result)),
+        region=escape("\n".join(lines)),
+        figure=_figure(result, axes),
+        boxes=_html_table(_BOXES, box_rows(result)),
+        ends="".join(f"<li>{escape(text)}</li>" for text in ends),
+        faces=_html_table(_FACES, face_rows(result)),
+    )
+
+
+def _title(plan: ParametrizedPlan) -> str:
+    return ", ".join(parameter.name for parameter in plan.parameters) or "a plan without parameters"
+
+
+def _figure(result: Comparison, axes: Sequence[str]) -> str:
+    if result.region is None or not result.plan.parameters:
+        return ""
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "figure.svg"
+        plot_comparison(result, path, axes)
+        svg = path.read_text(encoding="utf-8")
+    return svg[svg.index("<svg") :]
+
+
+def _html_table(head: Row, rows: list[Row]) -> str:
+    cells = "".join(f"<th>{escape(cell)}</th>" for cell in head)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return f"<table><tr>{cells}</tr>{body}</table>"

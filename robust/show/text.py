@@ -1,0 +1,271 @@
+"""Answers for people: verdicts, boxes and counterexamples as text and tables."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+from typing import TextIO
+
+from rich import box as borders
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from robust.irr.check import Answer, CheckResult, Counterexample
+from robust.irr.search import EnvelopeResult, Status
+from robust.numbers import duration, end, plural, readable
+from robust.plan.model import Fluent, Parameter
+from robust.plan.simulate import TraceStep, Violation
+from robust.qe.box import Interval
+
+_WIDE = 160
+"""Columns where the output is no terminal: nothing is to be cut, and lines are to stay readable."""
+_COLOURS = {Answer.PROVED: "green", Answer.REFUTED: "bold red", Answer.UNKNOWN: "yellow"}
+
+
+def console(stream: TextIO | None = None) -> Console:
+    """Where answers are printed: texts of users are never taken for markup."""
+    stream = stream or sys.stdout
+    width = None if stream.isatty() or os.environ.get("COLUMNS", "").isdigit() else _WIDE
+    return _Console(file=stream, width=width, markup=False, highlight=False, emoji=False)
+
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave it to the caller, who knows the exit code; rich would end the process with its own."""
+        raise BrokenPipeError
+
+
+# -- check -----------------------------------------------------------------------------------------------------------
+
+
+def print_check(out: Console, result: CheckResult, *, every: bool, quiet: bool) -> None:
+    """The verdict; unless `quiet` also what breaks and how, and with `every` the verdict of each obligation."""
+    out.print(_verdict(result), soft_wrap=True)
+    if quiet:
+        return
+    out.print(_summary(result), soft_wrap=True)
+    if every:
+        _print_broken(out, result)
+    for found in list(result.counterexamples.values())[:1]:
+        out.print()
+        print_counterexample(out, found)
+
+
+def _verdict(result: CheckResult) -> Text:
+    text = Text(result.answer.value, style=_COLOURS[result.answer])
+    broken = [name for name, answer in result.obligations.items() if answer is Answer.REFUTED]
+    match result.answer:
+        case Answer.PROVED:
+            text.append(": the plan is valid for every schedule that its network allows", style="default")
+        case Answer.UNKNOWN:
+            reason = ": out of time" if result.timed_out else ": interrupted" if result.interrupted else ""
+            text.append(reason, style="default")
+        case Answer.REFUTED if result.reason is not None:
+            text.append(f": {result.reason}", style="default")
+        case Answer.REFUTED:
+            text.append(f": an allowed schedule breaks {'; '.join(broken)}", style="default")
+    return text
+
+
+def _summary(result: CheckResult) -> Text:
+    answers = list(result.obligations.values())
+    parts = [f"{answers.count(Answer.PROVED)} of {plural(len(answers), 'obligation')} proved", duration(result.seconds)]
+    if result.counterexamples and Answer.UNKNOWN in answers:
+        parts[0] += ", the others not examined"
+    values = [f"{name} {_values(interval)}" for name, interval in result.box.intervals.items()]
+    if values:
+        parts.append(f"with {', '.join(values)}")
+    return Text(f"{'; '.join(parts)}.", style="dim")
+
+
+def _values(interval: Interval) -> str:
+    if interval.lower is not None and interval.lower == interval.upper:
+        return f"= {readable(interval.lower)}"
+    return f"in [{end(interval.lower, upper=False)}, {end(interval.upper, upper=True)}]"
+
+
+def _print_broken(out: Console, result: CheckResult) -> None:
+    """Every obligation that is not proved, with a time and a reason where it breaks."""
+    rows = []
+    for name, answer in result.obligations.items():
+        if answer is not Answer.PROVED:
+            found = result.counterexamples.get(name)
+            when, why = ("", "") if found is None else _when_and_why(found)
+            rows.append((Text(answer.value, style=_COLOURS[answer]), name, when, why))
+    if rows:
+        out.print()
+        show_table(out, table(("verdict", "obligation", "time", "why"), rows, right=("time",)))
+
+
+def _when_and_why(found: Counterexample) -> tuple[str, str]:
+    one = next(one for one in found.simulation.violations if one.obligation == found.obligation)
+    return readable(one.time), _with_readable_numbers(one.detail)
+
+
+# -- counterexamples -------------------------------------------------------------------------------------------------
+
+
+def print_counterexample(out: Console, found: Counterexample) -> None:
+    """What breaks, when and why, and the schedule in which it does, state by state."""
+    when, why = _when_and_why(found)
+    out.print(Text.assemble(("broken: ", "bold red"), found.obligation), soft_wrap=True)
+    out.print(Text(f"  at time {when}: {why}"), soft_wrap=True)
+    if found.parameters:
+        values = ", ".join(f"{name} = {readable(value)}" for name, value in found.parameters.items())
+        out.print(Text(f"  parameters: {values}"), soft_wrap=True)
+    constant = _constant_fluents(found)
+    rows = (
+        _violation_cells(step) if isinstance(step, Violation) else _step_cells(step, constant)
+        for step in _with_violations(found)
+    )
+    show_table(out, table(("time", "happens", "changes", "fluents"), rows, right=("time",)))
+
+
+def _with_violations(found: Counterexample) -> Iterator[TraceStep | Violation]:
+    """Steps in order of time, each violation before what happens later."""
+    pending = sorted(found.simulation.violations, key=lambda one: one.time)
+    for step in found.simulation.trace:
+        while pending and pending[0].time < step.time:
+            yield pending.pop(0)
+        yield step
+    yield from pending
+
+
+def _constant_fluents(found: Counterexample) -> set[Fluent]:
+    """Fluents that never change and that no violation is about: distances and the like, which would hide the rest."""
+    first, *later = found.simulation.trace
+    details = " ".join(violation.detail for violation in found.simulation.violations)
+    changing = {fluent for step in later for fluent in step.fluents}
+    return {fluent for fluent in first.fluents if fluent not in changing and str(fluent) not in details}
+
+
+def _step_cells(step: TraceStep, left_out: set[Fluent]) -> tuple[str, ...]:
+    changes = [f"{'+' if value else '−'} {atom}" for atom, value in step.atoms_changed]
+    fluents = [f"{fluent} = {readable(value)}" for fluent, value in step.fluents.items() if fluent not in left_out]
+    return readable(step.time), "\n".join(map(str, step.points)), "\n".join(changes), "\n".join(fluents)
+
+
+def _violation_cells(violation: Violation) -> tuple[Text, ...]:
+    texts = (readable(violation.time), violation.obligation, _with_readable_numbers(violation.detail))
+    time, obligation, detail = (Text(text, style="red") for text in texts)
+    return time, Text("✗ violated", style="bold red"), obligation, detail
+
+
+def _with_readable_numbers(detail: str) -> str:
+    """Values in a violation's detail are exact fractions; those after `=` are shown like all other numbers."""
+    words = detail.split(" ")
+    for index, word in enumerate(words):
+        if index and words[index - 1] == "=" and _is_fraction(word):
+            words[index] = readable(Fraction(word))
+    return " ".join(words)
+
+
+def _is_fraction(word: str) -> bool:
+    numerator, slash, denominator = word.removeprefix("-").partition("/")
+    return bool(slash) and numerator.isdecimal() and denominator.isdecimal() and int(denominator) > 0
+
+
+# -- envelopes -------------------------------------------------------------------------------------------------------
+
+
+def print_envelope(
+    out: Console, result: EnvelopeResult, *, promise: str, quiet: bool, counterexample: Counterexample | None = None
+) -> None:
+    """The box, or why there is none; unless `quiet` also how it was found. `promise` is what a complete box is."""
+    if result.status is Status.INVALID:
+        _print_invalid(out, result, quiet, counterexample)
+        return
+    if not result.verified:
+        word = _STOPPED[result.status]
+        out.print(Text(f"{word} before the nominal values were decided: no box is known", style="yellow"))
+        return
+    if result.parameters:
+        show_table(out, envelope_table(result))
+    else:
+        out.print(Text("The plan is valid, and has no parameters that could vary; --parameter declares some."))
+    if result.parameters and not quiet:
+        out.print()
+    if result.status is not Status.COMPLETE:
+        word = _STOPPED[result.status]
+        out.print(Text(f"{word}: the best box so far; sound, not maximal", style="yellow"), soft_wrap=True)
+    if not quiet:
+        out.print(_envelope_summary(result, promise), soft_wrap=True)
+
+
+_STOPPED = {Status.TIMEOUT: "out of time", Status.INTERRUPTED: "interrupted"}
+
+
+def envelope_table(result: EnvelopeResult) -> Table:
+    """One row for each parameter: nominal value, interval, and how far it may deviate to either side."""
+    columns = ("parameter", "nominal", "lower", "upper", "may fall by", "may rise by")
+    rows = (_envelope_cells(parameter, result.box[parameter.name]) for parameter in result.parameters)
+    return table(columns, rows, right=columns[1:])
+
+
+def _envelope_cells(parameter: Parameter, interval: Interval) -> Sequence[str]:
+    nominal = parameter.nominal
+    fall = None if interval.lower is None else nominal - interval.lower
+    rise = None if interval.upper is None else interval.upper - nominal
+    return (
+        parameter.name,
+        readable(nominal),
+        end(interval.lower, upper=False, closed=interval.lower_closed),
+        end(interval.upper, upper=True, closed=interval.upper_closed),
+        end(fall, upper=True, closed=interval.lower_closed),
+        end(rise, upper=True, closed=interval.upper_closed),
+    )
+
+
+def _envelope_summary(result: EnvelopeResult, promise: str) -> Text:
+    parts = [plural(result.checks, "check"), duration(result.seconds)]
+    if result.first_widening_seconds is not None:
+        parts.append(f"first widening after {duration(result.first_widening_seconds)}")
+    text = Text()
+    if result.status is Status.COMPLETE and result.parameters:
+        text.append("complete", style="green")
+        text.append(f": {promise}{_total(result)}; ")
+    text.append(f"{', '.join(parts)}.")
+    return text
+
+
+def _total(result: EnvelopeResult) -> str:
+    """The total width of an optimal box, where there is one."""
+    if result.bound is None:
+        return ""
+    weighted = any(parameter.weight != 1 for parameter in result.parameters)
+    return f": total {'weighted ' if weighted else ''}width {readable(result.bound)}"
+
+
+def _print_invalid(out: Console, result: EnvelopeResult, quiet: bool, counterexample: Counterexample | None) -> None:
+    where = "" if not result.values else "the plan can fail at the nominal values: "
+    text = Text.assemble(("invalid", "bold red"), f": {where}{result.reason}")
+    out.print(text, soft_wrap=True)
+    if counterexample is not None and not quiet:
+        print_counterexample(out, counterexample)
+
+
+# -- shared ----------------------------------------------------------------------------------------------------------
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[str | Text]] = (), *, right: Iterable[str] = ()) -> Table:
+    """A table, with numbers to the right."""
+    aligned = set(right)
+    found = Table(box=borders.SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="bold")
+    for column in columns:
+        found.add_column(column, justify="right" if column in aligned else "left", overflow="fold")
+    for row in rows:
+        found.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
+    return found
+
+
+def show_table(out: Console, shown: Table) -> None:
+    """Print a table without blanks at the ends of lines."""
+    with out.capture() as capture:
+        out.print(Padding(shown, (0, 0, 0, 2), expand=False))
+    for line in capture.get().splitlines():
+        out.file.write(f"{line.rstrip()}\n")
+    out.file.flush()

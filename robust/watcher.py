@@ -1,0 +1,89 @@
+"""Runs one command, and ends it with everything that it has started; run as a program by :mod:`robust.processes`.
+
+`watcher.py REPORT LIFELINE MEMORY COMMAND...`: REPORT and LIFELINE are file descriptors, MEMORY is a limit in bytes for
+each process (0: none). When the command ends, or LIFELINE reaches its end because the parent closed it or died, all
+descendants are killed: on Linux also those that have left the command's session, since orphans become children of this
+process; elsewhere its process group. Then the exit code, the wall and the processor time in seconds and the greatest
+memory in bytes are written to REPORT.
+
+A separate small process, because Linux counts the memory of the parent at the time of the fork in the `ru_maxrss` of
+the child: started from a process of 400 MB, every command would seem to need that much.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import resource
+import select
+import signal
+import sys
+import time
+from typing import NoReturn
+
+_LARGEST_FILE = 2**28
+"""Bytes; a command that prints without end is ended before it fills the disk."""
+_CANNOT_START = 127
+_DIE_WITH_PARENT, _ADOPT_ORPHANS = 1, 36
+"""PR_SET_PDEATHSIG and PR_SET_CHILD_SUBREAPER of Linux's `prctl`."""
+
+
+def main() -> None:
+    report, lifeline, memory = map(int, sys.argv[1:4])
+    for descriptor in (report, lifeline):
+        os.set_inheritable(descriptor, False)
+    children = f"/proc/self/task/{os.getpid()}/children"
+    linux = sys.platform == "linux" and os.path.exists(children)
+    control = ctypes.CDLL(None).prctl if linux else lambda *_: 0
+    control(_ADOPT_ORPHANS, 1, 0, 0, 0)
+    ended, wake = os.pipe()
+    for descriptor in (ended, wake):
+        os.set_blocking(descriptor, False)
+    signal.set_wakeup_fd(wake)
+    signal.signal(signal.SIGCHLD, lambda *_: None)
+
+    started = time.perf_counter()
+    child = os.fork()
+    if child == 0:
+        control(_DIE_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
+        _become(sys.argv[4:], memory)
+    waited = 0
+    while not waited and lifeline not in select.select([ended, lifeline], [], [])[0]:
+        os.read(ended, 64)
+        waited, status, usage = os.wait4(child, os.WNOHANG)
+    if not waited:
+        os.kill(child, signal.SIGKILL)
+        _, status, usage = os.wait4(child, 0)
+    with contextlib.suppress(ChildProcessError, ProcessLookupError, PermissionError):  # nobody is left
+        while linux:
+            with open(children, encoding="ascii") as file:
+                for orphan in file.read().split():
+                    os.kill(int(orphan), signal.SIGKILL)
+            os.wait4(-1, 0)
+        os.killpg(child, signal.SIGKILL)
+    bytes_ = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    facts = (os.waitstatus_to_exitcode(status), time.perf_counter() - started, usage.ru_utime + usage.ru_stime, bytes_)
+    os.write(report, " ".join(map(str, facts)).encode())
+
+
+def _become(command: list[str], memory: int) -> NoReturn:
+    """Run the command in place of this process, which Python has made ignore some signals."""
+    try:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (_LARGEST_FILE, _LARGEST_FILE))
+        if memory:
+            resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+        for number in (signal.SIGXFSZ, signal.SIGPIPE):
+            signal.signal(number, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_SETMASK, ())
+        os.execvp(command[0], command)  # noqa: S606 - no shell is meant
+    except OSError as error:
+        os.write(2, f"cannot start {command[0]!r}: {error.strerror}\n".encode())
+    finally:
+        os._exit(_CANNOT_START)
+
+
+if __name__ == "__main__":
+    main()

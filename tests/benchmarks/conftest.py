@@ -1,0 +1,112 @@
+"""Small data sets made of the shipped examples, and a stand-in for the command line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from rich.console import Console
+
+import benchmarks
+from benchmarks.catalogue import EXPERIMENTS
+from benchmarks.engine.experiment import Report
+from benchmarks.engine.show import Table
+
+EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
+SCHEMAS = Path(benchmarks.__file__).parent / "schemas"
+
+MakeSuite = Callable[..., Path]
+Stand = Callable[[str], Path]
+
+ENVELOPE = {
+    "schema": "robust/envelope/1",
+    "status": "complete",
+    "checks": 3,
+    "first_widening_s": 0.01,
+    "seconds": 0.02,
+    "parameters": {"a": {"lower": "1/3", "upper": "inf", "lower_closed": True, "upper_closed": False}},
+}
+"""An answer of `robust envelope --json`, with the keys that the experiments read."""
+
+
+def run(name: str, **options: Any) -> Report[Any]:
+    """Run an experiment."""
+    return EXPERIMENTS[name].load().run(**options)
+
+
+def example(name: str = "two_sample_navigation") -> dict[str, str]:
+    files = {"domain": "domain.pddl", "problem": "problem.pddl", "plan": "plan.stn"}
+    return {key: str(EXAMPLES / name / file) for key, file in files.items()}
+
+
+def navigation(name: str = "navigation", **fields: Any) -> dict[str, Any]:
+    """An instance whose result is known by hand.
+
+    The envelope is the pentagon of benchmarks/domains/two_sample_navigation/README.md. From (30, 40), with Δ = 30 and
+    40: both fail on both sides and are halved; 45 is accepted for the upper end of to_ridge (45 + 40 = 85), then, after
+    another halving, 30 for the lower end of to_crater (30 + 30 = 60). Everything else fails until both Δ are below 1,
+    after 26 attempts.
+    """
+    return {
+        "instance": name,
+        **example(),
+        "irr": {"status": "ok", "wall_s": 2.5, "memory_mb": 50, "first_widening_s": 0.5, "checks": 26},
+        "irr_box": {"to_ridge": ["30", "45"], "to_crater": ["30", "40"]},
+        "irr_order": ["to_ridge", "to_crater"],
+        "ccmmz": {"status": "out of time", "wall_s": 3600.5, "memory_mb": 9000},
+        **fields,
+    }
+
+
+def rendered(tables: Iterable[Table]) -> str:
+    """What a wide terminal shows."""
+    text = StringIO()
+    console = Console(width=160, file=text)
+    for table in tables:
+        console.print(table.rich())
+    return text.getvalue()
+
+
+def checked(report: Report[Any]) -> dict[str, Any]:
+    """The report as JSON that has passed through text and its schema."""
+    value: dict[str, Any] = json.loads(json.dumps(report.as_dict(), allow_nan=False))
+    name = value["schema"].split("/")[1]
+    jsonschema.validate(value, json.loads((SCHEMAS / f"{name}.schema.json").read_text(encoding="utf-8")))
+    return value
+
+
+@pytest.fixture
+def make_suite(tmp_path: Path) -> MakeSuite:
+    """Writes instances, and delivery plans, as a data set and returns its directory."""
+
+    def make(*instances: Any, delivery: Any = None) -> Path:
+        directory = tmp_path / "suite"
+        (directory / "robot-delivery").mkdir(parents=True, exist_ok=True)
+        (directory / "recorded-results.json").write_text(json.dumps(instances), encoding="utf-8")
+        if delivery is not None:
+            path = directory / "robot-delivery" / "instances.json"
+            path.write_text(json.dumps(delivery), encoding="utf-8")
+        return directory
+
+    return make
+
+
+@pytest.fixture
+def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stand:
+    """Replaces `python -m robust` by a script in the current directory; what it needs is in `ANSWER` and `sys.argv`."""
+    directory = tmp_path / "stand"
+    directory.mkdir()
+    monkeypatch.chdir(directory)
+
+    def put(script: str) -> Path:
+        path = directory / "robust.py"
+        head = f"import json, os, sys, time\nANSWER = json.loads({json.dumps(ENVELOPE)!r})\n"
+        path.write_text(head + script, encoding="utf-8")
+        return path
+
+    return put

@@ -1,0 +1,6 @@
+(define (problem sat)
+  (:domain sat)
+  (:init
+  )
+  (:goal (and ))
+)

@@ -1,0 +1,10 @@
+(define (domain delivery)
+  (:requirements :typing :durative-actions :fluents)
+  (:types place)
+  (:predicates (at ?p - place) (ready))
+  (:functions (fuel) (toll ?p - place))
+  (:durative-action go
+    :parameters (?from ?to - place)
+    :duration (= ?duration 5)
+    :condition (and (at start (at ?from)) (at start (>= (fuel) 1)))
+    :effect (and (at start (not (at ?from))) (at end (at ?to)) (at end (decrease (fuel) 1)))))

@@ -1,0 +1,5 @@
+(define (problem one_trip)
+  (:domain delivery)
+  (:objects a b - place)
+  (:init (at a) (= (fuel) 3))
+  (:goal (at b)))

@@ -1,0 +1,207 @@
+"""Commands are measured one by one, and end with all they have started: at a limit, when stopped, with their parent."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Thread
+
+import pytest
+
+from robust.errors import SolverError
+from robust.processes import CANNOT_START, Ended, Processes, StoppedError, from_copy, stream_from_copy
+from robust.smt.limits import Deadline, OutOfTimeError
+from tests.children import WAIT, Told, interrupted_after
+
+
+def python(code: str) -> list[str]:
+    return [sys.executable, "-S", "-c", code]
+
+
+def run(code: str, seconds: float | None = None, **options: int) -> Ended:
+    return Processes().run(python(code), Deadline.after(seconds), **options)
+
+
+@pytest.fixture
+def told(tmp_path: Path) -> Told:
+    return Told(tmp_path)
+
+
+def test_output_exit_code_and_time() -> None:
+    ended = run("import sys, time; print('out'); print('first\\nlast', file=sys.stderr); time.sleep(0.2); sys.exit(3)")
+    assert (ended.stdout, ended.exit_code, ended.timed_out) == ("out\n", 3, False)
+    assert ended.last_line == "last"
+    assert 0.2 <= ended.seconds < 5
+
+
+def test_what_a_failure_says() -> None:
+    assert run("import os; os._exit(7)").last_line == "no message"
+    assert run("print('so far'); import os; print('note: none', file=os.sys.stderr)").last_line == "so far"
+    killed = run("import os; os.kill(os.getpid(), 11)")
+    assert (killed.exit_code, killed.timed_out) == (-11, False)
+
+
+def test_where_and_with_what_a_command_runs(tmp_path: Path) -> None:
+    code = "import os; print(os.getcwd(), os.environ['ROBUST_TEST'], 'PATH' in os.environ, os.read(0, 9))"
+    ended = Processes().run(python(code), folder=tmp_path, variables={"ROBUST_TEST": "yes"})
+    assert ended.stdout == f"{tmp_path} yes True b''\n"
+
+
+def test_more_output_than_a_pipe_holds() -> None:
+    ended = run("import sys; print('x' * 10**6); print('y' * 10**6, file=sys.stderr)")
+    assert (len(ended.stdout), len(ended.stderr)) == (10**6 + 1, 10**6 + 1)
+
+
+def test_more_output_than_any_file_may_hold() -> None:
+    ended = Processes().run(["head", "-c", "300M", "/dev/zero"], Deadline.after(60))
+    assert (ended.exit_code, ended.timed_out) == (-signal.SIGXFSZ, False)
+
+
+def test_signals_are_those_of_a_new_process() -> None:
+    """Blocked or ignored ones are not inherited from here."""
+    usual = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+    try:
+        code = "import signal as s; print(s.pthread_sigmask(s.SIG_BLOCK, []))"
+        assert run(code).stdout == "set()\n"
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, usual)
+    assert Processes().run(["grep", "SigIgn", "/proc/self/status"]).stdout.split() == ["SigIgn:", "0" * 16]
+
+
+def test_memory_is_that_of_the_process_and_not_of_its_parent() -> None:
+    ballast = bytearray(300 * 2**20)
+    assert run("pass").memory_mb < 100
+    assert 200 < run("x = bytearray(200 * 2**20)").memory_mb < 300
+    assert run("pass").memory_mb < 100  # the maximum over earlier ones does not count
+    assert len(ballast) > 0
+
+
+def test_the_limit_of_memory() -> None:
+    code = "x = bytearray(400 * 2**20)"
+    assert run(code, memory_mb=1000).exit_code == 0
+    assert run(code, memory_mb=300).last_line == "MemoryError"
+
+
+def test_the_limit_of_time() -> None:
+    started = time.monotonic()
+    ended = run(f"print('early', flush=True); {WAIT}", 0.5)
+    assert ended.timed_out
+    assert ended.exit_code == -signal.SIGKILL
+    assert ended.stdout == "early\n"
+    assert 0.1 <= ended.seconds < 10
+    assert time.monotonic() - started < 20
+    assert ended.memory_mb > 1
+
+
+@pytest.mark.parametrize("session", [False, True], ids=["same session", "session of its own"])
+@pytest.mark.parametrize("limit", [None, 2], ids=["ends by itself", "at the limit"])
+def test_descendants_end_with_the_command(told: Told, session: bool, limit: float | None) -> None:
+    """Nor is one waited for that keeps the command's output open."""
+    code = f"""
+import os, subprocess, sys, time
+child = subprocess.Popen([sys.executable, '-S', '-c', {told.code!r}], start_new_session={session})
+while not (os.path.exists({str(told.path)!r}) and open({str(told.path)!r}).read()):
+    time.sleep(0.02)
+time.sleep({0 if limit is None else 60})
+"""
+    started = time.monotonic()
+    ended = run(code, limit)
+    assert time.monotonic() - started < 30
+    assert ended.timed_out == (limit is not None)
+    assert told.gone()
+
+
+def test_a_command_that_does_not_exist(tmp_path: Path) -> None:
+    ended = Processes().run([str(tmp_path / "absent")])
+    assert ended.exit_code == CANNOT_START
+    assert ended.last_line == f"cannot start '{tmp_path / 'absent'}': No such file or directory"
+
+
+def test_stop_ends_running_commands_and_refuses_new_ones(told: Told) -> None:
+    processes, outcomes = Processes(), list[str]()
+
+    def work() -> None:
+        try:
+            processes.run(python(told.code))
+        except StoppedError:
+            outcomes.append("stopped")
+
+    thread = Thread(target=work)
+    thread.start()
+    assert told.begun()
+    processes.stop()
+    thread.join(10)
+    assert outcomes == ["stopped"]
+    assert told.gone()
+    with pytest.raises(StoppedError):
+        processes.run(python("pass"))
+
+
+def test_an_interrupted_caller(told: Told) -> None:
+    with pytest.raises(KeyboardInterrupt), interrupted_after(1.5):
+        run(told.code)
+    assert told.gone()
+
+
+CALLS = ("Processes().run([sys.executable, '-S', '-c', {0!r}])", "from_copy(lambda: exec({0!r}), Deadline(), 'x')")
+
+
+@pytest.mark.parametrize("call", CALLS, ids=["command", "copy"])
+def test_children_end_with_their_parent(told: Told, call: str) -> None:
+    code = f"import sys; from robust.processes import *; {call.format(told.code)}"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    with subprocess.Popen([sys.executable, "-c", code], env=environment) as parent:
+        assert told.begun()
+        parent.kill()
+    assert told.gone()
+
+
+def test_no_descriptor_and_no_child_is_left() -> None:
+    run("pass")
+    before = len(os.listdir("/proc/self/fd"))
+    for _ in range(3):
+        run("pass")
+        assert from_copy(lambda: 1, Deadline(), "counting") == 1
+    assert len(os.listdir("/proc/self/fd")) == before
+    assert Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii") == ""
+
+
+# -- copies of this process --------------------------------------------------------------------------------------------
+
+
+def test_the_copy_is_ended_by_the_deadline_and_by_interruption() -> None:
+    def endless() -> Iterator[int]:
+        yield 1
+        while True:
+            pass
+
+    started = time.monotonic()
+    items = stream_from_copy(endless, Deadline.after(0.3), "waiting")
+    assert next(items) == 1
+    with pytest.raises(OutOfTimeError):
+        next(items)
+    items = stream_from_copy(endless, Deadline(), "waiting")
+    assert next(items) == 1
+    with pytest.raises(KeyboardInterrupt), interrupted_after(0.3):
+        next(items)
+    assert time.monotonic() - started < 20
+
+
+def test_failures_in_the_copy_are_told() -> None:
+    def failing() -> Iterator[int]:
+        yield 1
+        raise ValueError("not this one")
+
+    items = stream_from_copy(failing, Deadline(), "dividing")
+    assert next(items) == 1
+    with pytest.raises(SolverError, match="dividing failed: ValueError: not this one"):
+        next(items)
+    with pytest.raises(SolverError, match="the process of dividing died; it may have run out of memory"):
+        from_copy(lambda: os._exit(0), Deadline(), "dividing")
+    assert list(stream_from_copy(lambda: [1, "two"], Deadline(), "counting")) == [1, "two"]
+    assert len(from_copy(lambda: bytes(3 * 2**20), Deadline(), "copying")) == 3 * 2**20
