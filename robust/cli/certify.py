@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robust.cli.build import action
-from robust.cli.guard import GivenUpError
+from robust.cli.guard import Cause, GivenUpError
 from robust.errors import InputError, Location, RefutedError
 from robust.numbers import parse_number, shorten
 from robust.options import CertifyCommand, VerifyCommand
@@ -52,7 +52,7 @@ def certify(options: CertifyCommand, run: Run) -> int:
     try:
         size, holes, seconds, code, lines, checking = run.only(work)
     except OutOfTimeError:
-        raise GivenUpError from None
+        raise GivenUpError(Cause.TIMEOUT) from None
     if code:
         raise InputError(f"the checker does not accept the certificate: {lines[0]}; please report this as a bug")
 
@@ -96,7 +96,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
     try:
         code, lines, seconds = run.only(lambda: _checked(options.certificate, inputs, Deadline.after(run.remaining)))
     except OutOfTimeError:
-        raise GivenUpError from None
+        raise GivenUpError(Cause.TIMEOUT) from None
     if code == 2:
         raise InputError(f"cannot read ({lines[0].removeprefix('unreadable: ')}), expected {CERTIFICATE}", place)
     if not code and len(options.files) == 3:

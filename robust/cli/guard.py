@@ -56,7 +56,14 @@ class Cause(Enum):
 
 
 class GivenUpError(Exception):
-    """Work was interrupted before there was anything to show; not `KeyboardInterrupt`, which typer answers itself."""
+    """Work was given up before there was anything to show; not `KeyboardInterrupt`, which typer answers itself.
+
+    `cause` is why, where the work found that out by itself rather than by the guard.
+    """
+
+    def __init__(self, cause: Cause | None = None) -> None:
+        super().__init__(cause)
+        self.cause = cause
 
 
 class Guard:

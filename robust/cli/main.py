@@ -56,8 +56,8 @@ def run_command(arguments: Sequence[str]) -> int:
     with Guard() as guard:
         try:
             return _run(list(arguments), guard)
-        except (KeyboardInterrupt, GivenUpError):
-            return _report_stop(arguments, guard.cause or Cause.INTERRUPTED)
+        except (KeyboardInterrupt, GivenUpError) as error:
+            return _report_stop(arguments, guard.cause or getattr(error, "cause", None) or Cause.INTERRUPTED)
         except BrokenPipeError:
             drop_output()
             return UNDECIDED

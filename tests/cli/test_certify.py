@@ -77,7 +77,8 @@ def test_wrong_plans_and_options(tmp_path):
     assert not path.exists()
     assert command("certify", *example()[:2], "-o", path).code == 2
     assert command("certify", *example(), "-o", tmp_path / "no" / "where").code == 2
-    assert command("certify", *example(), "-o", path, "--timeout", "0.000001").code == 3
+    late = command("certify", *example(), "-o", path, "--timeout", "0.000001")
+    assert (late.code, late.err) == (3, "robust: out of time\n")
     assert command("certify", *example(), "-o", path, "--kind", "region", "--alethe", tmp_path / "proofs").code == 2
 
 
