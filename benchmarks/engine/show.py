@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from fractions import Fraction
+from math import ceil
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING
@@ -34,7 +36,8 @@ def count(value: int | None) -> str:
 
 def quantile(values: Sequence[float], share: float) -> float | None:
     """The least of the ascending values that at least that share of them does not exceed."""
-    return values[min(len(values) - 1, int(share * len(values)))] if values else None
+    needed = ceil(Fraction(share).limit_denominator(1000) * len(values))
+    return values[max(needed, 1) - 1] if values else None
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from benchmarks.engine import pool
 from benchmarks.engine.codec import key_of
 from benchmarks.engine.measure import measured
 from benchmarks.engine.pool import ATTEMPTS
+from benchmarks.engine.show import quantile
 from benchmarks.engine.stats import LineFit, Mean, Pairing, Proportion
 from benchmarks.engine.store import SCHEMA, Store
 from benchmarks.engine.sweep import run_sweep
@@ -534,3 +535,14 @@ def test_a_line():
     two = LineFit.of([(1, 2), (2, 4)])
     assert (two.slope, two.intercept, two.r_squared, two.interval) == (2, 0, 1, None)
     assert LineFit.of([(1, 2), (2, 2), (3, 2)]).r_squared == 1
+
+
+# -- tables ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("size", "share", "expected"), [(10, 0.9, 9), (11, 0.9, 10), (1, 0.9, 1), (100, 0.9, 90)])
+def test_a_quantile_is_the_least_that_enough_values_do_not_exceed(size, share, expected):
+    values = list(range(1, size + 1))
+    assert quantile(values, share) == expected
+    assert expected == min(each for each in values if sum(other <= each for other in values) >= share * size)
+    assert quantile([], share) is None
