@@ -162,13 +162,16 @@ def test_children_end_with_their_parent(told: Told, call: str) -> None:
 
 
 def test_no_descriptor_and_no_child_is_left() -> None:
+    def children() -> set[str]:
+        return set(Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split())
+
     run("pass")
-    before = len(os.listdir("/proc/self/fd"))
+    before, others = len(os.listdir("/proc/self/fd")), children()
     for _ in range(3):
         run("pass")
         assert from_copy(lambda: 1, Deadline(), "counting") == 1
-    assert len(os.listdir("/proc/self/fd")) == before
-    assert Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii") == ""
+    assert len(os.listdir("/proc/self/fd")) <= before
+    assert children() <= others  # of other tests
 
 
 # -- copies of this process --------------------------------------------------------------------------------------------

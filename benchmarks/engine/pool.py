@@ -7,6 +7,7 @@ gives the tasks of a worker that died to another one.
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
@@ -103,6 +104,8 @@ def _until_killed(
     source: Iterator[Numbered], work: Work, jobs: int, deadline: Deadline, killed: list[Numbered]
 ) -> Outcomes:
     """Outcomes until the source is empty or a worker was killed; then `killed` are the tasks without outcome."""
+    # A worker that is ended leaves a semaphore behind; what keeps track of them would tell users about it.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
     from joblib.externals.loky import get_reusable_executor  # noqa: PLC0415 - not needed for one job
     from joblib.externals.loky.process_executor import TerminatedWorkerError  # noqa: PLC0415
 

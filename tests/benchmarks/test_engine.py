@@ -476,7 +476,7 @@ def test_no_descriptor_is_left_open():
     before = len(os.listdir("/proc/self/fd"))
     for _ in range(3):
         measured(python("pass"))
-    assert len(os.listdir("/proc/self/fd")) == before
+    assert len(os.listdir("/proc/self/fd")) <= before
 
 
 # -- statistics --------------------------------------------------------------------------------------------------------
