@@ -31,6 +31,8 @@ KILLED = (1, 3)
 """Exit codes of pytest where a test failed, or could not even start."""
 UNSEEN = 33
 """mutmut's code where no test calls the function: it does not see calls in child processes."""
+UNNOTICED = (0, UNSEEN)
+"""mutmut forks a process that has imported the code: what runs at import is changed only in a process of its own."""
 TIMEOUT = (24, 36, -24, 152, 255)
 ENOUGH = 0.9
 PATIENCE = 900
@@ -79,7 +81,11 @@ PARTS = {
     "irr": Part(("robust/irr/*",), ("tests/irr",), "recorded or interrupted or (test_examples and cvc5)"),
     "certify": Part(("robust/certify/*",), ("tests/certify",)),
     "knowledge": Part(("robust/pike_bridge/knowledge/*",), ("tests/pike_bridge/knowledge",)),
-    "options": Part(("robust/options.py",), ("tests/test_options.py",)),
+    "options": Part(
+        ("robust/options.py",),
+        ("tests/test_options.py", "tests/cli/test_options.py", "tests/recordings/test_recordings.py"),
+        " or ".join(f"recorded[{group}" for group in ("check", "convert", "envelope", "region", "execute")),
+    ),
 }
 
 MAKE = """
@@ -212,7 +218,7 @@ def measure(part: str, each: int, seed: int, only: str) -> tuple[int, int]:
     if open_ones := [name for name in sample if codes[name] not in KILLED + TIMEOUT]:
         mutmut(folder, RUN, *open_ones)
         codes = made(folder)
-    codes |= run_blindly(folder, part, [name for name in sample if codes[name] == UNSEEN])
+    codes |= run_blindly(folder, part, [name for name in sample if codes[name] in UNNOTICED])
     missed = {name: change(folder, name) for name in sorted(sample) if codes[name] not in KILLED + TIMEOUT}
     fine = accepted()
     left = {

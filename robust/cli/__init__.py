@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -13,9 +14,10 @@ def main() -> None:
     if hasattr(signal, "pthread_sigmask"):
         # For as long as the process lives: neither imports nor the end of the interpreter are to show a traceback.
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+    code = 1
+    # Taking solvers and formulas apart can take longer than the answer did. First registered is last called.
+    atexit.register(lambda: os._exit(code))
     code = run(sys.argv[1:])
-    if code == 3:
-        os._exit(code)  # taking large formulas apart would take longer than the second that a user waits
     raise SystemExit(code)
 
 
