@@ -1,7 +1,7 @@
 """All experiments: names, options, and where the rest of them is. Nothing here is slow to import.
 
-The first paragraph about a class of options is the help of its experiment. What is not shown
-is for callers from Python.
+The first paragraph about a class of options is the help of its experiment, the second its line in the list of all. What
+is not shown is for callers from Python.
 """
 
 from __future__ import annotations
@@ -40,8 +40,16 @@ def _count(default: int, help: str, metavar: str = "N") -> Any:
     return option(default, help, metavar=metavar)
 
 
+def _file(default: Any, help: str, metavar: str, rank: int = 0) -> Any:
+    return option(default, help, metavar=metavar, path=True, read=_path, rank=rank)
+
+
 def _limit(default: str | None, help: str, *names: str, rank: int = LIMITS) -> Any:
     return option(default, help, *names, metavar="S", read=_seconds, rank=rank)
+
+
+def _many(help: str, name: str, metavar: str, read: Any = None) -> Any:
+    return option((), f"{help}; may be repeated", name, metavar=metavar, many=True, read=read)
 
 
 def _inner(default: Any, help: str) -> Any:
@@ -63,64 +71,78 @@ class LongOptions(LocalOptions):
     cluster: str | None = option(
         None, "run on the workers of this Dask scheduler (extra cluster)", metavar="ADDRESS", rank=PROCESSES
     )
-    store: Path | None = option(
-        None,
-        "keep results as they arrive; a run with the same FILE resumes",
-        metavar="FILE",
-        path=True,
-        read=_path,
-        rank=PROCESSES,
-    )
+    store: Path | None = _file(None, "keep results as they arrive; a run with the same FILE resumes", "FILE", PROCESSES)
 
 
 class RecordedOptions(LocalOptions, Plot):
-    """Run a data set and compare boxes and numbers of checks with the recorded ones."""
+    """Run a data set and compare boxes and numbers of checks with the recorded ones.
 
-    suite: Path = option(..., "the data set", metavar="DIR", path=True, read=_path)
+    Compare with recorded runs.
+    """
+
+    suite: Path = _file(..., "the data set", "DIR")
     limit: float | None = _limit(None, _KILLED)
 
 
 class ScalingOptions(LocalOptions, Plot):
-    """Time over size: generated plans with more and more actions and parameters."""
+    """Time over size: generated plans with more and more actions and parameters.
+
+    Time over the size of a plan.
+    """
 
     limit: float | None = _limit(None, _KILLED)
     series: tuple[Any, ...] = _inner((), "which plans; without, all")
 
 
 class Figure3Options(RecordedOptions):
-    """Run a data set by every method: how many instances are solved within which time, beside the recorded runs."""
+    """Run a data set by every method: how many instances are solved within which time, beside the recorded runs.
+
+    Instances solved over time, by every method.
+    """
 
     limit: float | None = _limit("10", _KILLED)
-    own_limits: Mapping[str, float] | None = _inner(None, "other limits for some contenders, by name")
-    contenders: tuple[Any, ...] = _inner((), "what is run; without, everything")
+    own_limits: Mapping[str, float] = _inner({}, "other limits for some contenders, by name")
+    contenders: tuple[Any, ...] | None = _inner(None, "what is run; without, everything")
 
     def check_combinations(self, given: Collection[str]) -> None:
-        for name, seconds in (self.own_limits or {}).items():
+        for name, seconds in self.own_limits.items():
             _seconds(seconds, Location(f"own_limits {name}"))
 
 
 class Figure5Options(RecordedOptions):
-    """Run IRR on a data set: how near the final box is after how many steps."""
+    """Run IRR on a data set: how near the final box is after how many steps.
+
+    Convergence of IRR by steps.
+    """
 
     limit: float | None = _limit("10", _KILLED)
     schedules: tuple[Any, ...] = _inner((), "without, both")
 
 
 class BackendsOptions(ScalingOptions):
-    """Time over size: each elimination back end on plans with more and more parameters and unordered time points."""
+    """Time over size: each elimination back end on plans with more and more parameters and unordered time points.
+
+    Time of each elimination back end over size.
+    """
 
     limit: float | None = _limit("10", _KILLED)
-    contenders: tuple[Any, ...] = _inner((), "what is run; without, everything")
+    contenders: tuple[Any, ...] | None = _inner(None, "what is run; without, everything")
 
 
 class EncodingsOptions(BackendsOptions):
-    """Time over size: both encodings on plans with more and more unordered time points."""
+    """Time over size: both encodings on plans with more and more unordered time points.
+
+    Time of both encodings over size.
+    """
 
 
 class Figure4Options(LongOptions, Plot):
-    """Run every method on delivery plans of 1 to 33 parameters, and ask whether the boxes are controllable."""
+    """Run every method on delivery plans of 1 to 33 parameters, and ask whether the boxes are controllable.
 
-    suite: Path | None = option(None, "a data set with recorded plans", metavar="DIR", path=True, read=_path)
+    Time over the parameters of delivery plans, by every method.
+    """
+
+    suite: Path | None = _file(None, "a data set with recorded plans", "DIR")
     limit: float | None = _limit("10", _KILLED)
     baseline_limit: float | None = _limit("10", "the same for all but IRR and exact widening")
     sizes: tuple[int, ...] = _inner(tuple(range(1, 34)), "the numbers of parameters of our own plans")
@@ -129,7 +151,10 @@ class Figure4Options(LongOptions, Plot):
 
 
 class ConversionOptions(LongOptions):
-    """Convert time-triggered plans, and remove each constraint in turn: is the plan still proved valid without it?"""
+    """Convert time-triggered plans, and remove each constraint in turn: is the plan still proved valid without it?
+
+    Converted plans: proved, and what they could do without.
+    """
 
     drawn: int = _count(150, "how many plans are drawn at random")
     delivery: int = _count(50, "how many delivery plans")
@@ -165,26 +190,30 @@ def _whole_numbers(values: tuple[str | int, ...], place: Location) -> tuple[int,
 
 
 class Table1Options(TableOptions):
-    """Execute delivery plans whose durations are uncertain: coverage and re-plans, and the paper's."""
+    """Execute delivery plans whose durations are uncertain: coverage and re-plans, and the paper's.
 
-    columns: tuple[int, ...] = option(
-        (),
-        "only with N uncertain durations, 1 to 5; may be repeated",
-        "--parameters",
-        metavar="N",
-        many=True,
-        read=_whole_numbers,
+    Executors under uncertain durations.
+    """
+
+    columns: tuple[int, ...] = _many(
+        "only with N uncertain durations, 1 to 5", "--parameters", "N", read=_whole_numbers
     )
 
 
 class Table2Options(TableOptions):
-    """Execute delivery plans whose consumption is uncertain: coverage and re-plans, and the paper's."""
+    """Execute delivery plans whose consumption is uncertain: coverage and re-plans, and the paper's.
+
+    Executors under uncertain consumption.
+    """
 
     battery: Fraction | None = option(None, "the charge at the beginning; else 520", metavar="B", read=exact)
 
 
 class Figure21Options(LocalOptions, Plot):
-    """Compile random plans with choices: the number of prime implicants over that of models."""
+    """Compile random plans with choices: the number of prime implicants over that of models.
+
+    Prime implicants beside models of plans with choices.
+    """
 
     instances: int = _count(500, "how many random plans")
     seed: int = _count(0, "which random plans")
@@ -193,30 +222,31 @@ class Figure21Options(LocalOptions, Plot):
 
 
 class Figure20aOptions(Figure21Options):
-    """Compile random plans with choices: time over the number of candidate subplans, for every back end."""
+    """Compile random plans with choices: time over the number of candidate subplans, for every back end.
 
-    backends: tuple[str, ...] = option(
-        (), "only this one of those in the table; may be repeated", "--backend", metavar="NAME", many=True
-    )
+    Compilation of plans with choices, by every back end.
+    """
+
+    backends: tuple[str, ...] = _many("only this one of those in the table", "--backend", "NAME")
 
 
 class Figure20bOptions(LocalOptions, Plot):
-    """Execute the random plans with choices that admit it: how long each back end takes to decide."""
+    """Execute the random plans with choices that admit it: how long each back end takes to decide.
+
+    Latency of executions of plans with choices, by every back end.
+    """
 
     problems: int = _count(500, "how many random plans, of which some can be executed")
     seed: int = _count(0, "which random plans")
-    backends: tuple[str, ...] = option(
-        (),
-        "only this one of smt, pitms, atms, bdd and sat; may be repeated",
-        "--backend",
-        metavar="NAME",
-        many=True,
-    )
+    backends: tuple[str, ...] = _many("only this one of smt, pitms, atms, bdd and sat", "--backend", "NAME")
     limit: float = _limit("60", "seconds for each compilation and execution", "--timeout", "--limit")
 
 
 class Figure17Options(LongOptions, Plot):
-    """Execute plans with choices by PIKE, and by one who guesses intents: re-plans over the number of intents."""
+    """Execute plans with choices by PIKE, and by one who guesses intents: re-plans over the number of intents.
+
+    Re-plans of an executive that guesses what humans intend.
+    """
 
     problems: int = _count(2000, "how many random problems")
     seed: int = _count(0, "which random plans")
@@ -226,22 +256,29 @@ class Figure17Options(LongOptions, Plot):
 
 
 class Figure18Options(Figure17Options):
-    """Execute plans with choices by PIKE, and by one who guesses intents: the times until all is done."""
+    """Execute plans with choices by PIKE, and by one who guesses intents: the times until all is done.
+
+    Time to completion of an executive that guesses what humans intend.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An experiment that is not loaded: the constant of its name in the module at `place`; `summary` is one line."""
+    """An experiment that is not loaded: the constant of its name in the module at `place`."""
 
     name: str
     place: str
     options: type
-    summary: str
 
     @property
     def help(self) -> str:
         """What it does, as help shows it."""
         return (getdoc(self.options) or "").split("\n\n")[0]
+
+    @property
+    def summary(self) -> str:
+        """The same in one line of a list."""
+        return (getdoc(self.options) or "").split("\n\n")[1]
 
     def load(self) -> Experiment:
         """The experiment itself, with everything that it needs."""
@@ -252,55 +289,20 @@ class Entry:
 EXPERIMENTS = {
     entry.name: entry
     for entry in (
-        Entry("recorded", "irr.recorded", RecordedOptions, "Compare with recorded runs."),
-        Entry("scaling", "irr.scaling", ScalingOptions, "Time over the size of a plan."),
-        Entry("figure3", "irr.figure3", Figure3Options, "Instances solved over time, by every method."),
-        Entry("figure5", "irr.figure5", Figure5Options, "Convergence of IRR by steps."),
-        Entry("backends", "irr.growth", BackendsOptions, "Time of each elimination back end over size."),
-        Entry("encodings", "irr.growth", EncodingsOptions, "Time of both encodings over size."),
-        Entry(
-            "figure4",
-            "irr.figure4",
-            Figure4Options,
-            "Time over the parameters of delivery plans, by every method.",
-        ),
-        Entry(
-            "conversions",
-            "irr.conversions",
-            ConversionOptions,
-            "Converted plans: proved, and what they could do without.",
-        ),
-        Entry("table1", "irr.tables", Table1Options, "Executors under uncertain durations."),
-        Entry("table2", "irr.tables", Table2Options, "Executors under uncertain consumption."),
-        Entry(
-            "figure20a",
-            "pike.figure20a_21",
-            Figure20aOptions,
-            "Compilation of plans with choices, by every back end.",
-        ),
-        Entry(
-            "figure20b",
-            "pike.figure20b",
-            Figure20bOptions,
-            "Latency of executions of plans with choices, by every back end.",
-        ),
-        Entry(
-            "figure21",
-            "pike.figure20a_21",
-            Figure21Options,
-            "Prime implicants beside models of plans with choices.",
-        ),
-        Entry(
-            "figure17",
-            "pike.figure17_18",
-            Figure17Options,
-            "Re-plans of an executive that guesses what humans intend.",
-        ),
-        Entry(
-            "figure18",
-            "pike.figure17_18",
-            Figure18Options,
-            "Time to completion of an executive that guesses what humans intend.",
-        ),
+        Entry("recorded", "irr.recorded", RecordedOptions),
+        Entry("scaling", "irr.growth", ScalingOptions),
+        Entry("figure3", "irr.figure3", Figure3Options),
+        Entry("figure5", "irr.figure5", Figure5Options),
+        Entry("backends", "irr.growth", BackendsOptions),
+        Entry("encodings", "irr.growth", EncodingsOptions),
+        Entry("figure4", "irr.figure4", Figure4Options),
+        Entry("conversions", "irr.conversions", ConversionOptions),
+        Entry("table1", "irr.tables", Table1Options),
+        Entry("table2", "irr.tables", Table2Options),
+        Entry("figure20a", "pike.figure20a_21", Figure20aOptions),
+        Entry("figure20b", "pike.figure20b", Figure20bOptions),
+        Entry("figure21", "pike.figure20a_21", Figure21Options),
+        Entry("figure17", "pike.figure17_18", Figure17Options),
+        Entry("figure18", "pike.figure17_18", Figure18Options),
     )
 }

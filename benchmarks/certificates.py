@@ -2,45 +2,44 @@
 
 `python -m benchmarks.certificates --suite DIRECTORY` certifies each recorded plan at its nominal values (`plan`), all
 over the box that widening finds (`box`), and that no valid box contains that one (`maximal`), checks each certificate,
-and writes `parts/6-certificates.md`. `--json FILE` keeps the figures; `--from FILE` writes the part from such a file.
+and prints what it took as JSON, of which :mod:`benchmarks.results` makes a part of its page.
 """
 
 from __future__ import annotations
 
-import argparse
-import importlib.util
 import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib.machinery import SourceFileLoader
+from math import fsum
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
-from typing import Any
+from types import ModuleType
+from typing import Any, ClassVar
 
 from robust.api import check, envelope
 from robust.certify.document import mismatch
 from robust.certify.produce import PlanCertificate, digests
 from robust.certify.verify import checker_path
 from robust.encode import create_encoding
-from robust.errors import RobustError
 from robust.plan.load import load_plan
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box
 from robust.smt.limits import NEVER
 
+from .catalogue import RecordedOptions
+from .engine.experiment import Experiment, Report, Task
 from .engine.measure import COMMAND, Files
-from .engine.show import markdown, page
-from .irr.figure4 import recorded_instances
-from .suite import read_suite
+from .engine.show import Columns, Table, family
+from .suite import read_deliveries, read_suite
 
 KINDS = ("plan", "box", "maximal")
-PART = "6-certificates.md"
 SLOWEST, LARGEST = 3.0, 10_000_000
-PARTS = Path(__file__).with_name("parts")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,38 +68,32 @@ class Measured:
     def ratio(self) -> float:
         return self.check / self.solve
 
-
-def instances(suite: Path, directory: Path) -> Iterator[tuple[str, Files]]:
-    """All recorded plans of a data set, by name; those that come as texts are written into `directory`."""
-    for recorded in read_suite(suite):
-        yield recorded.name, recorded.files
-    for each in recorded_instances(suite):
-        place = directory / each.name
-        place.mkdir()
-        yield each.name, each.write(place)
+    @property
+    def text(self) -> str:
+        """Seconds of solving, producing and checking, the ratio, and the size."""
+        if self.rejected:
+            return "rejected"
+        seconds = f"{self.solve:.3f}, {self.produce:.3f}, {self.check:.3f}"
+        return f"{seconds}; {self.ratio:.2f}; {self.size / 1000:.0f} kB"
 
 
-def measure(name: str, files: Files, directory: Path, *, processes: bool = True) -> Iterator[Measured]:
+def measure(name: str, files: Files, processes: bool = True) -> tuple[Measured, ...]:
     """The certificates of one plan."""
+    with TemporaryDirectory(prefix="robust-bench-") as directory:
+        return tuple(_measure(name, files, Path(directory), processes))
+
+
+def _measure(name: str, files: Files, directory: Path, processes: bool) -> Iterator[Measured]:
     plan = load_plan(*files)
-    started = time.perf_counter()
-    check(plan)
-    point_s = time.perf_counter() - started
-    started = time.perf_counter()
-    found = envelope(plan)
-    widening_s = time.perf_counter() - started
-    started = time.perf_counter()
-    check(plan, at=found.box.intervals)
-    box_s = time.perf_counter() - started
+    point_s, _ = _timed(lambda: check(plan))
+    widening_s, found = _timed(lambda: envelope(plan))
+    box_s, _ = _timed(lambda: check(plan, at=found.box.intervals))
     boxes = {"plan": Box.nominal(plan.parameters), "box": found.box, "maximal": found.box}
     for kind, solve in zip(KINDS, (point_s, box_s, widening_s), strict=True):
         path = directory / f"{name}-{kind}.cert"
-        started = time.perf_counter()
-        size = produce(plan, files, kind, boxes[kind], path)
-        made = time.perf_counter() - started
-        started = time.perf_counter()
-        lines, rejected = run_checker(path, files)
-        checked = time.perf_counter() - started
+        made, size = _timed(partial(produce, plan, files, kind, boxes[kind], path))
+        checked, (lines, rejected) = _timed(partial(run_checker, path, files))
+        verb = "check" if kind == "plan" else "envelope"
         yield Measured(
             instance=name,
             kind=kind,
@@ -110,9 +103,9 @@ def measure(name: str, files: Files, directory: Path, *, processes: bool = True)
             check=checked,
             size=size,
             established=sum(line.startswith("established") for line in lines),
-            folded=sum(json.loads(line)[0] == "folded" for line in _lines(path)[1:]),
+            folded=sum(json.loads(line)[0] == "folded" for line in list(_CHECKER.lines_of(str(path)))[1:]),
             rejected=rejected or mismatch(path, plan, NEVER),
-            solve_process=_process(_solving(kind, files)) if processes else None,
+            solve_process=_process([*COMMAND, verb, *map(str, files), "--quiet"]) if processes else None,
             check_process=_process([sys.executable, "-I", str(checker_path()), str(path)]) if processes else None,
         )
 
@@ -137,145 +130,105 @@ def run_checker(path: Path, files: Files) -> tuple[list[str], str | None]:
 
 
 def _load_checker() -> Any:
-    spec = importlib.util.spec_from_file_location("certificate_checker", checker_path())
-    if spec is None or spec.loader is None:
-        raise RobustError(f"cannot load {checker_path()}")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    loader = SourceFileLoader("certificate_checker", str(checker_path()))
+    module = ModuleType(loader.name)
+    loader.exec_module(module)
     return module
 
 
 _CHECKER = _load_checker()
 
 
-def _lines(path: Path) -> list[bytes]:
-    return list(_CHECKER.lines_of(str(path)))
-
-
-def _solving(kind: str, files: Files) -> list[str]:
-    """The command that answers without a certificate."""
-    verb = "check" if kind == "plan" else "envelope"
-    return [*COMMAND, verb, *map(str, files), "--quiet"]
+def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
+    started = time.perf_counter()
+    found = work()
+    return time.perf_counter() - started, found
 
 
 def _process(command: Sequence[str]) -> float:
-    started = time.perf_counter()
-    subprocess.run(command, check=True, capture_output=True)
-    return time.perf_counter() - started
+    return _timed(lambda: subprocess.run(command, check=True, capture_output=True))[0]
 
 
-# -- the part of the results page ------------------------------------------------------------------------------------
+# -- the report --------------------------------------------------------------------------------------------------------
 
 
-def part(found: Sequence[Measured], date: str) -> str:
-    """The part of the results page about certificates."""
-    names = list(dict.fromkeys(each.instance for each in found))
-    intro = (
-        f"All plans and boxes of the recorded data, relational encoding, measured on {date} by `python -m "
-        "benchmarks.certificates --suite DIRECTORY`. *plan*: valid at the nominal values. *box*: all over the box that "
-        "widening finds. *maximal*: and no valid box contains it. Solving is the shortest way to the same verdict "
-        "without a certificate: checking the plan, checking the given box, widening. Solving and checking are timed in "
-        "one process that has started already, so that no start-up hides what they take; reading PDDL is left out. "
-        "Every certificate is checked with its input files, and compared with what these become in the encoding."
-    )
-    blocks = ["## Certificates", intro, *_summary(found)]
-    blocks.append(markdown(HEADINGS, (row(kind, [each for each in found if each.kind == kind]) for kind in KINDS)))
-    blocks.append("Each plan: seconds of solving, producing and checking; checking / solving; kilobytes.")
-    headings = ("plan", "parameters", *KINDS)
-    rows = []
-    for name in names:
-        mine = {each.kind: each for each in found if each.instance == name}
-        cells = [cell(mine[kind]) if kind in mine else "–" for kind in KINDS]
-        rows.append((name, str(next(iter(mine.values())).parameters), *cells))
-    blocks.append(markdown(headings, rows))
-    return page(*blocks)
+TOTALS: Columns[Sequence[Measured]] = {
+    "kind": lambda found: found[0].kind,
+    "certificates": len,
+    **family("{} s", ("solve", "produce", "check"), lambda name, found: fsum(getattr(each, name) for each in found)),
+    "check / solve": lambda found: median(each.ratio for each in found),
+    "greatest": lambda found: max(each.ratio for each in found),
+    "MB": lambda found: sum(each.size for each in found) / 1e6,
+    "largest MB": lambda found: max(each.size for each in found) / 1e6,
+}
 
 
-def _summary(found: Sequence[Measured]) -> Iterator[str]:
-    rejected = [each for each in found if each.rejected]
-    slowest = max(found, key=lambda each: each.ratio)
-    largest = max(found, key=lambda each: each.size)
-    plans = len({each.instance for each in found})
-    text = (
-        f"{len(found) - len(rejected)} of {len(found)} certificates of {plans} plans are accepted. The greatest ratio "
-        f"of checking to solving is {slowest.ratio:.2f} ({slowest.instance}, {slowest.kind}); aim: less than "
-        f"{SLOWEST:g}. The largest certificate has {largest.size / 1e6:.2f} MB ({largest.instance}, {largest.kind}); "
-        f"aim: less than {LARGEST / 1e6:g} MB."
-    )
-    whole = [each.check_process / each.solve_process for each in found if each.solve_process and each.check_process]
-    if whole:
-        text += (
-            " Whole processes, from start to end, `robust check` or `robust envelope` against the checker: "
-            f"{max(whole):.2f} at most, {median(whole):.2f} median."
-        )
-    yield text
-    for each in rejected:
-        yield f"Not accepted: {each.instance}, {each.kind}: {each.rejected}"
+BY_PLAN: Columns[Sequence[Measured]] = {
+    "instance": lambda found: found[0].instance,
+    "parameters": lambda found: found[0].parameters,
+    **family("{}", KINDS, lambda kind, found: next((each.text for each in found if each.kind == kind), None)),
+}
 
 
-HEADINGS = ("kind", "certificates", "solve s", "produce s", "check s", "check / solve", "greatest", "MB", "largest MB")
+class CertificateReport(Report[Measured]):
+    """All plans and boxes of the recorded data, relational encoding (`python -m benchmarks.certificates`).
+    *plan*: valid at the nominal values. *box*: all over the box that widening finds. *maximal*: and no valid box
+    contains it. Solving is the shortest way to the same verdict without a certificate: checking the plan, checking the
+    given box, widening. Solving and checking are timed in one process that has started already, so that no start-up
+    hides what they take; reading PDDL is left out. Every certificate is checked with its input files, and compared with
+    what these become in the encoding.
+    """
+
+    TITLE = "Certificates"
+    SETTINGS: ClassVar[Mapping[str, str]] = {"suite": "suite", "jobs": "jobs"}
+    ROW = Measured
+
+    def sound(self) -> bool:
+        return not any(each.rejected for each in self.rows)
+
+    def contents(self) -> list[Table]:
+        """By kind, and by plan: seconds of solving, producing and checking; checking / solving; kilobytes."""
+        kinds = [found for kind in KINDS if (found := self.of(kind=kind))]
+        plans = [self.of(instance=name) for name in dict.fromkeys(each.instance for each in self.rows)]
+        title = "Each plan: seconds of solving, producing and checking; checking / solving; kilobytes"
+        return [Table.of("All certificates", TOTALS, kinds), Table.of(title, BY_PLAN, plans)]
+
+    def remarks(self) -> Sequence[str]:
+        rejected = [each for each in self.rows if each.rejected]
+        slowest = max(self.rows, key=lambda each: each.ratio)
+        largest = max(self.rows, key=lambda each: each.size)
+        plans = len({each.instance for each in self.rows})
+        pairs = [(each.check_process, each.solve_process) for each in self.rows]
+        processes = "whole processes, from start to end, `robust check` or `robust envelope` against the checker"
+        whole = [check / solve for check, solve in pairs if check and solve]
+        return [
+            f"{len(self.rows) - len(rejected)} of {len(self.rows)} certificates of {plans} plans are accepted",
+            f"the greatest ratio of checking to solving is {slowest.ratio:.2f} ({slowest.instance}, {slowest.kind}); "
+            f"aim: less than {SLOWEST:g}",
+            f"the largest certificate has {largest.size / 1e6:.2f} MB ({largest.instance}, {largest.kind}); aim: less "
+            f"than {LARGEST / 1e6:g} MB",
+            *([f"{processes}: {max(whole):.2f} at most, {median(whole):.2f} median"] if whole else []),
+            *(f"not accepted: {each.instance}, {each.kind}: {each.rejected}" for each in rejected),
+        ]
 
 
-def row(kind: str, found: Sequence[Measured]) -> tuple[str, ...]:
-    """Totals of one kind, the median and greatest ratio, and the sizes."""
-    solve, made, checked = (sum(getattr(each, name) for each in found) for name in ("solve", "produce", "check"))
-    sizes = [each.size / 1e6 for each in found]
-    ratios = [each.ratio for each in found] or [0.0]
-    figures = (solve, made, checked, median(ratios), max(ratios), sum(sizes), max(sizes, default=0.0))
-    return (kind, str(len(found)), *(f"{figure:.2f}" for figure in figures))
+def _prepare(options: RecordedOptions, _: object) -> list[tuple[str, Files]]:
+    plans = [(one.name, one.files) for one in read_suite(options.suite)]
+    plans += [(one.instance, files) for one, files in read_deliveries(options.suite)]
+    measure(*plans[0], processes=False)  # so that everything is loaded
+    return plans
 
 
-def cell(each: Measured) -> str:
-    """Seconds of solving, producing and checking, the ratio, and the size."""
-    if each.rejected:
-        return "rejected"
-    seconds = f"{each.solve:.3f}, {each.produce:.3f}, {each.check:.3f}"
-    return f"{seconds}; {each.ratio:.2f}; {each.size / 1000:.0f} kB"
-
-
-def run(
-    suite: Path, *, limit: int | None = None, processes: bool = True, on_result: Callable[[Measured], None]
-) -> list[Measured]:
-    """Measure all recorded plans, or the first `limit`; the first plan is done twice, so that everything is loaded."""
-    found: list[Measured] = []
-    with TemporaryDirectory() as name:
-        directory = Path(name)
-        plans = list(instances(suite, directory))[:limit]
-        list(measure(*plans[0], directory, processes=False))
-        for plan, files in plans:
-            for each in measure(plan, files, directory, processes=processes):
-                found.append(each)
-                on_result(each)
-    return found
-
-
-def _progress(each: Measured) -> None:
-    verdict = each.rejected or "accepted"
-    print(f"{each.instance}, {each.kind}: {cell(each)}, {verdict}", file=sys.stderr, flush=True)
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.certificates", description=__doc__)
-    source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument("--suite", type=Path, metavar="DIRECTORY", help="the data set")
-    source.add_argument("--from", type=Path, metavar="FILE", dest="earlier", help="figures of an earlier run")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="where to keep the figures")
-    parser.add_argument("--output", type=Path, default=PARTS / PART, metavar="FILE", help=f"default: parts/{PART}")
-    options = parser.parse_args(arguments)
-    try:
-        if options.earlier is None:
-            found = run(options.suite, on_result=_progress)
-        else:
-            found = [Measured(**each) for each in json.loads(options.earlier.read_text(encoding="utf-8"))]
-        if options.json is not None:
-            options.json.write_text(json.dumps([asdict(each) for each in found], indent=1) + "\n", encoding="utf-8")
-        text = part(found, datetime.now(UTC).date().isoformat())
-        options.output.write_text(text + "\n", encoding="utf-8")
-    except (OSError, ValueError, TypeError, RobustError) as error:
-        parser.error(str(error))
-    print(options.output)
-    return 0
-
+CERTIFICATES = Experiment(
+    "certificates",
+    RecordedOptions,
+    lambda _, plans: [Task(name, (name, files)) for name, files in plans],
+    measure,
+    CertificateReport,
+    lambda found: ", ".join(f"{each.kind} {each.text}" for each in found),
+    prepare=_prepare,
+)
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    shown = CERTIFICATES.run(suite=Path(sys.argv[-1]), on_result=lambda *line: print(*line, file=sys.stderr))
+    print(json.dumps(shown.as_dict()))

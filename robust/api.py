@@ -181,13 +181,14 @@ def check(plan: ParametrizedPlan, options: CheckOptions) -> CheckResult:
 
 def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Search[EnvelopeResult]:
     """What :func:`envelope` runs."""
-    from robust.irr.search import EnvelopeResult, Status
+    from robust.irr.search import Conduct, EnvelopeResult, Status
     from robust.qe.box import Box
 
     order = tuple(options.order or ())
     beta = options.precision
 
     def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> Search[EnvelopeResult]:
+        conduct: Conduct = {"deadline": deadline, "on_step": options.on_step}
         if beta is not None:
             from robust.irr.containment import Containment
             from robust.irr.irr import IncrementalRobustification
@@ -197,8 +198,7 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Sear
                 beta=beta,
                 doubling=options.doubling,
                 order=order,
-                deadline=deadline,
-                on_step=options.on_step,
+                **conduct,
             )
         from robust.irr.exact import ExactSearch
 
@@ -209,8 +209,7 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Sear
             contain_nominal=options.contain_nominal,
             solver=options.solver,
             exporter=exporter,
-            deadline=deadline,
-            on_step=options.on_step,
+            **conduct,
         )
 
     def nothing(timed_out: bool, seconds: float) -> EnvelopeResult:

@@ -24,5 +24,8 @@ ELIMINATORS = {
 OFFERED = ("project", "z3", "cvc5", "fourier-motzkin", "loos-weispfenning")
 """Those that the command line offers; the others are for comparison."""
 
+SPLITTINGS = ("monolithic", "partial", "full")
+"""How elimination problems are grouped, see :mod:`robust.qe.compute`."""
+
 KNOWLEDGE_BASES = ("pitms", "atms", "sat", "bdd")
 """Who reasons about choices, see :mod:`robust.pike_bridge.knowledge`."""

@@ -6,10 +6,12 @@ numbers. The schema of a class is generated from it; fields that it does not hav
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from enum import Enum
 from fractions import Fraction
 from pathlib import Path
+from textwrap import dedent
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -18,27 +20,31 @@ from msgspec import Meta, Struct
 from robust.errors import InputError, Location
 from robust.numbers import is_number, parse_number
 
-Rational = Annotated[
-    str, Meta(pattern="^-?[0-9]+(/[1-9][0-9]*)?$", description="a rational: an integer or a reduced fraction")
-]
+Rational = Annotated[Fraction, Meta(description="a rational: an integer or a reduced fraction")]
 End = Annotated[str, Meta(pattern="^(-?inf|-?[0-9]+(/[1-9][0-9]*)?)$", description="a rational, inf or -inf")]
 Seconds = Annotated[float, Meta(ge=0, description="seconds")]
 Count = Annotated[int, Meta(ge=0)]
-Made = TypeVar("Made")
 
 
 class JsonObject(Struct, kw_only=True, forbid_unknown_fields=True):
     """An object of JSON; other fields than its own are errors."""
 
 
-def about(description: str) -> Meta:
-    """A description for schemas."""
-    return Meta(description=description)
+Made = TypeVar("Made")
+MadeObject = TypeVar("MadeObject", bound=JsonObject)
 
 
 def one_of(*values: str | int) -> Meta:
     """All that there may be."""
     return Meta(extra_json_schema={"enum": list(values)})
+
+
+def like(kind: type[MadeObject], source: object, /, **others: Any) -> MadeObject:
+    """A record with what an object holds under the same names, and with the others; seconds to the microsecond."""
+    wanted = [name for name in kind.__struct_fields__ if name not in others and hasattr(source, name)]
+    held = {name: getattr(source, name) for name in wanted}
+    rounded = {name: round(value, 6) if isinstance(value, float) else value for name, value in held.items()}
+    return kind(**rounded, **others)
 
 
 def plain(value: object) -> Any:
@@ -76,17 +82,26 @@ def _exact(kind: type, value: Any) -> Any:
     raise ValueError(f"found {value!r}, expected {'a rational' if kind is Fraction else kind.__name__}")
 
 
-def schema_of(kind: Any, title: str, description: str) -> dict[str, Any]:
-    """The JSON Schema (draft 2020-12) of a class; its `RULES` are what types cannot say."""
+def schema_of(kind: type[JsonObject], title: str) -> dict[str, Any]:
+    """The JSON Schema (draft 2020-12) of a class; its `RULES` are what types cannot say.
+
+    Descriptions are those of docstrings: of an object the text, of its fields what stands below `Attributes:`.
+    """
     (found,), parts = msgspec.json.schema_components([kind], schema_hook=_schema, ref_template="#/$defs/{name}")
-    top = parts.pop(found["$ref"].rsplit("/", 1)[1]) if "$ref" in found else found
-    top.pop("title", None)
     for part in parts.values():
-        part.pop("title", None)
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title, "description": description}
-    rest = {key: value for key, value in top.items() if key != "description"}
-    rest |= getattr(kind, "RULES", {})
-    return head | rest | ({"$defs": parts} if parts else {})
+        del part["title"]
+        text, _, said = part.pop("description", "").partition("Attributes:\n")
+        if text.strip():
+            part["description"] = text.strip()
+        for name, words in _FIELD.findall(dedent(said)):
+            part["properties"][name]["description"] = " ".join(words.split())
+    top = parts.pop(found["$ref"].rsplit("/", 1)[1]) | getattr(kind, "RULES", {})
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title}
+    whole: dict[str, Any] = head | top | ({"$defs": parts} if parts else {})
+    return whole
+
+
+_FIELD = re.compile(r"^(\w+): (.*(?:\n .*)*)", re.MULTILINE)
 
 
 def _schema(kind: type) -> dict[str, Any]:

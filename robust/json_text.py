@@ -324,51 +324,12 @@ class JsonTypes:
         items = [self.write(get_args(kind)[0], each) for each in value]
         return sorted(items) if get_origin(kind) is frozenset else items
 
-    def read(self, kind: Any, value: Json, *, beside: Sequence[str] = ()) -> Any:
-        """A value of a type; `beside`: members of the object that others read.
+    def read(self, kind: Any, value: Json, *, name: str = "", beside: Sequence[str] = ()) -> Any:  # noqa: PLR0911 - shapes
+        """A value of a type; `name`: of the member that it is, for messages; `beside`: members that others read.
 
         Raises:
             InputError: at the place of whatever is not as expected, which says what was found.
         """
-        return self._read(kind, value, "", beside)
-
-    def member(self, kind: Any, value: Object, name: str) -> Any:
-        """A member of an object; None where it is missing and may be.
-
-        Raises:
-            InputError: at the place of whatever is not as expected.
-        """
-        if _is_optional(kind) and not _is_given(value, name):
-            return None
-        if name not in value.members:
-            raise InputError(f"found no field {name!r}, expected {self._expected(kind)}", value.location)
-        return self._read(kind, value.members[name], name)
-
-    def schema(self, kind: Any, *, written: bool) -> dict[str, Any]:  # noqa: PLR0911 - shapes
-        """The JSON Schema of what is written of a type, or else of what is read."""
-        if members := _members(kind):
-            shapes = [self.schema(each, written=written) for each in members]
-            return {"anyOf": [*shapes, {"type": "null"}]} if _is_optional(kind) else {"oneOf": shapes}
-        if kind is Fraction and not written:
-            return {"anyOf": [{"type": "number"}, {"type": "string"}]}
-        if kind is Fraction:
-            return {"type": "string", "pattern": "^-?[0-9]+(/[0-9]+)?$"}
-        if _is_object(kind):
-            return {"type": "object", "additionalProperties": {"type": "string"}}
-        if get_origin(kind) in {tuple, frozenset}:
-            return {"type": "array", "items": self.schema(get_args(kind)[0], written=written)}
-        if not _is_record(kind) or kind in self._texts:
-            return {"type": {bool: "boolean", int: "integer"}.get(kind, "string")}
-        tag = {"kind": {"const": kind.kind()}} if issubclass(kind, Tagged) else {}
-        found = {name: self.schema(hint, written=written) for name, _, hint in _fields(kind)}
-        needed = [
-            name for name, each, hint in _fields(kind) if written or not (_has_default(each) or _is_optional(hint))
-        ]
-        shape = {"type": "object", "properties": tag | found, "required": [*tag, *needed]}
-        return shape | {"additionalProperties": False}
-
-    def _read(self, kind: Any, value: Json, name: str, beside: Sequence[str] = ()) -> Any:  # noqa: PLR0911 - shapes
-        """`name` is that of the member that the value is, for messages."""
         if members := _members(kind):
             tagged = {each.kind(): each for each in members if _is_record(each)}
             kind = tagged[self._kind_of(value, tuple(tagged))] if tagged else members[0]
@@ -384,12 +345,24 @@ class JsonTypes:
             case Constant(bool(constant)) if kind is bool:
                 return constant
             case Array(items) if get_origin(kind) in {tuple, frozenset} and not _is_object(kind):
-                return get_origin(kind)(self._read(get_args(kind)[0], each, "") for each in items)
+                return get_origin(kind)(self.read(get_args(kind)[0], each) for each in items)
             case Object(members=found) if _is_object(kind):
-                pairs = {key: self._read(str, each, "") for key, each in found.items()}
+                pairs = {key: self.read(str, each) for key, each in found.items()}
                 return pairs if get_origin(kind) is Mapping else tuple(map(get_args(kind)[0]._make, pairs.items()))
         expected = f"{self._expected(kind)} for {name!r}" if name else self._expected(kind)
         raise InputError(f"found {describe(value)}, expected {expected}", value.location)
+
+    def member(self, kind: Any, value: Object, name: str) -> Any:
+        """A member of an object; None where it is missing and may be.
+
+        Raises:
+            InputError: at the place of whatever is not as expected.
+        """
+        if NoneType in get_args(kind) and not _is_given(value, name):
+            return None
+        if name not in value.members:
+            raise InputError(f"found no field {name!r}, expected {self._expected(kind)}", value.location)
+        return self.read(kind, value.members[name], name=name)
 
     def _kind_of(self, value: Json, known: Sequence[str]) -> str:
         found: str = self.member(str, self._object(value), "kind")
@@ -404,7 +377,7 @@ class JsonTypes:
         values = {}
         for name, each, hint in _fields(kind):
             known.append(name)
-            if _is_given(found, name) or not _has_default(each):
+            if _is_given(found, name) or (each.default is MISSING and each.default_factory is MISSING):
                 values[each.name] = self.member(hint, found, name)
         known += beside
         for key in found.keys:
@@ -452,17 +425,9 @@ def _is_object(kind: Any) -> bool:
     return get_origin(kind) is Mapping or (get_origin(kind) is tuple and hasattr(get_args(kind)[0], "_make"))
 
 
-def _is_optional(kind: Any) -> bool:
-    return NoneType in get_args(kind)
-
-
 def _is_given(value: Object, name: str) -> bool:
     found = value.members.get(name)
     return found is not None and not (isinstance(found, Constant) and found.value is None)
-
-
-def _has_default(each: Field[Any]) -> bool:
-    return each.default is not MISSING or each.default_factory is not MISSING
 
 
 def _close(name: str, known: Sequence[str]) -> str:

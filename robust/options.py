@@ -2,7 +2,7 @@
 
 A command line and the Python function of the same name are read into one object of a class below, which checks values
 and combinations when it is made. Messages name an option as it was given: `--beta` as it was typed, `beta` in Python.
-Those of `robust pike` are declared in the same way in :mod:`robust.cli.pike_options`.
+Those of `robust pike` are declared in the same way in :mod:`robust.cli.pike`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, dataclass_transform
 
-from robust.backends import ELIMINATORS, ENCODINGS, OFFERED, SOLVERS
+from robust.backends import ELIMINATORS, ENCODINGS, OFFERED, SOLVERS, SPLITTINGS
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import EXPECTED_NUMBER, parse_number, shorten
 
@@ -316,16 +316,16 @@ PARAMETERS, EPSILON, ENCODING, SOLVING, LIMIT, DRAWING, EXPORT, OUTPUT = range(1
 """Ranks."""
 
 
+def separation(read: Callable[[Number, Location], Fraction]) -> Any:
+    """ε, at least 0 or above it."""
+    what = "separation of mutex time points, in the plan's unit of time"
+    return option("1/1000", what, metavar="E", read=read, rank=EPSILON)
+
+
 class Separation(Options):
     """ε."""
 
-    epsilon: Number = option(
-        "1/1000",
-        "separation of mutex time points, in the plan's unit of time",
-        metavar="E",
-        read=not_negative,
-        rank=EPSILON,
-    )
+    epsilon: Number = separation(not_negative)
 
     @property
     def separation(self) -> Fraction:
@@ -407,11 +407,16 @@ class Slice(Plot):
     )
 
 
-class PlanFiles(Options):
-    """Where the plan is, and what of it are parameters."""
+class Planning(Options):
+    """Where the planning problem is."""
 
     domain: Path = argument(..., "PDDL domain", "DOMAIN")
     problem: Path = argument(..., "PDDL problem", "PROBLEM")
+
+
+class PlanFiles(Planning):
+    """Where the plan is."""
+
     plan: Path = argument(..., "parametrized plan (.stn)", "PLAN")
 
 
@@ -522,7 +527,7 @@ class RegionOptions(Search):
     splitting: str = option(
         "full",
         "one problem for all, for the plan and its network, or for each part",
-        choices=("monolithic", "partial", "full"),
+        choices=SPLITTINGS,
     )
     learning: bool = option(True, "tell later problems what earlier ones have excluded")
     on_piece: Callable[[Polyhedron], None] | None = option(
@@ -581,11 +586,9 @@ def plan_file(path: Path, place: Location) -> Path:
     return writable(path, place, "the plan")
 
 
-class ConvertCommand(Separation, Solving, Output):
+class ConvertCommand(Separation, Solving, Planning, Output):
     """Of `robust convert`."""
 
-    domain: Path = argument(..., "PDDL domain", "DOMAIN")
-    problem: Path = argument(..., "PDDL problem", "PROBLEM")
     plan: Path = argument(..., "steps as planners print them", "TIMED_PLAN")
     output: Path | None = option(
         None,
@@ -610,11 +613,9 @@ class ConvertCommand(Separation, Solving, Output):
     )
 
 
-class ExecuteCommand(Separation, Solving, Plot, Output):
+class ExecuteCommand(Separation, Solving, Plot, Planning, Output):
     """Of `robust execute`."""
 
-    domain: Path = argument(..., "PDDL domain", "DOMAIN")
-    problem: Path = argument(..., "PDDL problem", "PROBLEM")
     plan: Path | None = argument(
         None, "network (.stn), or steps as planners print them; the planner is asked if left out", "PLAN"
     )

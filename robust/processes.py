@@ -1,32 +1,24 @@
-"""Processes that end when they have to: commands, and copies of this process.
+"""Commands that end when they have to.
 
 A command runs below a watcher (:mod:`robust.watcher`), which kills everything that the command has started once it
-ends, at the deadline, on Ctrl-C, and when this process dies, however that happens. Work inside this process that
-nothing can interrupt, such as a call of a solver's library, runs in a forked copy that can be ended at any moment.
+ends, at the deadline, on Ctrl-C, and when this process dies, however that happens.
 """
 
 from __future__ import annotations
 
-import ctypes
 import os
-import pickle
 import signal
-import struct
 import subprocess
 import sys
 import tempfile
-import traceback
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
-from typing import Any, BinaryIO, NoReturn, TypeVar
+from typing import BinaryIO
 
-from robust.errors import SolverError
-from robust.smt.limits import NEVER, Deadline, OutOfTimeError, has_input
-
-T = TypeVar("T")
+from robust.smt.limits import NEVER, Deadline, has_input
 
 CANNOT_START = 127
 """The exit code of a command that could not be started, as in a shell; `last_line` says why."""
@@ -160,85 +152,3 @@ def _pipe() -> Iterator[tuple[BinaryIO, BinaryIO]]:
 def _text(file: BinaryIO) -> str:
     file.seek(0)
     return file.read().decode("utf-8", "replace")
-
-
-# -- copies of this process --------------------------------------------------------------------------------------------
-
-_HEADER = struct.Struct("!?Q")
-"""Whether the work failed, and the size of what follows."""
-_DIE_WITH_PARENT = 1
-"""PR_SET_PDEATHSIG of Linux's `prctl`."""
-
-
-def from_copy(work: Callable[[], T], deadline: Deadline, task: str) -> T:
-    """What `work` returns, computed in a copy of this process; see :func:`stream_from_copy`."""
-    results = stream_from_copy(lambda: [work()], deadline, task)
-    try:
-        return next(results)
-    finally:
-        results.close()
-
-
-def stream_from_copy(work: Callable[[], Iterable[T]], deadline: Deadline, task: str) -> Generator[T]:
-    """What `work` yields, computed in a copy of this process; leaving the iteration early ends the copy.
-
-    The items are pickled, and none is None. `task` names the work in messages.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-        SolverError: if the work failed or the copy died.
-    """
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.close(reader)
-        _run_in_copy(work, writer)
-    os.close(writer)
-    try:
-        while True:
-            failed, size = _HEADER.unpack(_read(reader, _HEADER.size, deadline, task))
-            item = pickle.loads(_read(reader, size, deadline, task))  # noqa: S301 - written by our own copy
-            if failed:
-                raise SolverError(f"{task} failed: {item}")
-            if item is None:
-                return
-            yield item
-    finally:
-        os.close(reader)
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
-
-
-def _run_in_copy(work: Callable[[], Iterable[Any]], writer: int) -> NoReturn:
-    """Runs in the copy, which must never return into the caller's stack; None marks the end."""
-    try:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        if sys.platform == "linux":
-            ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
-        try:
-            for item in work():
-                _write(writer, False, item)
-            _write(writer, False, None)
-        except Exception:  # whatever it is, the caller must hear of it
-            _write(writer, True, traceback.format_exc(limit=-1).strip().splitlines()[-1])
-    finally:
-        os._exit(0)
-
-
-def _write(writer: int, failed: bool, item: Any) -> None:
-    content = pickle.dumps(item)
-    pending = memoryview(_HEADER.pack(failed, len(content)) + content)
-    while pending:
-        pending = pending[os.write(writer, pending) :]
-
-
-def _read(reader: int, size: int, deadline: Deadline, task: str) -> bytes:
-    content = bytearray()
-    while len(content) < size:
-        if not has_input(reader, deadline):
-            raise OutOfTimeError
-        chunk = os.read(reader, min(1 << 20, size - len(content)))
-        if not chunk:
-            raise SolverError(f"the process of {task} died; it may have run out of memory")
-        content += chunk
-    return bytes(content)

@@ -7,35 +7,11 @@ named after it, and parameters their values. Temporal constraints have no place 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
-from typing import assert_never
+from typing import NamedTuple, assert_never
 
 from robust.numbers import format_number
-from robust.plan.model import (
-    ActionInstance,
-    And,
-    Assignment,
-    Atom,
-    AtomEffect,
-    Comparison,
-    Condition,
-    Duration,
-    DurationConstraint,
-    Expression,
-    Fluent,
-    Holds,
-    NumericEffect,
-    NumericVariable,
-    Or,
-    ParameterReference,
-    ParametrizedPlan,
-    Relation,
-    TimedCondition,
-    TimePoint,
-    Timing,
-    Truth,
-)
+from robust.plan import model
 from robust.plan.pddl.write import action_text, conjunction_text, define, section
 from robust.plan.polynomial import Polynomial
 
@@ -46,8 +22,7 @@ _REQUIREMENTS = (
 _ALWAYS, _NEVER = "(top)", "(not (top))"
 
 
-@dataclass(frozen=True, slots=True)
-class PddlText:
+class PddlText(NamedTuple):
     """The contents of the three files that a validator reads."""
 
     domain: str
@@ -56,7 +31,7 @@ class PddlText:
 
 
 def pddl_text(
-    plan: ParametrizedPlan, parameters: Mapping[str, Fraction], schedule: Mapping[TimePoint, Fraction]
+    plan: model.ParametrizedPlan, parameters: Mapping[str, Fraction], schedule: Mapping[model.TimePoint, Fraction]
 ) -> PddlText:
     """Domain, problem and time-triggered plan of one schedule under `parameters`."""
     atoms = sorted({_symbol(atom) for atom in _atoms(plan)} | {_ALWAYS})
@@ -70,17 +45,17 @@ def pddl_text(
     return PddlText(define("domain", "d", sections), _problem(plan, parameters), _plan(plan, schedule))
 
 
-def _problem(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> str:
+def _problem(plan: model.ParametrizedPlan, parameters: Mapping[str, Fraction]) -> str:
     writer = _Writer(parameters)
     values = {
-        fluent: value.evaluate({ParameterReference(name): v for name, v in parameters.items()})
+        fluent: value.evaluate({model.ParameterReference(name): v for name, v in parameters.items()})
         for fluent, value in plan.initial_fluents.items()
     }
     facts = [_ALWAYS, *(_symbol(atom) for atom in sorted(plan.initial_atoms))]
     facts += [f"(= {_symbol(fluent)} {number(value)})" for fluent, value in values.items()]
     for literal in plan.timed_literals:
         fact = _symbol(literal.target)
-        if isinstance(literal.target, Fluent):
+        if isinstance(literal.target, model.Fluent):
             fact = f"(= {fact} {number(Fraction(literal.value))})"
         elif not literal.value:
             fact = f"(not {fact})"
@@ -89,7 +64,7 @@ def _problem(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> str:
     return define("problem", "x", ["(:domain d)", section(":init", facts), section(":goal", [conjunction_text(goals)])])
 
 
-def _plan(plan: ParametrizedPlan, schedule: Mapping[TimePoint, Fraction]) -> str:
+def _plan(plan: model.ParametrizedPlan, schedule: Mapping[model.TimePoint, Fraction]) -> str:
     lines = []
     for instance in plan.instances:
         start = schedule[instance.start]
@@ -98,10 +73,10 @@ def _plan(plan: ParametrizedPlan, schedule: Mapping[TimePoint, Fraction]) -> str
     return "".join(lines)
 
 
-def _atoms(plan: ParametrizedPlan) -> Iterable[Atom]:
+def _atoms(plan: model.ParametrizedPlan) -> Iterable[model.Atom]:
     yield from plan.initial_atoms
     for literal in plan.timed_literals:
-        if isinstance(literal.target, Atom):
+        if isinstance(literal.target, model.Atom):
             yield literal.target
     conditions = [goal.condition for goal in plan.goal]
     for instance in plan.instances:
@@ -110,9 +85,9 @@ def _atoms(plan: ParametrizedPlan) -> Iterable[Atom]:
         yield from (effect.atom for effect in instance.atom_effects)
     while conditions:
         condition = conditions.pop()
-        if isinstance(condition, And | Or):
+        if isinstance(condition, model.And | model.Or):
             conditions += condition.operands
-        elif isinstance(condition, Holds):
+        elif isinstance(condition, model.Holds):
             yield condition.atom
 
 
@@ -122,12 +97,12 @@ def number(value: Fraction) -> str:
     return f"(/ {text.replace('/', ' ')})" if "/" in text else text
 
 
-def _symbol(name: Atom | Fluent) -> str:
-    head = name.predicate if isinstance(name, Atom) else name.function
+def _symbol(name: model.Atom | model.Fluent) -> str:
+    head = name.predicate if isinstance(name, model.Atom) else name.function
     return f"({'_'.join((head, *name.arguments))})"
 
 
-def condition_text(condition: Condition) -> str:
+def condition_text(condition: model.Condition) -> str:
     """A condition in PDDL, parameters and `?duration` by name: what the plan model keeps as its `text`."""
     return _Writer(None).condition(condition)
 
@@ -138,7 +113,7 @@ class _Writer:
     def __init__(
         self,
         parameters: Mapping[str, Fraction] | None,
-        instance: ActionInstance | None = None,
+        instance: model.ActionInstance | None = None,
         duration: Fraction | None = None,
     ) -> None:
         self.parameters = parameters
@@ -146,7 +121,7 @@ class _Writer:
         self.duration = duration
         self.exact = parameters is not None
 
-    def expression(self, expression: Expression) -> str:
+    def expression(self, expression: model.Expression) -> str:
         terms = sorted(expression.terms.items(), key=lambda term: (not term[0], [str(v) for v in term[0]]))
         text = ""
         for monomial, coefficient in terms:
@@ -156,57 +131,57 @@ class _Writer:
             text = f"(+ {text} {product})" if text else product
         return text or "0"
 
-    def _variable(self, variable: NumericVariable) -> str:
+    def _variable(self, variable: model.NumericVariable) -> str:
         match variable:
-            case Fluent():
+            case model.Fluent():
                 return str(variable) if self.parameters is None else _symbol(variable)
-            case ParameterReference(name):
+            case model.ParameterReference(name):
                 return name if self.parameters is None else number(self.parameters[name])
-            case Duration():
+            case model.Duration():
                 return "?duration"
         assert_never(variable)
 
-    def fixed(self, expression: Expression) -> str:
+    def fixed(self, expression: model.Expression) -> str:
         """As `expression`, with the value of `?duration`: VAL reads it in numeric effects and :duration only."""
         duration = self.duration
         if duration is None:
             return self.expression(expression)
         return self.expression(
             expression.substitute(
-                lambda v: Polynomial.constant(duration) if isinstance(v, Duration) else Polynomial.variable(v)
+                lambda v: Polynomial.constant(duration) if isinstance(v, model.Duration) else Polynomial.variable(v)
             )
         )
 
-    def timed(self, part: TimedCondition) -> str:
+    def timed(self, part: model.TimedCondition) -> str:
         """A condition with its timing.
 
         VAL grants its tolerance to strict comparisons too, so that x > x holds; the negation of <= is exact at time
         points, but VAL does not see it fail between two happenings.
         """
-        self.exact = part.timing is not Timing.OVER_ALL
+        self.exact = part.timing is not model.Timing.OVER_ALL
         text = f"({part.timing.value} {self.condition(part.condition)})"
         self.exact = True
         return text
 
-    def condition(self, condition: Condition) -> str:
+    def condition(self, condition: model.Condition) -> str:
         match condition:
-            case Truth(value):
+            case model.Truth(value):
                 return _ALWAYS if value else _NEVER
-            case Holds(atom, value):
+            case model.Holds(atom, value):
                 text = str(atom) if self.parameters is None else _symbol(atom)
                 return text if value else f"(not {text})"
-            case Comparison(expression, relation):
+            case model.Comparison(expression, relation):
                 return self._comparison(self.fixed(expression), relation)
-            case And(operands):
+            case model.And(operands):
                 return conjunction_text(map(self.condition, operands))
-            case Or(operands):
+            case model.Or(operands):
                 return f"(or {' '.join(self.condition(operand) for operand in operands)})" if operands else _NEVER
         assert_never(condition)
 
-    def _comparison(self, text: str, relation: Relation) -> str:
-        if relation is Relation.DIFFERENT:
+    def _comparison(self, text: str, relation: model.Relation) -> str:
+        if relation is model.Relation.DIFFERENT:
             return f"(not (= {text} 0))"
-        if relation is Relation.GREATER and self.exact:
+        if relation is model.Relation.GREATER and self.exact:
             return f"(not (<= {text} 0))"
         return f"({relation.value} {text} 0)"
 
@@ -223,23 +198,25 @@ class _Writer:
         duration = conjunction_text(durations)
         return action_text(instance.identifier, conjunction_text(conditions), effects, duration=duration)
 
-    def _duration(self, part: DurationConstraint) -> str:
+    def _duration(self, part: model.DurationConstraint) -> str:
         """`?duration` on the left: the comparison divided by its coefficient."""
         polynomial = part.condition.expression
-        factor = polynomial.terms[(Duration(),)]
-        bound = (Polynomial({(Duration(),): factor}) - polynomial).scaled(1 / factor)
-        relation = {Relation.AT_LEAST: ">=" if factor > 0 else "<=", Relation.EQUAL: "="}[part.condition.relation]
+        factor = polynomial.terms[(model.Duration(),)]
+        bound = (Polynomial({(model.Duration(),): factor}) - polynomial).scaled(1 / factor)
+        relation = {model.Relation.AT_LEAST: ">=" if factor > 0 else "<=", model.Relation.EQUAL: "="}[
+            part.condition.relation
+        ]
         return f"({part.timing.value} ({relation} ?duration {self.expression(bound)}))"
 
-    def _effect(self, effect: AtomEffect | NumericEffect) -> str:
-        if isinstance(effect, AtomEffect):
+    def _effect(self, effect: model.AtomEffect | model.NumericEffect) -> str:
+        if isinstance(effect, model.AtomEffect):
             text = _symbol(effect.atom) if effect.value else f"(not {_symbol(effect.atom)})"
         else:
-            operator = "assign" if effect.operator is Assignment.ASSIGN else "increase"
+            operator = "assign" if effect.operator is model.Assignment.ASSIGN else "increase"
             text = f"({operator} {_symbol(effect.fluent)} {self.expression(effect.expression)})"
         assert self.instance is not None
         frame = f"({effect.timing.value} {{}})" if self.instance.durative else "{}"
-        if effect.condition == Truth(True):
+        if effect.condition == model.Truth(True):
             return frame.format(text)
         return f"(when {frame.format(self.condition(effect.condition))} {frame.format(text)})"
 

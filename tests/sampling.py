@@ -17,20 +17,19 @@ from robust.plan.model import ZERO, Bound, Parameter, ParameterReference, Parame
 Distances = list[list[int | None]]
 """Row a, column b: the least upper bound of t_b − t_a in units of a common denominator; None is unbounded."""
 
+QUANTUM = Fraction(1, 8)
 HORIZON = Fraction(6)
 """How far beyond its earliest time an unbounded time point is put at most."""
 
 
-def sample_parameters(
-    plan: ParametrizedPlan, random: Random, *, spread: Fraction = Fraction(2), quantum: Fraction = Fraction(1, 8)
-) -> dict[str, Fraction]:
-    """A value per parameter: its nominal value, a declared bound, or a multiple of `quantum` within `spread` of it."""
-    return {parameter.name: _parameter_value(parameter, random, spread, quantum) for parameter in plan.parameters}
+def sample_parameters(plan: ParametrizedPlan, random: Random, *, spread: Fraction = Fraction(2)) -> dict[str, Fraction]:
+    """A value per parameter: its nominal value, a declared bound, or a multiple of `QUANTUM` within `spread` of it."""
+    return {parameter.name: _parameter_value(parameter, random, spread) for parameter in plan.parameters}
 
 
-def _parameter_value(parameter: Parameter, random: Random, spread: Fraction, quantum: Fraction) -> Fraction:
-    steps = int(spread / quantum)
-    near = parameter.nominal + quantum * random.randint(-steps, steps)
+def _parameter_value(parameter: Parameter, random: Random, spread: Fraction) -> Fraction:
+    steps = int(spread / QUANTUM)
+    near = parameter.nominal + QUANTUM * random.randint(-steps, steps)
     if parameter.lower is not None:
         near = max(near, parameter.lower)
     if parameter.upper is not None:
@@ -40,16 +39,10 @@ def _parameter_value(parameter: Parameter, random: Random, spread: Fraction, qua
 
 
 def sample_schedule(
-    plan: ParametrizedPlan,
-    parameters: Mapping[str, Fraction],
-    random: Random,
-    *,
-    epsilon: Fraction = Fraction(1, 1000),
-    quantum: Fraction = Fraction(1, 8),
+    plan: ParametrizedPlan, parameters: Mapping[str, Fraction], random: Random
 ) -> dict[TimePoint, Fraction] | None:
     """A schedule of all time points that satisfies the network under `parameters`; None if there is none."""
-    schedules = sample_schedules(plan, parameters, random, 1, epsilon=epsilon, quantum=quantum)
-    return schedules[0] if schedules else None
+    return next(iter(sample_schedules(plan, parameters, random, 1)), None)
 
 
 def sample_schedules(
@@ -59,19 +52,18 @@ def sample_schedules(
     count: int,
     *,
     epsilon: Fraction = Fraction(1, 1000),
-    quantum: Fraction = Fraction(1, 8),
 ) -> list[dict[TimePoint, Fraction]]:
     """`count` schedules that satisfy the network under `parameters`, without repetitions; empty if there is none.
 
     Points are fixed one by one, in random order, at an end of the window that is left to them, at the time of a point
-    already fixed, `epsilon` beside it, or a multiple of `quantum` above the window's lower end.
+    already fixed, `epsilon` beside it, or a multiple of `QUANTUM` above the window's lower end.
     """
-    network = Network(plan, parameters, (epsilon, quantum))
+    network = Network(plan, parameters, (epsilon, QUANTUM))
     if not network.consistent:
         return []
     found: list[dict[TimePoint, Fraction]] = []
     for _ in range(count):
-        schedule = network.sample(random, epsilon, quantum)
+        schedule = network.sample(random, epsilon)
         if schedule not in found:
             found.append(schedule)
     return found
@@ -111,7 +103,7 @@ class Network:
     def _units(self, time: Fraction) -> int:
         return int(time * self.scale)
 
-    def sample(self, random: Random, epsilon: Fraction, quantum: Fraction) -> dict[TimePoint, Fraction]:
+    def sample(self, random: Random, epsilon: Fraction) -> dict[TimePoint, Fraction]:
         """One schedule; see :func:`sample_schedules`. Closed distances make any choice within a window extensible."""
         fixed = {0: 0}
         waiting = list(range(1, len(self.points)))
@@ -120,7 +112,7 @@ class Network:
             lower, upper = self._window(point, fixed)
             other = random.choice(list(fixed.values()))
             beside = [other, other - self._units(epsilon), other + self._units(epsilon)]
-            step = self._units(quantum)
+            step = self._units(QUANTUM)
             between = lower + step * random.randint(0, (upper - lower) // step)
             fixed[point] = random.choice(
                 [lower, upper, between, between, *(time for time in beside if lower <= time <= upper)]

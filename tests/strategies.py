@@ -8,52 +8,25 @@ values come from :mod:`tests.sampling`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TypeVar
+from random import Random
+from typing import TypeVar, assert_never
 
 from hypothesis import strategies as st
 
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    And,
-    Assignment,
-    Atom,
-    AtomEffect,
-    Comparison,
-    Condition,
-    ContinuousEffect,
-    Duration,
-    DurationConstraint,
-    Expression,
-    Fluent,
-    GoalCondition,
-    Holds,
-    NumericEffect,
-    NumericVariable,
-    Or,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    Relation,
-    TemporalConstraint,
-    TimedCondition,
-    TimedLiteral,
-    TimePoint,
-    Timing,
-    Truth,
-)
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
+from robust.plan.simulate import simulate
 from tests.pddl_text import condition_text
-from tests.taming import tamed
+from tests.sampling import sample_schedules
 
 T = TypeVar("T")
-ATOMS = (Atom("p"), Atom("q", ("a",)), Atom("r", ("a", "b")))
-FLUENTS = (Fluent("f"), Fluent("g", ("a",)))
+ATOMS = (model.Atom("p"), model.Atom("q", ("a",)), model.Atom("r", ("a", "b")))
+FLUENTS = (model.Fluent("f"), model.Fluent("g", ("a",)))
 HALF = Fraction(1, 2)
-TRUE = Truth(True)
+TRUE = model.Truth(True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,28 +47,19 @@ class Features:
     dyadic: bool = False
     continuous: bool = True
     conditional: bool = True
-    disjunctive: bool = True
-    over_all: bool = True
-    numeric_over_all: bool = True
     timed_literals: bool = True
     duration_in_conditions: bool = True
     equalities: bool = True
-    assignments: bool = True
     durative_only: bool = False
     zero_durations: bool = True
     infeasible: bool = True
     tame: bool | None = None
 
 
-def plans(features: Features | None = None, **options: int | bool | None) -> st.SearchStrategy[ParametrizedPlan]:
-    """Small plans with the given features, or with the default ones changed by keyword: `plans(linear=True)`."""
-    chosen = features or Features(**options)  # type: ignore[arg-type]
-    return _plans(chosen)
-
-
 @st.composite
-def _plans(draw: st.DrawFn, features: Features) -> ParametrizedPlan:
-    return _Builder(draw, features).plan()
+def plans(draw: st.DrawFn, **options: int | bool | None) -> model.ParametrizedPlan:
+    """Small plans with the default features, or with some changed by keyword: `plans(linear=True)`."""
+    return _Builder(draw, Features(**options)).plan()  # type: ignore[arg-type]
 
 
 class _Builder:
@@ -109,7 +73,7 @@ class _Builder:
         self.fluents = FLUENTS[: self.between(0, features.fluents)]
         self.moving = tuple(f for f in self.fluents if f == FLUENTS[0] or self.chance(0.5))
         self.parameters = tuple(self._parameter(i) for i in range(self.between(0, features.parameters)))
-        self.times: dict[TimePoint, Fraction] = {ZERO: Fraction(0)}
+        self.times: dict[model.TimePoint, Fraction] = {model.ZERO: Fraction(0)}
 
     def pick(self, *values: T) -> T:
         return self._draw(st.sampled_from(values))
@@ -130,83 +94,84 @@ class _Builder:
         values = [Fraction(v) for v in (0, 1, -1, 2, -2, 3, 5)] + [HALF, Fraction(3, 2)]
         return self.pick(*values) if self.features.dyadic else self.pick(*values, Fraction(1, 3), Fraction(7, 5))
 
-    def _parameter(self, index: int) -> Parameter:
+    def _parameter(self, index: int) -> model.Parameter:
         third = () if self.features.dyadic else (Fraction(1, 3), Fraction(5, 3))
         nominal = self.pick(*(Fraction(n, 2) for n in (2, 0, 1, 3, 4, 6)), *third)
         lower = nominal - self.pick(Fraction(0), HALF, Fraction(1), Fraction(3)) if self.chance(0.3) else None
         upper = nominal + self.pick(Fraction(0), HALF, Fraction(1), Fraction(3)) if self.chance(0.3) else None
-        return Parameter(f"k{index}", nominal, self.pick(Fraction(1), Fraction(2)), lower, upper)
+        return model.Parameter(f"k{index}", nominal, self.pick(Fraction(1), Fraction(2)), lower, upper)
 
-    def variable(self, duration: bool) -> NumericVariable | None:
-        references = [ParameterReference(parameter.name) for parameter in self.parameters]
-        choices: list[NumericVariable] = [*self.fluents, *references, *([Duration()] if duration else [])]
+    def variable(self, duration: bool) -> model.NumericVariable | None:
+        references = [model.ParameterReference(parameter.name) for parameter in self.parameters]
+        choices: list[model.NumericVariable] = [*self.fluents, *references, *([model.Duration()] if duration else [])]
         return self.pick(*choices) if choices else None
 
-    def expression(self, *, duration: bool) -> Expression:
+    def expression(self, *, duration: bool) -> model.Expression:
         """A number, or up to two terms and a number."""
-        total: Expression = Polynomial.constant(self.number())
+        total: model.Expression = Polynomial.constant(self.number())
         for _ in range(self.pick(0, 0, 1, 1, 2)):
             variable = self.variable(duration)
             if variable is not None:
-                term: Expression = Polynomial({(variable,): self.pick(Fraction(1), Fraction(-1), HALF, Fraction(2))})
+                term: model.Expression = Polynomial(
+                    {(variable,): self.pick(Fraction(1), Fraction(-1), HALF, Fraction(2))}
+                )
                 if not self.features.linear and self.parameters and self.chance(0.15):
-                    term = term * Polynomial.variable(ParameterReference(self.pick(*self.parameters).name))
+                    term = term * Polynomial.variable(model.ParameterReference(self.pick(*self.parameters).name))
                 total = total + term
         return total
 
-    def rate(self) -> Expression:
+    def rate(self) -> model.Expression:
         """A number, a parameter, or a fluent that nothing writes."""
         still = [fluent for fluent in self.fluents if fluent not in self.moving]
         if not self.features.linear and self.parameters and self.chance(0.3):
-            return Polynomial.variable(ParameterReference(self.pick(*self.parameters).name))
+            return Polynomial.variable(model.ParameterReference(self.pick(*self.parameters).name))
         if not self.features.linear and still and self.chance(0.4):
             return Polynomial.variable(still[0])
         return Polynomial.constant(self.pick(*(Fraction(v) for v in (1, -1, 2)), HALF, -HALF))
 
     # --- conditions --------------------------------------------------------------------------------------------------
 
-    def leaf(self, *, duration: bool, numeric: bool = True) -> Condition:
+    def leaf(self, *, duration: bool) -> model.Condition:
         if self.chance(0.03):
-            return Truth(self.chance(0.5))
-        if not (self.fluents and numeric) or self.chance(0.45):
-            return Holds(self.pick(*self.atoms), self.pick(True, True, False))
-        fluent: Expression = Polynomial.variable(self.pick(*self.fluents))
+            return model.Truth(self.chance(0.5))
+        if not self.fluents or self.chance(0.45):
+            return model.Holds(self.pick(*self.atoms), self.pick(True, True, False))
+        fluent: model.Expression = Polynomial.variable(self.pick(*self.fluents))
         difference = fluent - self.expression(duration=duration and self.features.duration_in_conditions)
-        relations = [Relation.AT_LEAST, Relation.AT_LEAST, Relation.GREATER]
-        relations += [Relation.EQUAL, Relation.DIFFERENT] if self.features.equalities else []
-        return Comparison(difference if self.chance(0.5) else -difference, self.pick(*relations))
+        relations = [model.Relation.AT_LEAST, model.Relation.AT_LEAST, model.Relation.GREATER]
+        relations += [model.Relation.EQUAL, model.Relation.DIFFERENT] if self.features.equalities else []
+        return model.Comparison(difference if self.chance(0.5) else -difference, self.pick(*relations))
 
-    def condition(self, *, duration: bool, numeric: bool = True) -> Condition:
+    def condition(self, *, duration: bool) -> model.Condition:
         """A literal, a comparison, or a disjunction or conjunction of some, nested once at most."""
-        if not self.features.disjunctive or self.chance(0.7):
-            return self.leaf(duration=duration, numeric=numeric)
-        operands = [self.leaf(duration=duration, numeric=numeric) for _ in range(self.between(2, 3))]
+        if self.chance(0.7):
+            return self.leaf(duration=duration)
+        operands = [self.leaf(duration=duration) for _ in range(self.between(2, 3))]
         if self.chance(0.3):
-            operands[0] = And((operands[0], self.leaf(duration=duration, numeric=numeric)))
-        return Or(tuple(operands)) if self.chance(0.8) else And((Or(tuple(operands[1:])), operands[0]))
+            operands[0] = model.And((operands[0], self.leaf(duration=duration)))
+        return (
+            model.Or(tuple(operands)) if self.chance(0.8) else model.And((model.Or(tuple(operands[1:])), operands[0]))
+        )
 
-    def when(self, duration: bool) -> Condition:
+    def when(self, duration: bool) -> model.Condition:
         return self.condition(duration=duration) if self.features.conditional and self.chance(0.2) else TRUE
 
-    def timed_condition(self, durative: bool) -> TimedCondition:
-        timings = [Timing.AT_START] if not durative else [Timing.AT_START, Timing.AT_END]
-        if durative and self.features.over_all:
-            timings += [Timing.OVER_ALL, Timing.OVER_ALL]
-        timing = self.pick(*timings)
-        numeric = timing is not Timing.OVER_ALL or self.features.numeric_over_all
-        condition = self.condition(duration=durative, numeric=numeric)
-        return TimedCondition(timing, condition, condition_text(condition))
+    def timed_condition(self, durative: bool) -> model.TimedCondition:
+        of_durative = (model.Timing.AT_START, model.Timing.AT_END, model.Timing.OVER_ALL, model.Timing.OVER_ALL)
+        timing = self.pick(*of_durative) if durative else model.Timing.AT_START
+        condition = self.condition(duration=durative)
+        return model.TimedCondition(timing, condition, condition_text(condition))
 
     # --- instances ---------------------------------------------------------------------------------------------------
 
-    def instance(self, index: int) -> ActionInstance:
+    def instance(self, index: int) -> model.ActionInstance:
         durative = self.features.durative_only or self.chance(0.7)
         name = f"i{index}"
-        shell = ActionInstance(name, f"act{index}", self.pick((), ("a",)), durative)
+        shell = model.ActionInstance(name, f"act{index}", self.pick((), ("a",)), durative)
         self._place(shell)
         conditions = self.many(2, lambda: self.timed_condition(durative))
         moving = bool(self.moving)
-        return ActionInstance(
+        return model.ActionInstance(
             name,
             shell.action,
             shell.arguments,
@@ -218,37 +183,39 @@ class _Builder:
             self.many(1, self.continuous_effect) if moving and durative and self.features.continuous else (),
         )
 
-    def _timing(self, durative: bool) -> Timing:
-        return self.pick(Timing.AT_START, Timing.AT_END) if durative else Timing.AT_START
+    def _timing(self, durative: bool) -> model.Timing:
+        return self.pick(model.Timing.AT_START, model.Timing.AT_END) if durative else model.Timing.AT_START
 
-    def atom_effect(self, durative: bool) -> AtomEffect:
-        return AtomEffect(
+    def atom_effect(self, durative: bool) -> model.AtomEffect:
+        return model.AtomEffect(
             self._timing(durative), self.pick(*self.atoms), self.pick(True, True, False), self.when(durative)
         )
 
-    def numeric_effect(self, durative: bool) -> NumericEffect:
-        operators = [Assignment.INCREASE, Assignment.INCREASE] + [Assignment.ASSIGN] * self.features.assignments
+    def numeric_effect(self, durative: bool) -> model.NumericEffect:
+        operators = (model.Assignment.INCREASE, model.Assignment.INCREASE, model.Assignment.ASSIGN)
         expression = self.expression(duration=durative)
         timing, fluent = self._timing(durative), self.pick(*self.moving)
-        return NumericEffect(timing, fluent, self.pick(*operators), expression, self.when(durative))
+        return model.NumericEffect(timing, fluent, self.pick(*operators), expression, self.when(durative))
 
-    def continuous_effect(self) -> ContinuousEffect:
-        return ContinuousEffect(self.pick(*self.moving), self.rate())
+    def continuous_effect(self) -> model.ContinuousEffect:
+        return model.ContinuousEffect(self.pick(*self.moving), self.rate())
 
-    def _durations(self, shell: ActionInstance) -> tuple[DurationConstraint, ...]:
+    def _durations(self, shell: model.ActionInstance) -> tuple[model.DurationConstraint, ...]:
         constraints = self.many(2, lambda: self._duration_constraint(self.times[shell.end] - self.times[shell.start]))
         return tuple({part.text: part for part in constraints}.values())
 
-    def _duration_constraint(self, reference: Fraction) -> DurationConstraint:
+    def _duration_constraint(self, reference: Fraction) -> model.DurationConstraint:
         """A bound near the reference duration, or any expression."""
-        duration: Expression = Polynomial.variable(Duration())
+        duration: model.Expression = Polynomial.variable(model.Duration())
         slack = self.pick(Fraction(0), HALF, Fraction(2))
         symbol, sign = self.pick((">=", 1), ("<=", -1), ("=", 1))
         near = self._parametric(reference - sign * (slack if symbol != "=" else 0))
         bound = near if self.chance(0.8) else self.expression(duration=False)
-        relation = Relation.EQUAL if symbol == "=" else Relation.AT_LEAST
-        timing = self.pick(Timing.AT_START, Timing.AT_START, Timing.AT_END)
-        return DurationConstraint(timing, Comparison((duration - bound).scaled(sign), relation), f"{symbol} {bound}")
+        relation = model.Relation.EQUAL if symbol == "=" else model.Relation.AT_LEAST
+        timing = self.pick(model.Timing.AT_START, model.Timing.AT_START, model.Timing.AT_END)
+        return model.DurationConstraint(
+            timing, model.Comparison((duration - bound).scaled(sign), relation), f"{symbol} {bound}"
+        )
 
     # --- network -----------------------------------------------------------------------------------------------------
 
@@ -259,75 +226,77 @@ class _Builder:
             time += HALF
         return time
 
-    def _place(self, shell: ActionInstance) -> None:
+    def _place(self, shell: model.ActionInstance) -> None:
         start = self.times[shell.start] = self._time(0, 12)
         if shell.durative:
             shortest = 0 if self.features.zero_durations and self.chance(0.1) else 1
             self.times[shell.end] = self._time(int(2 * start) + shortest, int(2 * start) + 8)
 
-    def _parametric(self, value: Fraction) -> Expression:
+    def _parametric(self, value: Fraction) -> model.Expression:
         """A bound that has this value at the nominal parameters."""
         if not self.parameters or self.chance(0.6):
             return Polynomial.constant(value)
         parameter = self.pick(*self.parameters)
         factor = self.pick(Fraction(1), Fraction(1), Fraction(-1), Fraction(2))
-        return Polynomial({(ParameterReference(parameter.name),): factor}) + (value - factor * parameter.nominal)
+        return Polynomial({(model.ParameterReference(parameter.name),): factor}) + (value - factor * parameter.nominal)
 
-    def constraint(self, source: TimePoint, target: TimePoint, *, bounded: bool) -> TemporalConstraint:
+    def constraint(
+        self, source: model.TimePoint, target: model.TimePoint, *, bounded: bool
+    ) -> model.TemporalConstraint:
         """A constraint that the reference schedule satisfies."""
         distance = self.times[target] - self.times[source]
         if self.chance(0.3):
             fixed = self._parametric(distance)
-            return TemporalConstraint(source, target, fixed, fixed)
+            return model.TemporalConstraint(source, target, fixed, fixed)
         slack = [Fraction(0), HALF, Fraction(1), Fraction(2)]
-        lower: Expression | None = self._parametric(distance - self.pick(*slack))
-        upper: Expression | None = self._parametric(distance + self.pick(*slack))
+        lower: model.Expression | None = self._parametric(distance - self.pick(*slack))
+        upper: model.Expression | None = self._parametric(distance + self.pick(*slack))
         if not bounded and self.chance(0.6):
             lower, upper = self.pick((lower, None), (None, upper))
-        return TemporalConstraint(source, target, lower, upper)
+        return model.TemporalConstraint(source, target, lower, upper)
 
-    def _network(self, instances: tuple[ActionInstance, ...]) -> tuple[TemporalConstraint, ...]:
+    def _network(self, instances: tuple[model.ActionInstance, ...]) -> tuple[model.TemporalConstraint, ...]:
         points = [point for instance in instances for point in instance.time_points]
-        constraints: list[TemporalConstraint] = []
+        constraints: list[model.TemporalConstraint] = []
         for instance in instances:
-            anchor = ZERO if self.chance(0.7) else self.pick(ZERO, *points)
+            anchor = model.ZERO if self.chance(0.7) else self.pick(model.ZERO, *points)
             if anchor not in instance.time_points:
                 constraints.append(self.constraint(anchor, instance.start, bounded=self.chance(0.8)))
             if instance.durative:
                 constraints.append(self.constraint(instance.start, instance.end, bounded=self.chance(0.8)))
         for _ in range(self.between(0, 2)):
-            source, target = self.pick(ZERO, *points), self.pick(*points)
+            source, target = self.pick(model.ZERO, *points), self.pick(*points)
             if source != target:
                 constraints.append(self.constraint(source, target, bounded=False))
         if self.features.infeasible and self.chance(0.05):
-            constraints.append(TemporalConstraint(ZERO, points[-1], None, self._parametric(-HALF)))
+            constraints.append(model.TemporalConstraint(model.ZERO, points[-1], None, self._parametric(-HALF)))
         return tuple(constraints)
 
     # --- plan --------------------------------------------------------------------------------------------------------
 
-    def timed_literal(self) -> TimedLiteral:
+    def timed_literal(self) -> model.TimedLiteral:
         time = Fraction(self.between(1, 14), 2)
-        self.times[TimedLiteral(time, ATOMS[0], True).point] = time
-        if self.moving and self.features.assignments and self.chance(0.4):
-            return TimedLiteral(time, self.pick(*self.moving), self.number())
-        return TimedLiteral(time, self.pick(*self.atoms), self.pick(True, False))
+        self.times[model.TimedLiteral(time, ATOMS[0], True).point] = time
+        if self.moving and self.chance(0.4):
+            return model.TimedLiteral(time, self.pick(*self.moving), self.number())
+        return model.TimedLiteral(time, self.pick(*self.atoms), self.pick(True, False))
 
-    def _timed_literals(self) -> tuple[TimedLiteral, ...]:
+    def _timed_literals(self) -> tuple[model.TimedLiteral, ...]:
         if not self.features.timed_literals or not self.chance(0.4):
             return ()
         literals = (self.timed_literal(), *self.many(1, self.timed_literal))
         return tuple({(literal.time, literal.target): literal for literal in literals}.values())
 
-    def _initial_value(self) -> Expression:
+    def _initial_value(self) -> model.Expression:
         if self.parameters and self.chance(0.2):
-            return Polynomial.variable(ParameterReference(self.pick(*self.parameters).name))
+            return Polynomial.variable(model.ParameterReference(self.pick(*self.parameters).name))
         return Polynomial.constant(self.number())
 
-    def plan(self) -> ParametrizedPlan:
+    def plan(self) -> model.ParametrizedPlan:
         timed_literals = self._timed_literals()
         instances = tuple(self.instance(index) for index in range(self.between(1, self.features.instances)))
         goals = self.many(2, lambda: self.condition(duration=False))
-        plan = ParametrizedPlan(
+        plan = model.ParametrizedPlan(
             "drawn",
             self.parameters,
             instances,
@@ -335,8 +304,101 @@ class _Builder:
             frozenset(atom for atom in self.atoms if self.chance(0.5)),
             {fluent: self._initial_value() for fluent in self.fluents},
             timed_literals,
-            tuple(GoalCondition(goal, condition_text(goal)) for goal in dict.fromkeys(goals)),
+            tuple(model.GoalCondition(goal, condition_text(goal)) for goal in dict.fromkeys(goals)),
         )
         if not self.tame:
             return plan
         return tamed(plan, self.times, self._draw(st.randoms(use_true_random=True)))
+
+
+# -- taming ---------------------------------------------------------------------------------------------------------
+
+ROUNDS, SAMPLES = 4, 4
+SEPARATION = Fraction(1, 4)
+_OPPOSITE = {
+    model.Relation.AT_LEAST: model.Relation.GREATER,
+    model.Relation.GREATER: model.Relation.AT_LEAST,
+    model.Relation.EQUAL: model.Relation.DIFFERENT,
+    model.Relation.DIFFERENT: model.Relation.EQUAL,
+}
+Part = TypeVar("Part", model.TimedCondition, model.GoalCondition)
+
+
+def tamed(
+    plan: model.ParametrizedPlan, times: Mapping[model.TimePoint, Fraction], random: Random
+) -> model.ParametrizedPlan:
+    """The plan with fewer ways to fail at nominal parameter values; `times` says how to order mutex time points.
+
+    Broken conditions are negated or dropped, broken duration constraints dropped, until sampled schedules break none of
+    the obligations. The result is not guaranteed to be valid: that is for the code under test to find out.
+    """
+    for attempt in range(ROUNDS):
+        schedules = sample_schedules(plan, plan.nominal, random, SAMPLES)
+        simulations = (simulate(plan, plan.nominal, schedule) for schedule in schedules)
+        broken = {violation.obligation for simulation in simulations for violation in simulation.violations}
+        if not broken:
+            break
+        negate = attempt == 0 and random.random() < 0.5
+        plan = replace(
+            plan,
+            instances=tuple(_repaired(instance, broken, negate) for instance in plan.instances),
+            constraints=(*plan.constraints, *_orders(plan, times, broken)),
+            goal=tuple(_kept(((goal, goal.label) for goal in plan.goal), broken, negate)),
+        )
+    return plan
+
+
+def _repaired(instance: model.ActionInstance, broken: set[str], negate: bool) -> model.ActionInstance:
+    conditions = _kept(((part, instance.label(part)) for part in instance.conditions), broken, negate)
+    by_label = {instance.label(part): part for part in conditions}
+    durations = tuple(part for part in instance.durations if instance.label(part) not in broken)
+    return replace(instance, durations=durations, conditions=tuple(by_label.values()))
+
+
+def _kept(parts: Iterable[tuple[Part, str]], broken: set[str], negate: bool) -> list[Part]:
+    kept: list[Part] = []
+    for part, label in parts:
+        if label not in broken:
+            kept.append(part)
+        elif negate:
+            condition = negation(part.condition)
+            kept.append(replace(part, condition=condition, text=condition_text(condition)))
+    return kept
+
+
+def _orders(
+    plan: model.ParametrizedPlan, times: Mapping[model.TimePoint, Fraction], broken: set[str]
+) -> Iterable[model.TemporalConstraint]:
+    for instance in plan.instances:
+        if f"{instance.identifier} {instance.action}: non-negative duration" in broken:
+            yield model.TemporalConstraint(instance.start, instance.end, Polynomial.constant(0), None)
+    for a in plan.time_points:
+        for b in plan.time_points:
+            if f"separation: {a}, {b}" in broken:
+                yield _order(*((a, b) if times[a] <= times[b] else (b, a)))
+
+
+def _order(first: model.TimePoint, second: model.TimePoint) -> model.TemporalConstraint:
+    """First before second, said without timed literals, which plan files cannot name."""
+    if first.time is not None:
+        return model.TemporalConstraint(model.ZERO, second, Polynomial.constant(first.time + SEPARATION), None)
+    if second.time is not None:
+        return model.TemporalConstraint(model.ZERO, first, None, Polynomial.constant(second.time - SEPARATION))
+    return model.TemporalConstraint(first, second, Polynomial.constant(SEPARATION), None)
+
+
+def negation(condition: model.Condition) -> model.Condition:
+    """The negation, in negation normal form."""
+    match condition:
+        case model.Truth(value):
+            return model.Truth(not value)
+        case model.Holds(atom, value):
+            return model.Holds(atom, not value)
+        case model.Comparison(expression, relation):
+            reversed_sign = relation in {model.Relation.AT_LEAST, model.Relation.GREATER}
+            return model.Comparison(-expression if reversed_sign else expression, _OPPOSITE[relation])
+        case model.And(operands):
+            return model.Or(tuple(negation(operand) for operand in operands))
+        case model.Or(operands):
+            return model.And(tuple(negation(operand) for operand in operands))
+    assert_never(condition)

@@ -1,5 +1,7 @@
 """Documentation is true: documented commands print what is shown, links resolve, the architecture page is complete.
 
+`python -m tests.test_documentation [PAGE...]` writes anew what is shown where commands print something else by now.
+
 A `console` block is a session: lines that begin with `$ ` are commands (continued after a backslash), the others are
 what they print on standard output. A line `...` stands for any lines. Times are not compared.
 """
@@ -10,8 +12,12 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+
+from robust.cli.build import Group
+from robust.cli.main import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
 MARK = "=== next command ==="
@@ -95,12 +101,36 @@ def pattern(lines: tuple[str, ...]) -> str:
     return "".join(parts)
 
 
+def shown(expected: tuple[str, ...], printed: str) -> bool:
+    found = "".join(f"{normalised(line)}\n" for line in printed.splitlines() if normalised(line))
+    wanted = pattern(tuple(line for line in expected if normalised(line)))
+    return re.fullmatch(wanted, found, re.DOTALL) is not None
+
+
 @pytest.mark.parametrize("session", sessions(), ids=str)
 def test_documented_commands_print_what_is_shown(session, tmp_path):
     for (command, expected), printed in zip(session.steps, run(session, tmp_path), strict=True):
-        found = "".join(f"{normalised(line)}\n" for line in printed.splitlines() if normalised(line))
-        wanted = pattern(tuple(line for line in expected if normalised(line)))
-        assert re.fullmatch(wanted, found, re.DOTALL), f"{session}: {command}\nprints\n{printed}"
+        assert shown(expected, printed), f"{session}: {command}\nprints\n{printed}"
+
+
+def rewritten(page: Path) -> str:
+    """The page with what its commands print now, but for what is shown in part."""
+    text = page.read_text(encoding="utf-8")
+    for session in sessions_of(page):
+        with TemporaryDirectory() as directory:
+            found = run(session, Path(directory))
+        for (_, expected), printed in zip(session.steps, found, strict=True):
+            if "..." not in expected and not shown(expected, printed):
+                lines = [line.rstrip() for line in printed.strip("\n").splitlines()]
+                text = text.replace("\n".join(expected), "\n".join(lines), 1)
+    return text
+
+
+def test_the_help_of_every_command_is_documented():
+    shown = {command for session in sessions_of(ROOT / "docs/commands.md") for command, _ in session.steps}
+    groups = {name: entry.load() for name, entry in COMMANDS.items() if isinstance(entry, Group)}
+    commands = ["", *COMMANDS, *(f"{name} {each}" for name, group in groups.items() for each in group)]
+    assert {" ".join(["robust", *command.split(), "--help"]) for command in commands} <= shown
 
 
 def test_the_readme_shows_commands_with_their_output():
@@ -185,3 +215,8 @@ def test_the_architecture_fits_in_a_head_and_names_what_exists():
     assert len(page.splitlines()) < 200
     for name in re.findall(r"`((?:robust|benchmarks|tests|proofs)/[a-z0-9_/]*(?:\.py)?)`", page):
         assert (ROOT / name).exists(), name
+
+
+if __name__ == "__main__":
+    for each in [Path(name) for name in sys.argv[1:]] or PAGES:
+        each.write_text(rewritten(each), encoding="utf-8")

@@ -1,5 +1,6 @@
-"""Output files: whole or as they were."""
+"""Output files: whole or as they were; and files of records: what is read is what was written, whatever is cut off."""
 
+import json
 import os
 import stat
 
@@ -7,6 +8,10 @@ import pytest
 
 from robust.errors import InputError, Location
 from robust.files import atomic_write
+from robust.records import RecordFile, RecordFormat, read_records
+
+# -- whole files -----------------------------------------------------------------------------------------------------
+
 
 PLACE = Location("--output")
 
@@ -52,3 +57,199 @@ def test_without_a_place_errors_name_the_file(tmp_path):
     with pytest.raises(OSError, match=r"plan\.cert") as raised:
         atomic_write(tmp_path / "none" / "plan.cert", b"", None)
     assert raised.value.filename == str(tmp_path / "none" / "plan.cert")
+
+
+# -- records ---------------------------------------------------------------------------------------------------------
+
+
+PLAIN = RecordFormat("store of results", {"schema": "robust/some-store/1", "robust": "1.0"})
+CHAINED = RecordFormat("journal", {"schema": "robust/some-journal/1", "plan": "küche"}, chained=True)
+RECORDS = ({"key": "a", "result": 1}, {"key": "ü", "result": [{"x": "1/3"}]}, {"n": None}, {"text": '\n"}'})
+formats = pytest.mark.parametrize("form", [PLAIN, CHAINED], ids=["plain", "chained"])
+
+
+class Kept(list):
+    """The records of a file, which begins with the header that is expected."""
+
+    def __init__(self, form):
+        super().__init__()
+        self.form = form
+
+    def __call__(self, number, text):
+        record = json.loads(text)
+        if number == 1:
+            assert not self
+            if record != self.form.header:
+                raise InputError(f"found header {text}, expected another")
+        elif "bad" in record:
+            raise InputError("found something bad, expected something good")
+        else:
+            assert len(self) == number - 2
+            self.append(record)
+
+
+def read(path, form):
+    kept = Kept(form)
+    read_records(path, form, kept)
+    return kept
+
+
+def written(path, form, records=RECORDS):
+    with RecordFile(path, form, Kept(form)) as file:
+        for record in records:
+            file.append(record)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "records"
+
+
+def test_lines_are_json_objects_with_or_without_a_checksum(path):
+    header, first = written(path, PLAIN, RECORDS[:1]).splitlines()
+    assert (json.loads(header), json.loads(first)) == (PLAIN.header, RECORDS[0])
+    path.unlink()
+    lines = [json.loads(line) for line in written(path, CHAINED, ({"x": 0}, {"x": 1}, {"x": 1})).splitlines()]
+    checksums = [line.pop("checksum") for line in lines]
+    assert lines == [CHAINED.header, {"x": 0}, {"x": 1}, {"x": 1}]
+    assert len(set(checksums)) == 4
+    assert {len(each) for each in checksums} == {16}
+
+
+@formats
+def test_what_is_read_is_what_was_written(path, form):
+    content = written(path, form)
+    assert read(path, form) == list(RECORDS)
+    kept = Kept(form)
+    with RecordFile(path, form, kept) as file:
+        assert kept == list(RECORDS)
+        file.append({"more": True})
+    assert path.read_bytes().startswith(content)
+    assert read(path, form) == [*RECORDS, {"more": True}]
+
+
+@formats
+def test_each_record_is_on_disk_when_append_returns(path, form, monkeypatch):
+    synchronized = []
+    original = os.fsync
+    monkeypatch.setattr(os, "fsync", lambda file: (original(file), synchronized.append(os.fstat(file))))
+    with RecordFile(path, form, Kept(form)) as file:
+        header, directory = synchronized
+        assert header.st_size == path.stat().st_size
+        assert directory.st_ino == path.parent.stat().st_ino
+        for number, record in enumerate(RECORDS, 1):
+            file.append(record)
+            assert len(synchronized) == 2 + number
+            assert synchronized[-1].st_size == path.stat().st_size
+            assert read(path, form) == list(RECORDS[:number])
+
+
+@formats
+def test_a_file_cut_off_at_any_byte(path, form, monkeypatch):
+    monkeypatch.setattr(os, "fsync", lambda file: None)  # only what is in the file matters here
+    content = written(path, form)
+    header = content.index(b"\n") + 1
+    for end in range(len(content)):
+        path.write_bytes(content[:end])
+        whole = list(RECORDS[: max(content[:end].count(b"\n") - 1, 0)])
+        if end >= header:
+            assert read(path, form) == whole
+        kept = Kept(form)
+        with RecordFile(path, form, kept) as file:
+            assert kept == whole
+            assert path.read_bytes() == content[: max(content[:end].rfind(b"\n") + 1, header)]
+            for record in RECORDS[len(kept) :]:
+                file.append(record)
+        assert path.read_bytes() == content
+
+
+def test_damage_is_named_wherever_it_is(path):
+    """Any one byte of a chained file that is another: nothing but an error with the line."""
+    content = written(path, CHAINED)
+    for at in range(len(content) - 1):
+        damaged = bytearray(content)
+        damaged[at] ^= 1
+        path.write_bytes(damaged)
+        with pytest.raises(InputError) as caught:
+            RecordFile(path, CHAINED, Kept(CHAINED))
+        line = content.count(b"\n", 0, at) + 1
+        assert str(caught.value).startswith(f"{path}:{line}:"), at
+        assert "\n" not in str(caught.value)
+        assert path.read_bytes() == damaged
+
+
+def test_a_line_that_is_missing_or_twice_is_named(path):
+    lines = written(path, CHAINED).splitlines(keepends=True)
+    for changed in (lines[:2] + lines[3:], lines[:3] + lines[2:], [*lines[:2], lines[3], lines[2], *lines[4:]]):
+        path.write_bytes(b"".join(changed))
+        with pytest.raises(InputError, match=r"found checksum .*, expected .*: the journal was changed here") as caught:
+            RecordFile(path, CHAINED, Kept(CHAINED))
+        assert caught.value.location.line in {3, 4}
+
+
+HEADER = json.dumps(PLAIN.header).encode()
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (b"parameter a;", "1: found something else, expected a store of results (robust/some-store/1); choose a new"),
+        (b"parameter a;\n", "1: found a line that is not JSON, expected a store of results"),
+        (b"[" * 100_000 + b"\n", "1: found a line that is not JSON, expected a store of results"),
+        (b"\xff\n", "1: found bytes that are no UTF-8, expected a JSON object"),
+        (b"[]\n", "1: found no schema, expected a store of results"),
+        (b'{"schema": "other"}\n', "1: found schema 'other', expected a store of results"),
+        (b'{"schema": "robust/some-store/1", "robust": "0.9"}\n', "1: found header "),
+        (HEADER + b'\n{}\n{"bad": 1}\n{"torn', "3: found something bad, expected something good"),
+    ],
+)
+def test_other_files_are_left_alone(path, content, expected):
+    path.write_bytes(content)
+    for attempt in (lambda: RecordFile(path, PLAIN, Kept(PLAIN)), lambda: read(path, PLAIN)):
+        with pytest.raises(InputError) as caught:
+            attempt()
+        assert str(caught.value).startswith(f"{path}:{expected}")
+        assert path.read_bytes() == content
+
+
+@formats
+def test_a_file_in_use_or_nowhere(path, form):
+    with RecordFile(path, form, Kept(form)):
+        with pytest.raises(InputError, match=f"found a {form.name} that another process writes, expected one that"):
+            RecordFile(path, form, Kept(form))
+        assert read(path, form) == []
+    RecordFile(path, form, Kept(form)).close()
+    with pytest.raises(InputError, match=f"nowhere/file: cannot open the {form.name}: no such file or directory"):
+        RecordFile(path.parent / "nowhere" / "file", form, Kept(form))
+
+
+def test_a_file_that_was_refused_is_free_again(path):
+    path.write_bytes(b"[]\n")
+    with pytest.raises(InputError, match="found no schema"):
+        RecordFile(path, PLAIN, Kept(PLAIN))
+    path.write_bytes(b"")
+    RecordFile(path, PLAIN, Kept(PLAIN)).close()
+
+
+@formats
+def test_a_full_disk_leaves_the_file_as_it_was(path, form, monkeypatch):
+    with RecordFile(path, form, Kept(form)) as file:
+        before = path.read_bytes()
+        original, left = os.write, [10]
+
+        def write(descriptor, data):
+            if not left[0]:
+                raise OSError(28, "No space left on device")
+            count = original(descriptor, data[: left[0]])
+            left[0] -= count
+            return count
+
+        monkeypatch.setattr(os, "write", write)
+        with pytest.raises(InputError, match="cannot be written: No space left on device"):
+            file.append(RECORDS[0])
+        assert path.read_bytes() == before
+        left[0] = 10_000
+        file.append(RECORDS[0])
+        file.append(RECORDS[1])
+    assert read(path, form) == list(RECORDS[:2])

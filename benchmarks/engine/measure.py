@@ -3,100 +3,52 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from robust.codec import plain
 from robust.errors import RobustError
-from robust.numbers import parse_number
+from robust.numbers import parse_end
+from robust.processes import Ended, Processes
 from robust.qe.box import Box, Interval
-
-from .codec import plain
+from robust.smt.limits import Deadline
 
 COMMAND = (sys.executable, "-m", "robust")
 """The command line of this package, as found by this interpreter."""
 
 Files = tuple[Path, Path, Path]
 """Domain, problem and plan."""
+NAMES = ("domain.pddl", "problem.pddl", "plan.stn")
 Ends = tuple[str, str]
 """An interval as exact text: `1/3`, `7/4 (open)`, `-inf`; equal ends have equal texts."""
 COST = ("status", "seconds", "cpu_s", "memory_mb", "search_s", "message")
 """What all runs have in common."""
 
-_LAUNCHER = Path(__file__).with_name("launch.py")
 _OPEN = " (open)"
 _UNSUPPORTED = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """One process: what it printed, and what it cost.
-
-    `seconds` is wall time, `cpu_s` what all its threads computed; `exit_code` is negative where a signal ended it."""
-
-    exit_code: int
-    timed_out: bool
-    seconds: float
-    cpu_s: float
-    memory_mb: float
-    stdout: str
-    stderr: str
-
-    @property
-    def last_error(self) -> str:
-        """The last line on stderr, or what is known without one."""
-        lines = [line.strip() for line in self.stderr.splitlines() if line.strip()]
-        return lines[-1] if lines else f"exit code {self.exit_code} without a message"
+def measured(command: Sequence[str], *, limit: float | None = None) -> Ended:
+    """Run a process to the end, or to the limit in seconds; it ends with this one, and when this one is interrupted."""
+    return Processes().run(command, Deadline.after(limit))
 
 
-def measured(command: Sequence[str], *, limit: float | None = None) -> Measured:
-    """Run a process to the end, or to the limit in seconds; it ends with this one, and when this one is interrupted.
+def complaint(found: Ended) -> str:
+    """The last line on stderr, or what is known without one."""
+    lines = [line.strip() for line in found.stderr.splitlines() if line.strip()]
+    return lines[-1] if lines else f"exit code {found.exit_code} without a message"
 
-    Raises:
-        RobustError: if there is no such command.
-    """
-    report_in, report_out = os.pipe()
-    lifeline_in, lifeline_out = os.pipe()
-    with open(report_in, "rb") as report, open(lifeline_out, "wb") as lifeline:
-        launcher = (sys.executable, "-I", "-S", str(_LAUNCHER), str(report_out), str(lifeline_in), str(limit or 0))
-        try:
-            with subprocess.Popen(
-                [*launcher, *command],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                pass_fds=(report_out, lifeline_in),
-                start_new_session=True,
-            ) as process:
-                try:
-                    output, errors = process.communicate()
-                except BaseException:
-                    lifeline.close()
-                    process.wait()
-                    raise
-        finally:
-            os.close(report_out)
-            os.close(lifeline_in)
-        told = report.read()
-    if not told:
-        lines = errors.decode("utf-8", "replace").strip().splitlines() or ["no message"]
-        raise RobustError(f"cannot run {command[0]!r}: {lines[-1]}")
-    facts = json.loads(told)
-    return Measured(
-        exit_code=facts["exit_code"],
-        timed_out=facts["timed_out"],
-        seconds=round(facts["seconds"], 4),
-        cpu_s=round(facts["cpu_s"], 4),
-        memory_mb=round(facts["memory_bytes"] / 2**20, 1),
-        stdout=output.decode("utf-8", "replace"),
-        stderr=errors.decode("utf-8", "replace"),
-    )
+
+def write_files(directory: Path, texts: tuple[str, str, str], names: tuple[str, str, str] = NAMES) -> Files:
+    """Write domain, problem and plan into a directory."""
+    domain, problem, plan = (directory / name for name in names)
+    for path, text in zip((domain, problem, plan), texts, strict=True):
+        path.write_text(text, encoding="utf-8")
+    return domain, problem, plan
 
 
 class Ending(Enum):
@@ -140,6 +92,10 @@ class Run:
     verdict: str | None = None
     region: dict[str, Any] | None = None
     polyhedra: int | None = None
+    unbounded: tuple[str, ...] = ()
+    """Directions in which the box has no end, `above a`, `below b`, where somebody asked for them."""
+    capped: tuple[str, ...] = ()
+    """Directions that nothing but the number in the duration constraint of an action ends."""
 
     @property
     def complete(self) -> bool:
@@ -149,6 +105,11 @@ class Run:
     def text(self) -> str:
         """The verdict, or how the run ended, for people."""
         return self.verdict or (f"{self.status.value}: {self.message}" if self.message else str(self.status.value))
+
+    @property
+    def line(self) -> str:
+        """The same, and how long it took."""
+        return f"{self.text}, {self.seconds:.2f} s"
 
     def printed(self, *names: str) -> dict[str, Any]:
         """Some of the fields as JSON."""
@@ -162,13 +123,13 @@ def run_robust(verb: str, files: Files, options: Sequence[str], *, limit: float 
     return read_run(verb, measured(command, limit=limit))
 
 
-def read_run(verb: str, found: Measured) -> Run:
+def read_run(verb: str, found: Ended) -> Run:
     """The answer of a process that has ended; anything but an answer becomes ERROR with the reason."""
-    cost = (found.seconds, found.cpu_s, found.memory_mb)
+    cost = (round(found.seconds, 4), round(found.cpu_s, 4), round(found.memory_mb, 1))
     if found.timed_out:
         return Run(Ending.TIMEOUT, *cost)
     if not found.stdout.strip():
-        return Run(Ending.ERROR, *cost, message=found.last_error)
+        return Run(Ending.ERROR, *cost, message=complaint(found))
     try:
         answer = json.loads(found.stdout)
         if "error" in answer:
@@ -182,7 +143,7 @@ def read_run(verb: str, found: Measured) -> Run:
         return Run(Ending.ERROR, *cost, message=message)
 
 
-def _envelope(answer: Mapping[str, Any], found: Measured) -> tuple[Ending, dict[str, Any]]:
+def _envelope(answer: Mapping[str, Any], found: Ended) -> tuple[Ending, dict[str, Any]]:
     statistics = answer.get("statistics")
     search, first = answer["seconds"], answer["first_widening_s"]
     late = None if search is None or first is None else round(found.seconds - search + first, 4)
@@ -198,7 +159,7 @@ def _envelope(answer: Mapping[str, Any], found: Measured) -> tuple[Ending, dict[
     }
 
 
-def _region(answer: Mapping[str, Any], _: Measured) -> tuple[Ending, dict[str, Any]]:
+def _region(answer: Mapping[str, Any], _: Ended) -> tuple[Ending, dict[str, Any]]:
     from robust.qe.region import Region  # noqa: PLC0415 - loads what only regions need
 
     status = Ending(answer["status"])
@@ -209,7 +170,7 @@ def _region(answer: Mapping[str, Any], _: Measured) -> tuple[Ending, dict[str, A
     return status, facts
 
 
-def _check(answer: Mapping[str, Any], _: Measured) -> tuple[Ending, dict[str, Any]]:
+def _check(answer: Mapping[str, Any], _: Ended) -> tuple[Ending, dict[str, Any]]:
     verdict = str(answer["verdict"])
     status = Ending.TIMEOUT if verdict == "unknown" else Ending.COMPLETE
     return status, {"search_s": answer.get("seconds"), "verdict": verdict}
@@ -222,17 +183,8 @@ _READERS = {"envelope": _envelope, "region": _region, "check": _check}
 
 
 def _interval(ends: Mapping[str, Any]) -> Interval:
-    return Interval(
-        parse_end(ends["lower"]),
-        parse_end(ends["upper"]),
-        lower_closed=bool(ends.get("lower_closed", True)),
-        upper_closed=bool(ends.get("upper_closed", True)),
-    )
-
-
-def parse_end(text: str) -> Fraction | None:
-    """The end of an interval: a number, or None for an infinite one."""
-    return None if text in {"inf", "+inf", "-inf"} else parse_number(text)
+    closed = {name: bool(ends.get(name, True)) for name in ("lower_closed", "upper_closed")}
+    return Interval(parse_end(ends["lower"]), parse_end(ends["upper"]), **closed)
 
 
 def ends_of(interval: Interval) -> Ends:

@@ -7,6 +7,7 @@ gives the tasks of a worker that died to another one.
 
 from __future__ import annotations
 
+import json
 import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -17,19 +18,27 @@ from importlib import import_module
 from typing import Any
 
 import robust
+from robust.codec import plain
 from robust.errors import InputError, UnsupportedError
-from robust.smt.limits import Deadline
-
-from .codec import text_of
 
 ATTEMPTS = 3
 """How often a task that runs alone may lose its worker before it is given up."""
 PATIENCE = 30.0
 """Seconds to wait for a scheduler, and then for a first worker."""
 
-Work = Callable[[Any], Any]
-"""Does one task and returns its record; picklable, because other processes call it."""
-Numbered = tuple[int, Any]
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """The arguments of a function, made of what JSON can say, fractions, paths, enums, tuples and dataclasses; and what
+    people call it, which need not be unique."""
+
+    label: str
+    given: tuple[Any, ...]
+
+
+Work = Callable[..., Any]
+"""Returns the record of a task; picklable, because other processes call it."""
+Numbered = tuple[int, Task]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,20 +56,25 @@ class ClusterLostError(Exception):
     """The scheduler is gone, and with it what had not been fetched; internal to sweeps, which return what they have."""
 
 
-def attempt(work: Work, task: Any) -> Outcome:
+def text_of(value: object, *, ordered: bool = False) -> str:
+    """The value as one line of JSON, `ordered` by key or not."""
+    return json.dumps(plain(value), allow_nan=False, sort_keys=ordered, separators=(",", ":"))
+
+
+def attempt(work: Work, task: Task) -> Outcome:
     """Do the task where it is called: in this process, or in one of a pool or a cluster.
 
     Whatever goes wrong with one task must not end the others: it is reported, never swallowed.
     """
     try:
-        return Outcome(text_of(work(task)))
+        return Outcome(text_of(work(*task.given)))
     except Exception as error:
         lines = str(error).splitlines() or ["no message"]
         return Outcome(f"{type(error).__name__}: {lines[0]}", failed=True)
 
 
-def outcomes_of(tasks: Iterable[Numbered], work: Work, jobs: int, cluster: str | None, deadline: Deadline) -> Outcomes:
-    """The outcomes as they arrive. Here no task is started after the deadline; on a cluster, what runs is given up.
+def outcomes_of(tasks: Iterable[Numbered], work: Work, jobs: int, cluster: str | None) -> Outcomes:
+    """The outcomes as they arrive.
 
     Raises:
         UnsupportedError: if a cluster is wanted and Dask is not installed.
@@ -68,41 +82,37 @@ def outcomes_of(tasks: Iterable[Numbered], work: Work, jobs: int, cluster: str |
         ClusterLostError: if the scheduler does not answer any more.
     """
     if cluster is not None:
-        return _on_cluster(list(tasks), work, cluster, deadline)
-    return _one_by_one(tasks, work, deadline) if jobs == 1 else _in_processes(tasks, work, jobs, deadline)
+        return _on_cluster(list(tasks), work, cluster)
+    return _one_by_one(tasks, work) if jobs == 1 else _in_processes(tasks, work, jobs)
 
 
-def _one_by_one(tasks: Iterable[Numbered], work: Work, deadline: Deadline) -> Outcomes:
+def _one_by_one(tasks: Iterable[Numbered], work: Work) -> Outcomes:
     for number, task in tasks:
-        if deadline.passed:
-            return
         yield number, attempt(work, task)
 
 
 # -- a pool of processes -----------------------------------------------------------------------------------------------
 
 
-def _in_processes(tasks: Iterable[Numbered], work: Work, jobs: int, deadline: Deadline) -> Outcomes:
+def _in_processes(tasks: Iterable[Numbered], work: Work, jobs: int) -> Outcomes:
     waiting = iter(tasks)
     suspects: deque[Numbered] = deque()
     lost: dict[int, int] = {}
     while True:
         alone = bool(suspects)
         killed: list[Numbered] = []
-        yield from _until_killed(iter([suspects.popleft()]) if alone else waiting, work, jobs, deadline, killed)
+        yield from _until_killed(iter([suspects.popleft()]) if alone else waiting, work, jobs, killed)
         for number, task in killed:
             lost[number] = lost.get(number, 0) + alone
             if lost[number] < ATTEMPTS:
                 suspects.append((number, task))
             else:
                 yield number, Outcome(f"its process was killed {ATTEMPTS} times", failed=True)
-        if deadline.passed or not (alone or suspects):
+        if not (alone or suspects):
             return
 
 
-def _until_killed(
-    source: Iterator[Numbered], work: Work, jobs: int, deadline: Deadline, killed: list[Numbered]
-) -> Outcomes:
+def _until_killed(source: Iterator[Numbered], work: Work, jobs: int, killed: list[Numbered]) -> Outcomes:
     """Outcomes until the source is empty or a worker was killed; then `killed` are the tasks without outcome."""
     # A worker that is ended leaves a semaphore behind; what keeps track of them would tell users about it.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
@@ -113,7 +123,7 @@ def _until_killed(
     running: dict[Future[Outcome], Numbered] = {}
     try:
         while True:
-            while len(running) < jobs and not killed and not deadline.passed:
+            while len(running) < jobs and not killed:
                 following = next(source, None)
                 if following is None:
                     break
@@ -138,7 +148,7 @@ def _until_killed(
 # -- a cluster ---------------------------------------------------------------------------------------------------------
 
 
-def _on_cluster(tasks: list[Numbered], work: Work, address: str, deadline: Deadline) -> Outcomes:
+def _on_cluster(tasks: list[Numbered], work: Work, address: str) -> Outcomes:
     try:
         distributed = import_module("distributed")  # an extra, and slow to import
     except ImportError:
@@ -151,12 +161,10 @@ def _on_cluster(tasks: list[Numbered], work: Work, address: str, deadline: Deadl
             for number, task in tasks
         }
         try:
-            for future in distributed.as_completed(list(futures), loop=client.loop, timeout=deadline.remaining):
+            for future in distributed.as_completed(list(futures), loop=client.loop):
                 number = futures.pop(future)
                 yield number, _fetched(distributed, future, address)
                 future.release()  # or the cluster would compute it again when the worker that holds it dies
-        except TimeoutError:
-            return
         finally:
             client.cancel(list(futures), force=True)
 

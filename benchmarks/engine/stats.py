@@ -115,5 +115,5 @@ class LineFit:
 
 
 def _around(middle: float, error: float, degrees: int) -> Bounds:
-    half = float(student.ppf((1 + CONFIDENCE) / 2, degrees)) * error
-    return middle - half, middle + half
+    low, high = student.interval(CONFIDENCE, degrees, middle, error) if error else (middle, middle)
+    return float(low), float(high)

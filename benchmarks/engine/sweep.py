@@ -1,35 +1,83 @@
-"""Sweeps: every task once, whatever happens to its workers; what is done stays done."""
+"""Sweeps: every task once, whatever happens to its workers; what is done stays done.
+
+Records are kept in a file as they arrive, with the key of their task (:mod:`robust.records`), so that a run that ends
+early can be resumed.
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, TypeVar
 
+import msgspec
+
+import robust
 from robust.errors import InputError
-from robust.smt.limits import NEVER, Deadline
+from robust.records import RecordFile, RecordFormat
 
-from .codec import key_of, restored
-from .pool import ClusterLostError, Outcome, Work, outcomes_of
-from .store import Store
+from .pool import ClusterLostError, Outcome, Task, Work, outcomes_of, text_of
 
+SCHEMA = "robust/sweep-store/3"
 Progress = Callable[[int, int, str], None]
 """Called after each task with the number of tasks done, their total, and one line about the task."""
 
 
-class Task(Protocol):
-    """A frozen dataclass of what JSON can say, fractions, paths, enums, tuples and further such dataclasses."""
-
-    @property
-    def label(self) -> str:
-        """What people call it; need not be unique."""
-        ...
+Value = TypeVar("Value")
 
 
-AnyTask = TypeVar("AnyTask", bound=Task)
+def key_of(work: Work, task: Task) -> str:
+    """A digest of what is done with which arguments, the same in every run and on every machine."""
+    return sha256(text_of({work.__qualname__: task.given}, ordered=True).encode()).hexdigest()[:32]
+
+
+def restored(value: object, kind: type[Value] | Any) -> Value:
+    """A value of that type from what JSON says.
+
+    Raises:
+        msgspec.ValidationError: if it is no such value.
+    """
+    return msgspec.convert(value, kind, dec_hook=lambda wanted, text: wanted(text))
+
+
+class Store(RecordFile):
+    """The results of a file, by key; only one process at a time may have it open.
+
+    Raises:
+        InputError: if the file cannot be written, is no store, was written by another version, or is in use.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.results: dict[str, Any] = {}
+        form = RecordFormat("store of results", {"schema": SCHEMA, "robust": robust.__version__})
+        super().__init__(path, form, self._accept)
+
+    def add(self, key: str, label: str, result: Any) -> None:
+        """Keep a result.
+
+        Raises:
+            InputError: if it cannot be written.
+        """
+        self.append({"key": key, "task": label, "result": result})
+        self.results[key] = result
+
+    def _accept(self, number: int, line: str) -> None:
+        try:
+            value = json.loads(line)
+            if number > 1:
+                self.results.setdefault(restored(value["key"], str), value["result"])
+                return
+        except (ValueError, KeyError, TypeError, msgspec.ValidationError):
+            raise InputError(f"found no result, expected those of a store of results ({SCHEMA})") from None
+        if (found := value.get("robust")) != robust.__version__:
+            raise InputError(
+                f"found results of robust {found}, expected those of {robust.__version__}; "
+                "choose another file, so that results of different versions are not mixed"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +89,14 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class Sweep(Generic[AnyTask]):
+class Sweep:
     """Records in the order of the tasks; `resumed` of them were in the store already.
 
-    `complete` is false where Ctrl-C, the deadline or the loss of the cluster (`lost` says so) came before the last
+    `complete` is false where Ctrl-C or the loss of the cluster (`lost` says so) came before the last
     task; failed tasks do not count as missing.
     """
 
-    results: tuple[tuple[AnyTask, Any], ...]
+    results: tuple[tuple[Task, Any], ...]
     failures: tuple[Failure, ...]
     total: int
     resumed: int
@@ -76,18 +124,17 @@ class Sweep(Generic[AnyTask]):
 
 
 def run_sweep(
-    tasks: Sequence[AnyTask],
+    tasks: Sequence[Task],
     work: Work,
     *,
     record: Any = Any,
     store: Path | None = None,
     jobs: int = 1,
     cluster: str | None = None,
-    describe: Callable[[AnyTask, Any], str] | None = None,
+    describe: Callable[[Any], str] = lambda _: "done",
     on_result: Progress | None = None,
-    settled: Callable[[AnyTask, Sequence[Any]], Any | None] | None = None,
-    deadline: Deadline | None = None,
-) -> Sweep[AnyTask]:
+    settled: Callable[[Task, Sequence[Any]], Any | None] | None = None,
+) -> Sweep:
     """Do `work` for every task, each once; records go through JSON, so that new and stored ones are alike.
 
     A task whose worker is killed is done again, at most a few times. A task that raises an error is a failure, and the
@@ -100,10 +147,9 @@ def run_sweep(
         store: a file that keeps records as they arrive, and from which a later run of the same tasks resumes.
         jobs: processes at a time on this machine.
         cluster: the address of a Dask scheduler whose workers do the tasks instead.
-        describe: one line about a record.
+        describe: some words about a record.
         on_result: called after each new record with the number done, the total and that line.
         settled: the record of a task that earlier records settle, before it is started here; None for the others.
-        deadline: nothing is started after it.
 
     Returns:
         What there is, also after Ctrl-C, which ends what is running.
@@ -116,78 +162,53 @@ def run_sweep(
         raise InputError(f"jobs is {jobs}; expected at least 1")
     if cluster is not None and jobs > 1:
         raise InputError(f"found both jobs {jobs} and cluster {cluster!r}, expected one of them")
-    distinct = {key_of(task): task for task in tasks}
+    distinct = {key_of(work, task): task for task in tasks}
+    failures: list[Failure] = []
+    lost: str | None = None
+
+    def tell(line: str) -> None:
+        if on_result is not None:
+            on_result(len(done) + len(failures), len(distinct), line)
+
+    def keep(key: str, found: Any) -> None:
+        done[key] = found
+        tell(f"{distinct[key].label}: {describe(found)}")
+
+    def take(key: str, outcome: Outcome) -> None:
+        label = distinct[key].label
+        if outcome.failed:
+            failures.append(Failure(label, outcome.text))
+            tell(f"{label}: {outcome.text}")
+        elif key not in done:
+            value = json.loads(outcome.text)
+            if opened is not None:
+                opened.add(key, label, value)
+            keep(key, restored(value, record))
+
+    def begun(pending: Sequence[tuple[int, str]]) -> Iterator[tuple[int, Task]]:
+        """Tasks to start, asked for when there is a place for one."""
+        for number, key in pending:
+            found = None if settled is None else settled(distinct[key], list(done.values()))
+            if found is None:
+                yield number, distinct[key]
+            else:
+                keep(key, found)
+
     with Store(store) if store is not None else nullcontext() as opened:
         known = {} if opened is None else {key: opened.results[key] for key in distinct if key in opened.results}
         done = {key: restored(value, record) for key, value in known.items()}
-        state = _State(distinct, done, record, opened, describe or (lambda task, _: task.label), on_result, settled)
-        complete = state.follow(work, jobs, cluster, deadline or NEVER)
-    keys = [key for key in distinct if key in state.done]
-    return Sweep(
-        results=tuple((distinct[key], state.done[key]) for key in keys),
-        failures=tuple(state.failures),
-        total=len(distinct),
-        resumed=len(known),
-        complete=complete,
-        store=store,
-        lost=state.lost,
-    )
-
-
-@dataclass
-class _State(Generic[AnyTask]):
-    """What is done so far, by key."""
-
-    tasks: dict[str, AnyTask]
-    done: dict[str, Any]
-    record: Any
-    store: Store | None
-    describe: Callable[[AnyTask, Any], str]
-    on_result: Progress | None
-    settled: Callable[[AnyTask, Sequence[Any]], Any | None] | None
-    failures: list[Failure] = field(default_factory=list)
-    lost: str | None = None
-
-    def follow(self, work: Work, jobs: int, cluster: str | None, deadline: Deadline) -> bool:
-        """Do what is not done; whether nothing is missing in the end."""
-        keys = list(self.tasks)
-        pending = [(number, key) for number, key in enumerate(keys) if key not in self.done]
+        keys = list(distinct)
+        pending = [(number, key) for number, key in enumerate(keys) if key not in done]
+        complete = True
         try:
             if pending:
-                with closing(outcomes_of(self._open(pending), work, jobs, cluster, deadline)) as outcomes:
+                with closing(outcomes_of(begun(pending), work, jobs, cluster)) as outcomes:
                     for number, outcome in outcomes:
-                        self._take(keys[number], outcome)
+                        take(keys[number], outcome)
         except KeyboardInterrupt:
-            return False
+            complete = False
         except ClusterLostError as error:
-            self.lost = str(error)
-        return len(self.done) + len(self.failures) == len(self.tasks)
-
-    def _open(self, pending: Sequence[tuple[int, str]]) -> Iterator[tuple[int, AnyTask]]:
-        """Tasks to start, asked for when there is a place for one."""
-        for number, key in pending:
-            task = self.tasks[key]
-            found = None if self.settled is None else self.settled(task, list(self.done.values()))
-            if found is None:
-                yield number, task
-            else:
-                self._keep(key, found)
-
-    def _take(self, key: str, outcome: Outcome) -> None:
-        task = self.tasks[key]
-        if outcome.failed:
-            self.failures.append(Failure(task.label, outcome.text))
-            self._tell(f"{task.label}: {outcome.text}")
-        elif key not in self.done:
-            value = json.loads(outcome.text)
-            if self.store is not None:
-                self.store.add(key, task.label, value)
-            self._keep(key, restored(value, self.record))
-
-    def _keep(self, key: str, found: Any) -> None:
-        self.done[key] = found
-        self._tell(self.describe(self.tasks[key], found))
-
-    def _tell(self, line: str) -> None:
-        if self.on_result is not None:
-            self.on_result(len(self.done) + len(self.failures), len(self.tasks), line)
+            lost = str(error)
+    complete = complete and len(done) + len(failures) == len(distinct)
+    results = tuple((distinct[key], done[key]) for key in keys if key in done)
+    return Sweep(results, tuple(failures), len(distinct), len(known), complete, store, lost)

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from math import isqrt
@@ -34,6 +34,7 @@ from typing import NamedTuple
 
 from robust.errors import InputError
 from robust.numbers import format_number
+from robust.plan.pddl.write import sketched_problem
 from robust.plan.timed import TimedPlan, TimedStep, write_timed_plan
 
 
@@ -186,8 +187,7 @@ def places(options: DeliveryOptions, seed: int) -> dict[str, Place]:
 def distance(a: Place, b: Place) -> int:
     """The Euclidean distance, rounded up: integers keep the triangle inequality, and every planner reads them."""
     square = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2
-    root = isqrt(square)
-    return root if root * root == square else root + 1
+    return isqrt(square - 1) + 1 if square else 0
 
 
 def delivery_problem(options: DeliveryOptions, seed: int) -> str:
@@ -204,10 +204,7 @@ def delivery_problem(options: DeliveryOptions, seed: int) -> str:
     facts = [*_stations(), *_robots(options), *_orders(options), *_numbers(options, where)]
     goals = [f"(fulfilled order{i + 1})" for i in orders] if options.every_order else ["(some_fulfilled)"]
     lines = "\n  ".join
-    return (
-        "(define (problem delivery)\n(:domain robot-delivery)\n"
-        f"(:objects\n  {lines(objects)})\n(:init\n  {lines(facts)})\n(:goal (and {' '.join(goals)})))\n"
-    )
+    return sketched_problem("delivery", "robot-delivery", [lines(facts)], goals, objects=lines(objects))
 
 
 def _stations() -> Iterator[str]:
@@ -256,16 +253,16 @@ _PAUSE = Fraction(1, 100)
 """Seconds between an action and the next one that depends on it: more than ε, so that no time points coincide."""
 
 
-class ScalingInstance(NamedTuple):
+class PlanTexts(NamedTuple):
     """A domain, a problem, a valid time-triggered plan and what of it is uncertain, as `--parametrize` takes it."""
 
     domain: str
     problem: str
     plan: str
-    specs: tuple[str, ...]
+    specs: tuple[str, ...] = ()
 
 
-def scaling_instance(parameters: int, seed: int) -> ScalingInstance:
+def scaling_instance(parameters: int, seed: int) -> PlanTexts:
     """An instance with so many uncertain durations: of preparation steps, and beyond six of them also of all moves.
 
     Each order has up to six preparation steps, four moves and one to three rings. Up to three robots share the ring
@@ -284,15 +281,13 @@ def scaling_instance(parameters: int, seed: int) -> ScalingInstance:
     schedule = _Schedule(places(options, place_seed))
     ends = [schedule.fulfil(robot % robots, robot, order) for robot, order in enumerate(orders)]
     deadlines = [end + round(max(ends) * random.randint(10, 60) / 100) for end in ends]
-    timed = tuple(
-        Order(order.rings, Fraction(round(deadline)), order.steps)
-        for order, deadline in zip(orders, deadlines, strict=True)
-    )
-    options = DeliveryOptions(options.variant, timed, robots=robots, spindles=1, every_order=True)
+    closing = zip(orders, deadlines, strict=True)
+    timed = tuple(replace(order, deadline=Fraction(round(deadline))) for order, deadline in closing)
+    options = replace(options, orders=timed)
     uncertain = [preparation_action(step) for step in list(PREPARATIONS)[: max(order.steps for order in orders)]]
     if parameters > len(PREPARATIONS):
         uncertain.append("move")
-    return ScalingInstance(
+    return PlanTexts(
         delivery_domain(options.variant),
         delivery_problem(options, place_seed),
         write_timed_plan(TimedPlan(tuple(sorted(schedule.steps, key=lambda step: step.time)))),
@@ -362,16 +357,9 @@ class _Schedule:
 LEVELS = tuple(Fraction(5 + 10 * i, 100) for i in range(10))
 """0.05, 0.15, …, 0.95."""
 
-_PLACES = {
-    "dock1": (0, 0),
-    "shelf": (20, 0),
-    "base_station": (35, 0),
-    "ring_station": (70, 0),
-    "gate1": (70, 60),
-    "gate2": (134, 48),
-}
+_PLACES = {"dock1": (0, 0), SHELF: (20, 0), BASE_STATION: (35, 0), RING_STATION: (70, 0)}
+_GATES = {"gate1": (70, 60), "gate2": (134, 48)}
 _CLOSING = (Fraction(416), Fraction(731))
-_DEVIATIONS = (70, 140)
 
 
 @dataclass(frozen=True, slots=True)
@@ -402,13 +390,9 @@ def half_normal_quantile(level: Fraction, deviation: int) -> Fraction:
 
 
 def _table_problem(variant: DeliveryVariant, battery: Fraction, near: Fraction, far: Fraction) -> TableProblem:
-    levels = (near, far)
-    deadlines = tuple(
-        closing + half_normal_quantile(level, deviation)
-        for closing, level, deviation in zip(_CLOSING, levels, _DEVIATIONS, strict=True)
-    )
-    first, second = deadlines
+    first = _CLOSING[0] + half_normal_quantile(near, 70)
+    second = _CLOSING[1] + half_normal_quantile(far, 140)
     orders = (Order(1, first), Order(3, second))
-    options = DeliveryOptions(variant, orders, battery=battery, places=_PLACES)
+    options = DeliveryOptions(variant, orders, battery=battery, places=_PLACES | _GATES)
     name = f"near{int(near * 100):02}_far{int(far * 100):02}"
-    return TableProblem(name, levels, (first, second), options, delivery_problem(options, 0))
+    return TableProblem(name, (near, far), (first, second), options, delivery_problem(options, 0))

@@ -10,7 +10,6 @@ Others are of the delivery domain (:mod:`benchmarks.generators.delivery`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
 from random import Random
 
@@ -19,17 +18,12 @@ from robust.execute.distances import InvalidPlanError, Original, declarations, s
 from robust.plan.load import assemble
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.pddl.syntax import Domain, Problem
+from robust.plan.pddl.write import action_text, conjunction_text, define, sketched_problem
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan, TimedStep
 
-from .delivery import (
-    DeliveryOptions,
-    DeliveryVariant,
-    Order,
-    delivery_domain,
-    delivery_problem,
-    scaling_instance,
-)
+from . import delivery
+from .delivery import Order, PlanTexts
 
 OBJECTS = ("a", "b", "c")
 PREDICATES = ("ready", "clean", "open")
@@ -37,23 +31,13 @@ TRIALS = 60
 LONGEST = 8
 HORIZON = 24
 
-_HEAD = """\
-(define (domain drawn)
-  (:requirements :typing :durative-actions :numeric-fluents :duration-inequalities :negative-preconditions
-    :disjunctive-preconditions :timed-initial-literals :continuous-effects)
-  (:types thing)
-  (:predicates (ready ?x - thing) (clean ?x - thing) (open ?x - thing))
-  (:functions (stock ?x - thing) (level))
-"""
-
-
-@dataclass(frozen=True, slots=True)
-class PlanTexts:
-    """A plan that the simulator found valid, as PDDL and as planners print plans."""
-
-    domain: str
-    problem: str
-    plan: str
+_DECLARED = (
+    "(:requirements :typing :durative-actions :numeric-fluents :duration-inequalities :negative-preconditions "
+    ":disjunctive-preconditions :timed-initial-literals :continuous-effects)",
+    "(:types thing)",
+    f"(:predicates {' '.join(f'({name} ?x - thing)' for name in PREDICATES)})",
+    "(:functions (stock ?x - thing) (level))",
+)
 
 
 def drawn_plan(seed: int) -> PlanTexts:
@@ -64,23 +48,21 @@ def drawn_plan(seed: int) -> PlanTexts:
         steps = draft.steps()
         goal = draft.goal(steps)
         if len(steps) > 1 and goal:
-            return PlanTexts(draft.domain_text, draft.problem_text(goal), _plan_text(steps))
+            return PlanTexts(draft.domain_text, draft.problem_text(goal), "".join(f"{step}\n" for step in steps))
 
 
 def delivery_plan(seed: int) -> PlanTexts:
     """A generated plan of robots that fulfil all orders, with up to eight preparation steps."""
-    instance = scaling_instance(1 + seed % 8, seed)
-    return PlanTexts(instance.domain, instance.problem, instance.plan)
+    return delivery.scaling_instance(1 + seed % 8, seed)
 
 
 def delivery_order(seed: int) -> tuple[str, str]:
     """Domain and problem of one or two orders, all of which are wanted, some before a deadline."""
     random = Random(seed)  # noqa: S311 (not for secrets)
     orders = tuple(_order(random) for _ in range(random.randint(1, 2)))
-    options = DeliveryOptions(
-        DeliveryVariant.DURATIONS, orders, robots=random.randint(1, 2), spindles=1, every_order=True
-    )
-    return delivery_domain(DeliveryVariant.DURATIONS), delivery_problem(options, seed)
+    variant, robots = delivery.DeliveryVariant.DURATIONS, random.randint(1, 2)
+    options = delivery.DeliveryOptions(variant, orders, robots=robots, spindles=1, every_order=True)
+    return delivery.delivery_domain(variant), delivery.delivery_problem(options, seed)
 
 
 def _order(random: Random) -> Order:
@@ -96,10 +78,10 @@ class _Draft:
         self._objects = OBJECTS[: random.randint(1, len(OBJECTS))]
         durative = [self._durative(f"do-{i}") for i in range(random.randint(3, 6))]
         instantaneous = [self._instantaneous(f"set-{i}") for i in range(random.randint(1, 2))]
-        self.domain_text = _HEAD + "".join((*durative, *instantaneous)) + ")\n"
+        self.domain_text = define("domain", "drawn", [*_DECLARED, *durative, *instantaneous])
         self._initial = self._initial_state()
         self._domain = parse_domain(self.domain_text)
-        self._problem = self._read("")
+        self._problem = parse_problem(self.problem_text(""), self._domain)
 
     # -- the domain --------------------------------------------------------------------------------------------------
 
@@ -111,27 +93,17 @@ class _Draft:
         effects += [f"(at start {self._effect()})" for _ in range(random.randint(0, 1))]
         if random.random() < 0.4:
             effects.append(f"({random.choice(('increase', 'decrease'))} (level) (* #t {random.randint(1, 2)}))")
-        return (
-            f"  (:durative-action {name} :parameters (?x ?y - thing)\n    :duration {self._duration()}\n"
-            f"    :condition (and {' '.join(conditions)})\n    :effect (and {' '.join(effects)}))\n"
-        )
+        needed = conjunction_text(conditions)
+        return action_text(name, needed, effects, parameters="?x ?y - thing", duration=self._duration())
 
     def _instantaneous(self, name: str) -> str:
-        return (
-            f"  (:action {name} :parameters (?x - thing) :precondition {self._condition('?x')}\n"
-            f"    :effect {self._effect('?x')})\n"
-        )
+        condition, effect = self._condition("?x"), self._effect("?x")
+        return f"(:action {name} :parameters (?x - thing) :precondition {condition} :effect {effect})"
 
     def _duration(self) -> str:
         short, long = sorted((self._random.randint(1, LONGEST), self._random.randint(1, LONGEST)))
-        return self._random.choice(
-            (
-                f"(= ?duration {long})",
-                f"(= ?duration {long})",
-                f"(and (>= ?duration {short}) (<= ?duration {long}))",
-                f"(>= ?duration {short})",
-            )
-        )
+        exactly, between = f"(= ?duration {long})", f"(and (>= ?duration {short}) (<= ?duration {long}))"
+        return self._random.choice((exactly, exactly, between, f"(>= ?duration {short})"))
 
     def _literal(self, *variables: str) -> str:
         atom = f"({self._random.choice(PREDICATES)} {self._random.choice(variables or ('?x', '?x', '?y'))})"
@@ -161,21 +133,14 @@ class _Draft:
         atoms = [f"({name} {thing})" for name in PREDICATES for thing in self._objects]
         values = [f"(= (level) {random.randint(6, 10)})"]
         values += [f"(= (stock {thing}) {random.randint(6, 10)})" for thing in self._objects]
-        literals = []
-        for atom in random.sample(atoms, random.randint(0, 2)):
-            time = random.randint(1, HORIZON)
-            literals.append(f"(at {time} {random.choice((atom, f'(not {atom})'))})")
+        changing = random.sample(atoms, random.randint(0, 2))
+        literals = [f"(at {random.randint(1, HORIZON)} {random.choice((atom, f'(not {atom})'))})" for atom in changing]
         return [*(atom for atom in atoms if random.random() < 0.5), *values, *literals]
-
-    def _read(self, goal: str) -> Problem:
-        return parse_problem(self.problem_text(goal), self._domain)
 
     def problem_text(self, goal: str) -> str:
         """The problem with that conjunction of literals as its goal."""
-        return (
-            f"(define (problem drawn-problem) (:domain drawn) (:objects {' '.join(self._objects)} - thing)\n"
-            f"  (:init {' '.join(self._initial)})\n  (:goal (and {goal})))\n"
-        )
+        objects = f"{' '.join(self._objects)} - thing"
+        return sketched_problem("drawn-problem", "drawn", self._initial, [goal], objects=objects)
 
     # -- the plan ----------------------------------------------------------------------------------------------------
 
@@ -216,7 +181,3 @@ def _valid(domain: Domain, problem: Problem, steps: list[TimedStep]) -> Original
         return validated(bare, schedule_of(plan, instances), EPSILON, plan.file)
     except InvalidPlanError:
         return None
-
-
-def _plan_text(steps: list[TimedStep]) -> str:
-    return "".join(f"{step}\n" for step in steps)

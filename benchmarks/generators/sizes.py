@@ -18,19 +18,16 @@ from pathlib import Path
 import robust
 from robust.plan.pddl.forms import read_text
 
-from ..engine.measure import Files
+from ..engine.measure import Files, write_files
 
 GENERATING_SET = Path(robust.__file__).parent / "examples" / "generator" / "domain.pddl"
 
-TANK_SIZE = 70
-INITIAL_FUEL = 50
-BURN_RATE = 1
-POUR_RATE = 3
 CONTENT = 36
-POURING = CONTENT // POUR_RATE
-PERIOD = CONTENT // BURN_RATE  # a canister lasts as long as it takes until the next one is poured
+"""Litres in a canister, which last as many minutes: as long as it takes until the next one is poured."""
+POURING = 12
 FIRST_POURING = 20
-SPARE = 10  # litres left in the tank at the end of the shift
+FIRST_TANK = 40
+"""Minutes on what is in the tank at the beginning, 50 litres, but for 10 that are left at the end of the shift."""
 
 
 def generator_instance(refuels: int, parameters: int) -> tuple[str, str, str]:
@@ -45,94 +42,48 @@ def generator_instance(refuels: int, parameters: int) -> tuple[str, str, str]:
         raise ValueError(f"refuels is {refuels}; expected at least 1")
     if not 0 <= parameters <= refuels:
         raise ValueError(f"parameters is {parameters}; expected 0 to {refuels}, one for each refuel at most")
-    return read_text(GENERATING_SET), _shift(refuels), _pourings(refuels, parameters)
+    canisters = range(1, refuels + 1)
+    length = FIRST_TANK + CONTENT * refuels
+    problem = _filled(
+        "shift.pddl",
+        refuels=refuels,
+        names=" ".join(f"can{i}" for i in canisters),
+        length=length,
+        filled="\n".join(
+            f"    (sealed can{i}) (= (pour-rate can{i}) 3) (= (pour-time can{i}) {POURING})" for i in canisters
+        ),
+    )
+    starts = [f"start_{i}" if i <= parameters else str(nominal_start(i)) for i in canisters]
+    timed = (
+        f"c: pour_{i}.start - .zero in [{start}, {start}];\nc: pour_{i}.end - pour_{i}.start in [{POURING}, {POURING}];"
+        for i, start in enumerate(starts, 1)
+    )
+    plan = _filled(
+        "shift.stn",
+        refuels=refuels,
+        parameters=parameters,
+        declared="".join(f"parameter start_{i} default {nominal_start(i)};\n" for i in canisters[:parameters]),
+        instances="\n".join(f"durative-action instance pour_{i} : (pour gen can{i});" for i in canisters),
+        length=length,
+        constraints="\n".join(timed),
+    )
+    return read_text(GENERATING_SET), problem, plan
 
 
 def nominal_start(refuel: int) -> int:
     """The minute at which the plan starts to pour canister `refuel`, counted from 1."""
-    return FIRST_POURING + PERIOD * (refuel - 1)
+    return FIRST_POURING + CONTENT * (refuel - 1)
 
 
-def _shift(refuels: int) -> str:
-    canisters = range(1, refuels + 1)
-    lines = [
-        f"; A shift of a generating set that needs {refuels} canisters besides the fuel in its tank.",
-        "",
-        f"(define (problem shift_with_{refuels}_canisters)",
-        "  (:domain generating_set)",
-        "",
-        "  (:objects",
-        "    gen - genset",
-        f"    {' '.join(f'can{i}' for i in canisters)} - canister)",
-        "",
-        "  (:init",
-        f"    (= (fuel gen) {INITIAL_FUEL})",
-        f"    (= (tank-size gen) {TANK_SIZE})",
-        f"    (= (burn-rate gen) {BURN_RATE})",
-        f"    (= (shift-length gen) {(INITIAL_FUEL + CONTENT * refuels - SPARE) // BURN_RATE})",
-        *(
-            f"    (sealed can{i}) (= (pour-rate can{i}) {POUR_RATE}) (= (pour-time can{i}) {POURING})"
-            for i in canisters
-        ),
-        "  )",
-        "",
-        "  (:goal (shift-done gen)))",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _pourings(refuels: int, parameters: int) -> str:
-    canisters = range(1, refuels + 1)
-    length = (INITIAL_FUEL + CONTENT * refuels - SPARE) // BURN_RATE
-    starts = {i: f"start_{i}" if i <= parameters else str(nominal_start(i)) for i in canisters}
-    lines = [
-        f"# {refuels} pourings during one shift; the starting times of the first {parameters} are uncertain.",
-        "",
-        *(f"parameter start_{i} default {nominal_start(i)};" for i in range(1, parameters + 1)),
-        "",
-        "durative-action instance shift : (run-shift gen);",
-        *(f"durative-action instance pour_{i} : (pour gen can{i});" for i in canisters),
-        "",
-        "c: shift.start - .zero in [0, 0];",
-        f"c: shift.end - shift.start in [{length}, {length}];",
-    ]
-    for i in canisters:
-        lines.append(f"c: pour_{i}.start - .zero in [{starts[i]}, {starts[i]}];")
-        lines.append(f"c: pour_{i}.end - pour_{i}.start in [{POURING}, {POURING}];")
-    return "\n".join(lines) + "\n"
+def _filled(name: str, **values: object) -> str:
+    """The file of that name beside this one, with values in the place of their names."""
+    return read_text(Path(__file__).with_name(name)).format(**values)
 
 
 # -- unordered jobs ----------------------------------------------------------------------------------------------------
 
-JOB_WINDOW = 100
 JOB_MINUTES = 10
 JOB_SPARE = 10
-WATCH = 1000
-
-BATTERY = """\
-; Jobs that drain a battery by as much as they take time.
-
-(define (domain battery)
-  (:requirements :typing :durative-actions :numeric-fluents :duration-inequalities)
-
-  (:types job)
-
-  (:predicates (done ?j - job) (watched))
-
-  (:functions (energy))
-
-  (:durative-action watch
-    :parameters ()
-    :duration (>= ?duration 0)
-    :condition (over all (>= (energy) 0))
-    :effect (at end (watched)))
-
-  (:durative-action work
-    :parameters (?j - job)
-    :duration (>= ?duration 0)
-    :condition (and)
-    :effect (and (at end (decrease (energy) ?duration)) (at end (done ?j)))))
-"""
 
 
 def unordered_instance(jobs: int, parameters: int) -> tuple[str, str, str]:
@@ -144,7 +95,27 @@ def unordered_instance(jobs: int, parameters: int) -> tuple[str, str, str]:
         raise ValueError(f"jobs is {jobs}; expected at least 1")
     if not 1 <= parameters <= jobs:
         raise ValueError(f"parameters is {parameters}; expected 1 to {jobs}, one for each job at most")
-    return BATTERY, _jobs_problem(jobs), _jobs_plan(jobs, parameters)
+    numbers = range(1, jobs + 1)
+    problem = _filled(
+        "jobs.pddl",
+        jobs=jobs,
+        names=" ".join(f"j{i}" for i in numbers),
+        energy=envelope_sum(jobs),
+        goals=" ".join(f"(done j{i})" for i in numbers),
+    )
+    durations = [f"d{i}" if i <= parameters else str(JOB_MINUTES) for i in numbers]
+    timed = (
+        f"c: work_{i}.start - .zero in [1, 100];\nc: work_{i}.end - work_{i}.start in [{duration}, {duration}];\n"
+        f"c: watch.end - work_{i}.end in [1, inf];"
+        for i, duration in enumerate(durations, 1)
+    )
+    plan = _filled(
+        "jobs.stn",
+        declared="".join(f"parameter d{i} default {JOB_MINUTES};\n" for i in numbers[:parameters]),
+        instances="\n".join(f"durative-action instance work_{i} : (work j{i});" for i in numbers),
+        constraints="\n".join(timed),
+    )
+    return _filled("battery.pddl"), problem, plan
 
 
 def time_points(jobs: int) -> int:
@@ -155,32 +126,6 @@ def time_points(jobs: int) -> int:
 def envelope_sum(parameters: int) -> int:
     """What the parametrized durations may amount to."""
     return JOB_MINUTES * parameters + JOB_SPARE
-
-
-def _jobs_problem(jobs: int) -> str:
-    names = " ".join(f"j{i}" for i in range(1, jobs + 1))
-    goals = " ".join(f"(done j{i})" for i in range(1, jobs + 1))
-    return (
-        f"(define (problem {jobs}_jobs)\n  (:domain battery)\n  (:objects {names} - job)\n"
-        f"  (:init (= (energy) {JOB_MINUTES * jobs + JOB_SPARE}))\n  (:goal (and (watched) {goals})))\n"
-    )
-
-
-def _jobs_plan(jobs: int, parameters: int) -> str:
-    numbers = range(1, jobs + 1)
-    lines = [
-        *(f"parameter d{i} default {JOB_MINUTES};" for i in range(1, parameters + 1)),
-        "durative-action instance watch : (watch);",
-        *(f"durative-action instance work_{i} : (work j{i});" for i in numbers),
-        "c: watch.start - .zero in [0, 0];",
-        f"c: watch.end - watch.start in [{WATCH}, {WATCH}];",
-    ]
-    for i in numbers:
-        duration = f"d{i}" if i <= parameters else str(JOB_MINUTES)
-        lines.append(f"c: work_{i}.start - .zero in [1, {JOB_WINDOW}];")
-        lines.append(f"c: work_{i}.end - work_{i}.start in [{duration}, {duration}];")
-        lines.append(f"c: watch.end - work_{i}.end in [1, inf];")
-    return "\n".join(lines) + "\n"
 
 
 # -- files -------------------------------------------------------------------------------------------------------------
@@ -198,11 +143,7 @@ def write_unordered(directory: Path, jobs: int, parameters: int) -> Files:
 
 def _write(directory: Path, texts: tuple[str, str, str], size: int, parameters: int) -> Files:
     directory.mkdir(parents=True, exist_ok=True)
-    names = ("domain.pddl", f"problem-{size}.pddl", f"plan-{size}-{parameters}.stn")
-    domain, problem, plan = (directory / name for name in names)
-    for path, text in zip((domain, problem, plan), texts, strict=True):
-        path.write_text(text, encoding="utf-8")
-    return domain, problem, plan
+    return write_files(directory, texts, ("domain.pddl", f"problem-{size}.pddl", f"plan-{size}-{parameters}.stn"))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -18,7 +18,7 @@ from enum import Enum
 from fractions import Fraction
 from functools import partial
 from statistics import median
-from typing import ClassVar, assert_never
+from typing import ClassVar
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RobustError
@@ -34,9 +34,10 @@ from robust.plan.timed import TimedPlan, parse_timed_plan
 from robust.smt.limits import Deadline
 
 from ..catalogue import ConversionOptions
-from ..engine.experiment import Experiment, Report
-from ..engine.show import Cells, Table, number
-from ..generators.plans import PlanTexts, delivery_order, delivery_plan, drawn_plan
+from ..engine.experiment import Experiment, Report, Task
+from ..engine.show import Columns, Table, family, number
+from ..generators.delivery import PlanTexts
+from ..generators.plans import delivery_order, delivery_plan, drawn_plan
 
 PLANNING_S = 20.0
 """What a planner has for a problem."""
@@ -121,13 +122,8 @@ def _removal(
     constraints = tuple(
         TemporalConstraint(other.source, other.target, Polynomial.constant(other.weight), None) for other in others
     )
-    match check(replace(plan, constraints=constraints)).answer:
-        case Answer.PROVED:
-            return Removal.NEEDLESS
-        case Answer.REFUTED:
-            return Removal.NEEDED
-        case Answer.UNKNOWN:
-            return Removal.UNKNOWN
+    verdicts = {Answer.PROVED: Removal.NEEDLESS, Answer.REFUTED: Removal.NEEDED, Answer.UNKNOWN: Removal.UNKNOWN}
+    return verdicts[check(replace(plan, constraints=constraints)).answer]
 
 
 def _kind(conversion: Conversion, one: Edge) -> Kind:
@@ -152,20 +148,6 @@ class Source(Enum):
     DRAWN = "drawn"
     DELIVERY = "delivery"
     PLANNED = "planned"
-
-
-@dataclass(frozen=True, slots=True)
-class ConversionTask:
-    """One plan, and the `planner` of one that is planned; `limit` seconds to convert it, and to judge it."""
-
-    source: Source
-    seed: int
-    limit: float | None
-    planner: str | None = None
-
-    @property
-    def label(self) -> str:
-        return f"{self.source.value} {self.seed}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,24 +188,27 @@ class ConversionRow:
         return self.proved and self.allowed and not self.removable and not self.count(None, Removal.UNKNOWN)
 
 
-def convert_and_judge(task: ConversionTask) -> ConversionRow:
-    """Convert one plan and judge its bounds.
+def convert_and_judge(
+    source: Source, seed: int, limit: float | None = None, planner: str | None = None
+) -> ConversionRow:
+    """Convert one plan, which that planner makes if it is a planned one, and judge its bounds, in `limit` seconds each.
 
     Raises:
         RobustError: if there is no plan, or it cannot be converted.
     """
-    texts = _texts(task)
+    makers = {Source.DRAWN: drawn_plan, Source.DELIVERY: delivery_plan}
+    texts = makers.get(source, partial(_planned, planner or ""))(seed)
     started = time.perf_counter()
     domain = parse_domain(texts.domain)
     problem = parse_problem(texts.problem, domain)
     timed = parse_timed_plan(texts.plan)
-    conversion = convert(domain, problem, timed, timeout=task.limit)
+    conversion = convert(domain, problem, timed, timeout=limit)
     converted = time.perf_counter()
-    judgements = judge_constraints(conversion, EPSILON, "z3", Deadline.after(task.limit))
+    judgements = judge_constraints(conversion, EPSILON, "z3", Deadline.after(limit))
     counts = Counter((one.kind, one.removal) for one in judgements)
     return ConversionRow(
-        source=task.source,
-        seed=task.seed,
+        source=source,
+        seed=seed,
         plan=texts.plan,
         steps=len(timed.steps),
         proved=conversion.check.answer is Answer.PROVED,
@@ -247,18 +232,6 @@ def is_allowed(conversion: Conversion, timed: TimedPlan) -> bool:
     return simulate(conversion.plan, conversion.plan.nominal, times, epsilon=EPSILON).valid
 
 
-def _texts(task: ConversionTask) -> PlanTexts:
-    match task.source:
-        case Source.DRAWN:
-            return drawn_plan(task.seed)
-        case Source.DELIVERY:
-            return delivery_plan(task.seed)
-        case Source.PLANNED:
-            return _planned(task.planner or "", task.seed)
-        case _:
-            assert_never(task.source)
-
-
 def _planned(name: str, seed: int) -> PlanTexts:
     """A planner's plan for the first of some problems for which it finds one."""
     planner = create_planner(name)
@@ -276,93 +249,84 @@ def _planned(name: str, seed: int) -> PlanTexts:
 # -- the report --------------------------------------------------------------------------------------------------------
 
 
-FACTS: Mapping[str, Callable[[Sequence[ConversionRow]], str]] = {
-    "plans": lambda rows: str(len(rows)),
-    "proved valid": lambda rows: str(sum(row.proved for row in rows)),
-    "allow the plan itself": lambda rows: str(sum(row.allowed for row in rows)),
-    "with a removable bound": lambda rows: str(sum(bool(row.removable) for row in rows)),
-    "with bounds that numbers need": lambda rows: str(sum(row.tightened > 0 for row in rows)),
+FACTS: Mapping[str, Callable[[Sequence[ConversionRow]], object]] = {
+    "plans": len,
+    "proved valid": lambda rows: sum(row.proved for row in rows),
+    "allow the plan itself": lambda rows: sum(row.allowed for row in rows),
+    "with a removable bound": lambda rows: sum(bool(row.removable) for row in rows),
+    "with bounds that numbers need": lambda rows: sum(row.tightened > 0 for row in rows),
     "steps, median": lambda rows: number(median(row.steps for row in rows), 0),
-    "seconds to convert, median": lambda rows: number(median(row.convert_s for row in rows)),
-    "seconds to convert, longest": lambda rows: number(max(row.convert_s for row in rows)),
+    "seconds to convert, median": lambda rows: median(row.convert_s for row in rows),
+    "seconds to convert, longest": lambda rows: max(row.convert_s for row in rows),
 }
 """What is said of the plans of a source."""
 
 
 class ConversionReport(Report[ConversionRow]):
-    """All plans."""
+    """Time-triggered plans, each converted to the least constrained network (`robust bench conversions`); then each
+    bound was removed in turn, and the plan proved or refuted without it."""
 
+    TITLE = "Conversions"
     SETTINGS: ClassVar[Mapping[str, str]] = {"limit_s": "limit"}
-    ROW = ConversionRow
 
-    @property
-    def agrees(self) -> bool:
-        """Whether each plan was converted to a network that is proved, allows the plan, and needs all of its bounds."""
-        return super().agrees and all(row.holds for row in self.rows)
+    def sound(self) -> bool:
+        """Whether each network is proved, allows the plan, and needs all of its bounds."""
+        return all(row.holds for row in self.rows)
 
-    @property
-    def notes(self) -> tuple[str, ...]:
+    def remarks(self) -> Sequence[str]:
         notes = [f"{row.source.value} {row.seed}: {text}" for row in self.rows for text in row.removable][:5]
         if any(row.source is Source.PLANNED for row in self.rows):
             notes.append(f"planned by {self.options.planner}, which may find other plans next time")
-        return (*notes, *self.sweep_notes)
+        return notes
 
-    @property
-    def plans(self) -> Table:
-        """Plans by source."""
-        sources = dict.fromkeys(row.source for row in self.rows)
-        of_source = [[row for row in self.rows if row.source is source] for source in sources]
-        rows: list[Cells] = [(label, *map(fact, of_source)) for label, fact in FACTS.items()]
+    def contents(self) -> list[Table]:
+        """Plans by source, and bounds by what they are for."""
+        sources = {row.source: self.of(source=row.source) for row in self.rows}
+        named = {source.value: rows for source, rows in sources.items()}
+        columns: Columns[str] = {"": str, **family("{}", named, lambda name, fact: FACTS[fact](named[name]))}
+        plans = Table.of("Converted plans", columns, FACTS, whole=False)
         if self.failures:
-            rows.append(("failed", f"{len(self.failures)} in all", *[""] * (len(of_source) - 1)))
-        headings = ("", *(source.value for source in sources), *([] if sources else [""]))
-        return Table("Converted plans", headings, rows, self.notes, whole=False)
+            failed = ("failed", f"{len(self.failures)} in all", *[""] * len(sources))
+            headings = plans.headings if sources else ("", "")
+            plans = replace(plans, headings=headings, rows=[*plans.rows, failed[: len(headings)]])
+        bounds: Columns[Kind | None] = {
+            "what it is for": lambda kind: "all" if kind is None else kind.value,
+            "bounds": lambda kind: sum(self._count(kind, removal) for removal in Removal),
+            **family("{0.value}", Removal, lambda removal, kind: self._count(kind, removal)),
+        }
+        kinds = [kind for kind in Kind if any(self._count(kind, removal) for removal in Removal)]
+        by_kind = Table.of("Bounds, removed one at a time", bounds, kinds, whole=False)
+        total = tuple(str(value(None)) for value in bounds.values())
+        return [plans, replace(by_kind, rows=[*by_kind.rows, None, total])]
 
-    @property
-    def bounds(self) -> Table:
-        """Bounds by what they are for."""
-        rows: list[Cells | None] = []
-        for kind in (*Kind, None):
-            numbers = [sum(row.count(kind, removal) for row in self.rows) for removal in Removal]
-            if kind is None:
-                rows.append(None)
-            if any(numbers) or kind is None:
-                rows.append(("all" if kind is None else kind.value, *map(str, (sum(numbers), *numbers))))
-        headings = ("what it is for", "bounds", *(removal.value for removal in Removal))
-        return Table("Bounds, removed one at a time", headings, rows, whole=False)
+    def _count(self, kind: Kind | None, removal: Removal) -> int:
+        return sum(row.count(kind, removal) for row in self.rows)
 
-    @property
-    def tables(self) -> list[Table]:
-        return [self.plans, self.bounds]
+    def conclusions(self) -> Sequence[str]:
+        return [f"{one.task}: {one.reason}" for one in self.failures]
 
 
-def _tasks(options: ConversionOptions, _: object) -> list[ConversionTask]:
+def _tasks(options: ConversionOptions, _: object) -> list[Task]:
     numbers = (options.drawn, options.delivery, options.planned)
     if min(numbers) < 0 or sum(numbers) == 0:
         found = f"{options.drawn}, {options.delivery} and {options.planned}"
         raise InputError(f"found {found} as numbers of plans, expected at least one plan")
     if options.planned:
         create_planner(options.planner)  # before anything runs for long
+    planners = (None, None, options.planner)
     return [
-        ConversionTask(source, options.seed + i, options.limit, options.planner if source is Source.PLANNED else None)
-        for source, count in zip(Source, numbers, strict=True)
-        for i in range(count)
+        Task(f"{source.value} {seed}", (source, seed, options.limit, planner))
+        for source, count, planner in zip(Source, numbers, planners, strict=True)
+        for seed in range(options.seed, options.seed + count)
     ]
 
 
-def _describe(task: ConversionTask, row: ConversionRow) -> str:
+def _describe(row: ConversionRow) -> str:
     verdict = "proved" if row.proved and row.allowed else "NOT proved or excludes its plan"
     bounds = sum(one.bounds for one in row.bounds)
-    return f"{task.label}: {row.steps} steps, {verdict}, {len(row.removable)} of {bounds} bounds removable"
+    return f"{row.steps} steps, {verdict}, {len(row.removable)} of {bounds} bounds removable"
 
 
 CONVERSIONS = Experiment(
-    "conversions",
-    ConversionOptions,
-    _tasks,
-    convert_and_judge,
-    ConversionRow,
-    ConversionReport,
-    _describe,
-    lenient=True,
+    "conversions", ConversionOptions, _tasks, convert_and_judge, ConversionReport, _describe, lenient=True
 )

@@ -7,18 +7,19 @@ dynamically controllable, and how much of it is lost by making it so.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from pathlib import Path
+from statistics import mean
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar
 
 from robust.api import envelope
-from robust.errors import InputError, Location, RobustError
-from robust.execute.controllability.assess import Controllability, Kind
+from robust.errors import InputError, RobustError
+from robust.execute.controllability import Controllability, Kind
 from robust.execute.convert import convert
 from robust.execute.parametrization import option_of
 from robust.plan.load import load_plan
@@ -33,16 +34,16 @@ from robust.qe.box import Box, Side
 from robust.smt.limits import Deadline, OutOfTimeError
 
 from ..catalogue import Figure4Options
-from ..engine.experiment import Experiment, Report, Results
-from ..engine.measure import COST, FAILURES, Ending, Ends, Files, box_of
-from ..engine.show import NOTHING, OTHER, STYLES, Cells, Table, canvas, legend_below, number, seconds_axis
+from ..engine.experiment import Experiment, Results, Task
+from ..engine.measure import COST, Ending, Files, Run, box_of, write_files
+from ..engine.show import NOTHING, OTHER, STYLES, Columns, Panel, Series, Table, family, number
 from ..generators.delivery import scaling_instance
-from .contenders import BASELINE, BY_NAME, OURS, Contender
+from ..suite import read_deliveries
+from .contenders import BASELINE, MARKS, OURS, Contender, MethodsReport, by_instance, limits_text
 
-LIST = Path("robot-delivery", "instances.json")
 CONTENDERS = OURS + BASELINE
-CONTROLLABILITY = "controllability"
-_MARKS = (1.0, 2.0, 5.0, 10.0, 60.0, 3600.0)
+CONTROLLABILITY = Contender("controllability", "controllability", "", ())
+"""Not a way to an envelope: what is asked about the box of exact widening."""
 
 
 class Origin(Enum):
@@ -67,38 +68,19 @@ class DeliveryInstance:
 
     def write(self, directory: Path) -> Files:
         """Write domain, problem and plan into a directory."""
-        paths = (directory / "domain.pddl", directory / "problem.pddl", directory / "plan.stn")
-        for path, text in zip(paths, self.texts, strict=True):
-            path.write_text(text, encoding="utf-8")
-        return paths
+        return write_files(directory, self.texts)
 
 
 def recorded_instances(suite: Path) -> tuple[DeliveryInstance, ...]:
-    """The plans that `robot-delivery/instances.json` of a data set lists.
+    """The plans of the delivery domain in a data set.
 
     Raises:
-        InputError: if the list or a file that it names is missing or malformed.
+        InputError: if there are none, or a file is missing or malformed.
     """
-    path = suite / LIST
-    location = Location(str(path))
-    try:
-        entries = json.loads(read_text(path))
-    except ValueError as error:
-        raise InputError(f"not JSON: {error}", location) from None
-    if not isinstance(entries, list) or not entries:
-        raise InputError("expected a list of at least one instance", location)
-    return tuple(_recorded(suite, entry, place, location) for place, entry in enumerate(entries, 1))
-
-
-def _recorded(suite: Path, entry: object, place: int, location: Location) -> DeliveryInstance:
-    values: dict[str, Any] = entry if isinstance(entry, dict) else {}
-    name, *files = [str(values.get(key) or "") for key in ("instance", "domain", "problem", "plan")]
-    parameters = values.get("parameters")
-    if not name or not all(files) or type(parameters) is not int:
-        expected = "'instance', 'domain', 'problem' and 'plan' as texts and 'parameters' as a number"
-        raise InputError(f"entry {place}: expected an object with {expected}", location)
-    domain, problem, plan = (read_text(suite / file) for file in files)
-    return DeliveryInstance(name, Origin.RECORDED, parameters, (domain, problem, plan))
+    return tuple(
+        DeliveryInstance(one.instance, Origin.RECORDED, one.parameters, (read_text(a), read_text(b), read_text(c)))
+        for one, (a, b, c) in read_deliveries(suite)
+    )
 
 
 def own_instance(parameters: int, seed: int) -> DeliveryInstance:
@@ -116,39 +98,6 @@ def own_instance(parameters: int, seed: int) -> DeliveryInstance:
 
 
 # -- one method on one plan --------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Figure4Task:
-    """A method by its name, or CONTROLLABILITY, on one plan; `limit` in seconds."""
-
-    instance: DeliveryInstance
-    method: str
-    limit: float | None
-
-    @property
-    def label(self) -> str:
-        return f"{self.instance.name}, {self.method}"
-
-
-@dataclass(frozen=True)
-class MethodRun:
-    """One method on one plan: what it cost, and what it found.
-
-    Of a box, `unbounded` are the directions in which it has no end, and `capped` are those that nothing but the number
-    in the duration constraint of an action ends: `above a`, `below b`.
-    """
-
-    status: Ending
-    seconds: float
-    cpu_s: float
-    memory_mb: float
-    search_s: float | None
-    message: str | None
-    box: dict[str, Ends] | None = None
-    unbounded: tuple[str, ...] = ()
-    capped: tuple[str, ...] = ()
-    polyhedra: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,27 +121,31 @@ class Assessment:
 class Found:
     """What came of a task: one of both."""
 
-    run: MethodRun | None = None
+    run: Run | None = None
     assessment: Assessment | None = None
 
+    def __str__(self) -> str:
+        if self.run is not None:
+            return f"{self.run.status.value}, {self.run.seconds:.2f} s"
+        return "nothing" if self.assessment is None else self.assessment.dynamic or self.assessment.status
 
-def do(task: Figure4Task) -> Found:
+
+def do(instance: DeliveryInstance, method: Contender, limit: float | None) -> Found:
     """Run a method as a whole process, or ask about controllability in this one.
 
     Raises:
         RobustError: if the plan cannot be read.
     """
     with TemporaryDirectory(prefix="robust-bench-") as directory:
-        files, options = task.instance.write(Path(directory)), task.instance.options
-        if task.method == CONTROLLABILITY:
-            return Found(assessment=_assessment(_plan(files, options), task.limit))
-        run = BY_NAME[task.method].run(files, limit=task.limit, extra=options)
-        found = MethodRun(**{name: getattr(run, name) for name in COST}, polyhedra=run.polyhedra)
+        files, options = instance.write(Path(directory)), instance.options
+        if method == CONTROLLABILITY:
+            return Found(assessment=_assessment(_plan(files, options), limit))
+        made = method.run(files, limit=limit, extra=options)
+        run = Run(**{name: getattr(made, name) for name in (*COST, "box", "polyhedra")})
         if run.box:
             box = box_of(run.box)
-            capped = only_capped(_plan(files, options), box)
-            found = replace(found, box=run.box, unbounded=unbounded(box), capped=capped)
-        return Found(found)
+            run = replace(run, unbounded=unbounded(box), capped=only_capped(_plan(files, options), box))
+        return Found(run)
 
 
 def _plan(files: Files, options: tuple[str, ...]) -> ParametrizedPlan:
@@ -221,19 +174,18 @@ def only_capped(plan: ParametrizedPlan, box: Box) -> tuple[str, ...]:
 def _greatest_durations(instance: ActionInstance) -> Iterator[Fraction]:
     """The numbers in constraints `(<= ?duration number)`, which are kept as `number − ?duration ≥ 0`."""
     for part in instance.durations:
-        expression = part.condition.expression
-        constant = expression.constant_term
+        constant = part.condition.expression.constant_term
         shape = Polynomial.constant(constant) - Polynomial.variable(Duration())
-        if part.condition.relation is Relation.AT_LEAST and expression == shape:
+        if (part.condition.relation, part.condition.expression) == (Relation.AT_LEAST, shape):
             yield constant
 
 
 def _assessment(plan: ParametrizedPlan, limit: float | None) -> Assessment:
     deadline = Deadline.after(limit)
     found = envelope(plan, timeout=limit)
-    facts = Assessment(found.status.value)
+    facts = Assessment(found.status.value, reason=found.reason)
     if not found.verified:
-        return replace(facts, reason=found.reason)
+        return facts
     try:
         questions = Controllability(plan, found.box, deadline=deadline)
         dynamic, strong = questions.finding(Kind.DYNAMIC), questions.finding(Kind.STRONG)
@@ -256,11 +208,7 @@ def loss(box: Box, part: Box, cut: set[str]) -> dict[str, Any]:
             shares.append((left or Fraction(0)) / width)
         elif width is None and left is not None and name not in cut:
             bounded += 1
-    return {
-        "kept": round(float(sum(shares) / len(shares)), 4) if shares else None,
-        "bounded": bounded,
-        "cut": len(cut),
-    }
+    return {"kept": round(float(sum(shares) / len(shares)), 4) if shares else None, "bounded": bounded, "cut": len(cut)}
 
 
 # -- the report --------------------------------------------------------------------------------------------------------
@@ -273,20 +221,26 @@ class Figure4Row:
     instance: str
     origin: Origin
     parameters: int
-    runs: Mapping[str, MethodRun]
+    runs: Mapping[str, Run]
     controllability: Assessment | None
+
+    @property
+    def name(self) -> str:
+        return self.instance
+
+    @property
+    def group(self) -> str:
+        return self.origin.value
 
     def seconds(self, method: str) -> float | None:
         """The time of a run that came to an end by itself."""
         run = self.runs.get(method)
-        return run.seconds if run is not None and run.status is Ending.COMPLETE else None
+        return run.seconds if run is not None and run.complete else None
 
     def time(self, method: str) -> str:
         """The same as text, or how the run ended."""
         run = self.runs.get(method)
-        if run is None:
-            return NOTHING
-        return number(run.seconds) if run.status is Ending.COMPLETE else run.status.value
+        return NOTHING if run is None else number(run.seconds) if run.complete else run.status.value
 
     @property
     def unbounded(self) -> str:
@@ -297,143 +251,121 @@ class Figure4Row:
         return f"{len(run.unbounded)} + {len(run.capped)} of {2 * len(run.box)}"
 
     @property
-    def assessed(self) -> Cells:
-        """Dynamically and strongly controllable or not, what is kept, and how many faces are bounded."""
-        found = self.controllability
-        assert found is not None  # noqa: S101 - only such rows are asked
-        kept = NOTHING if found.kept is None else f"{100 * found.kept:.1f} %"
-        bounded = NOTHING if found.bounded is None else str(found.bounded)
-        return found.dynamic or found.status, found.strong or NOTHING, kept, bounded
+    def found(self) -> Assessment:
+        return self.controllability or Assessment(NOTHING)
 
 
-class Figure4Report(Report[Figure4Row]):
-    """All plans, by origin and number of parameters."""
+ASSESSED: Columns[Figure4Row] = {
+    "plan": lambda row: row.instance,
+    "parameters": lambda row: row.parameters,
+    "dynamically": lambda row: row.found.dynamic or row.found.status,
+    "strongly": lambda row: row.found.strong,
+    "width kept": lambda row: None if row.found.kept is None else f"{100 * row.found.kept:.1f} %",
+    "faces bounded": lambda row: NOTHING if row.found.bounded is None else row.found.bounded,
+}
 
-    SETTINGS: ClassVar[Mapping[str, str]] = {
-        "limit_s": "limit",
-        "baseline_limit_s": "baseline_limit",
-        "jobs": "jobs",
-    }
+
+class Figure4Report(MethodsReport):
+    """Plans of the delivery domain: those of the data set, and our own (`robust bench figure4`). The paper's IRR solved
+    15 of its instances within an hour, and CCMMZ 3. A run is a whole process. The optimal box and the regions stand for
+    what CCMMZ computes.
+    """
+
+    TITLE = "Figure 4: scaling in the delivery domain"
+    SETTINGS: ClassVar[Mapping[str, str]] = {"limit_s": "limit", "baseline_limit_s": "baseline_limit", "jobs": "jobs"}
     ROW = Figure4Row
-
-    @property
-    def contenders(self) -> tuple[Contender, ...]:
-        chosen: tuple[Contender, ...] | None = self.options.contenders
-        return CONTENDERS if chosen is None else chosen
+    LAYOUT = (5.2, 5, "below")
+    CONTENDERS = CONTENDERS
 
     @classmethod
     def read_options(cls, answer: Mapping[str, Any]) -> dict[str, Any]:
         methods = {name for one in answer["solved"] for name in one["methods"]}
         return {**super().read_options(answer), "contenders": tuple(one for one in CONTENDERS if one.name in methods)}
 
-    @property
-    def origins(self) -> tuple[Origin, ...]:
-        return tuple(dict.fromkeys(row.origin for row in self.rows))
+    def printed(self, row: Figure4Row) -> dict[str, Any]:
+        names = (*COST, "box", "unbounded", "capped", "polyhedra")
+        runs = {name: run.printed(*names) for name, run in row.runs.items()}
+        return {**super().printed(replace(row, runs={})), "runs": runs}
 
-    def rows_of(self, origin: Origin) -> list[Figure4Row]:
-        return [row for row in self.rows if row.origin is origin]
-
-    def times(self, origin: Origin, method: str) -> list[float]:
-        """Of the runs that came to an end by themselves."""
-        return [time for row in self.rows_of(origin) if (time := row.seconds(method)) is not None]
-
-    @property
-    def wrong(self) -> list[str]:
-        """Runs that ended in an error."""
-        return [
-            f"{row.instance}, {name}: {run.status.value}: {run.message}"
-            for row in self.rows
-            for name, run in row.runs.items()
-            if run.status in FAILURES
-        ]
-
-    @property
-    def agrees(self) -> bool:
-        """Whether all was run, nothing failed, and IRR and exact widening solved every plan within their limit."""
+    def sound(self) -> bool:
+        """Whether nothing failed, and IRR and exact widening solved every plan within their limit."""
         ours = [one.name for one in self.contenders if one in OURS]
-        solved = all(row.seconds(name) is not None for row in self.rows for name in ours)
-        return self.complete and not self.failures and not self.wrong and solved
+        return not self.wrong and all(row.seconds(name) is not None for row in self.rows for name in ours)
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        limits = [self.options.limit, self.options.baseline_limit]
-        ours, others = ("none" if limit is None else f"{limit:g} s" for limit in limits)
-        notes = [f"whole processes on this machine; limits: IRR and widening {ours}, the others {others}"]
-        return (*notes, *self.jobs_notes, *self.wrong, *self.sweep_notes)
+    def remarks(self) -> Sequence[str]:
+        ours, others = (limits_text(limit, {}) for limit in (self.options.limit, self.options.baseline_limit))
+        return [f"whole processes on this machine; IRR and widening with {ours}, the others with {others}", *self.wrong]
 
-    @property
     def findings(self) -> Mapping[str, Any]:
-        solved = [
-            {
-                "origin": origin.value,
-                "plans": len(self.rows_of(origin)),
-                "methods": {one.name: len(self.times(origin, one.name)) for one in self.contenders},
-            }
-            for origin in self.origins
-        ]
+        solved = []
+        for group in self.groups:
+            methods = {one.name: len(one.times) for one in self.curves(group)}
+            solved.append({"origin": group, "plans": len(self.of(group=group)), "methods": methods})
         return {"solved": solved}
 
-    @property
-    def tables(self) -> list[Table]:
-        """Times of every plan, how many each method solves, and controllability."""
-        times: list[Cells | None] = []
-        solved: list[Cells | None] = []
+    def page_contents(self) -> list[Table]:
+        """How many plans each method solves."""
         limits = [limit for limit in (self.options.limit, self.options.baseline_limit) if limit is not None]
-        marks = [mark for mark in _MARKS if not limits or mark <= max(limits)]
-        for origin in self.origins:
-            rows = self.rows_of(origin)
-            for row in rows:
-                cells = (row.time(contender.name) for contender in self.contenders)
-                times.append((row.instance, str(row.parameters), *cells, row.unbounded))
-            for contender in self.contenders:
-                found = self.times(origin, contender.name)
-                counts = (str(sum(time <= mark for time in found)) for mark in marks)
-                solved.append(
-                    (f"{origin.value}: {len(rows)}", contender.label, *counts, number(max(found, default=None)))
-                )
-            times.append(None)
-            solved.append(None)
-        headings = ("plan", "parameters", *(contender.name for contender in self.contenders), "unbounded + capped")
+        marks = [mark for mark in MARKS if not limits or mark <= max(limits)]
+        return [self.solved(group, marks) for group in self.groups]
+
+    def contents(self) -> list[Table]:
+        """Times of every plan, how many each method solves, and controllability."""
+        times: Columns[Figure4Row] = {
+            "plan": lambda row: row.instance,
+            "parameters": lambda row: row.parameters,
+            **family("{}", [one.name for one in self.contenders], lambda name, row: row.time(name)),
+            "unbounded + capped": lambda row: row.unbounded,
+        }
+        rows = [row for group in self.groups for row in (*self.of(group=group), None)]
         assessed = [row for row in self.rows if row.controllability is not None]
         return [
-            Table("Seconds by plan", headings, times, self.notes),
-            Table(
-                "Plans solved within",
-                ("plans", "method", *(f"{mark:g} s" for mark in marks), "longest"),
-                solved,
-                align="<<>",
-                whole=False,
-            ),
-            Table(
-                "Controllability of the widened box",
-                ("plan", "parameters", "dynamically", "strongly", "width kept", "faces bounded"),
-                [(row.instance, str(row.parameters), *row.assessed) for row in assessed],
-                whole=False,
-            ),
+            Table.of("Seconds by plan", times, rows),
+            *self.page_contents(),
+            Table.of("Controllability of the widened box", ASSESSED, assessed, whole=False),
         ]
 
-    def draw(self, path: Path) -> None:
+    def conclusions(self) -> Sequence[str]:
+        """About the boxes of exact widening: where they end, and whether they are controllable."""
+        boxes = [run for row in self.rows if (run := row.runs.get("widen")) is not None and run.box is not None]
+        ends = sum(2 * len(run.box or ()) for run in boxes)
+        infinite, capped = sum(len(run.unbounded) for run in boxes), sum(len(run.capped) for run in boxes)
+        unbounded = (
+            f"Of the {ends} ends of the {len(boxes)} boxes of exact widening, {infinite} are infinite, and {capped} "
+            "are durations that nothing bounds above but the number in the duration constraint of their action. The "
+            "JSON names each such direction."
+        )
+        found = [row.controllability for row in self.rows if row.controllability is not None]
+        if not found:
+            return [unbounded, "Controllability was not asked for."]
+        dynamic = _counts(one.dynamic or one.status for one in found)
+        strong = _counts(one.strong or one.status for one in found)
+        kept = [one.kept for one in found if one.kept is not None]
+        text = f"Of {len(found)} boxes of exact widening: dynamically controllable: {dynamic}; strongly: {strong}."
+        if kept:
+            text += f" Made dynamically controllable, they keep {100 * mean(kept):.1f} % of their widths on average."
+        return [unbounded, text]
+
+    def panels(self) -> list[Panel]:
         """One panel for the recorded plans and one for ours: the time of every run over the number of parameters."""
-        origins = self.origins
-        with canvas(path, 5.2 * len(origins), 5, len(origins)) as (figure, panels):
-            for axes, origin in zip(panels, origins, strict=True):
-                rows = sorted(self.rows_of(origin), key=lambda row: row.parameters)
-                for one in self.contenders:
-                    colour, _, marker = STYLES.get(one.name, OTHER)
-                    runs = [(row.parameters, row.runs[one.name]) for row in rows if one.name in row.runs]
-                    done = [(size, run.seconds) for size, run in runs if run.status is Ending.COMPLETE]
-                    late = [(size, run.seconds) for size, run in runs if run.status is Ending.TIMEOUT]
-                    label = f"{one.label}: {len(done)} of {len(rows)}" if len(origins) == 1 else one.label
-                    axes.plot([], [], marker=marker, color=colour, linestyle="none", markersize=5, label=label)
-                    if done:
-                        axes.plot(*zip(*done, strict=True), marker, color=colour, markersize=4, alpha=0.85)
-                    if late:
-                        axes.plot(*zip(*late, strict=True), "x", color=colour, markersize=6, clip_on=False)
-                seconds_axis(axes)
-                axes.set_xlabel("parameters (×: out of time)")
-                axes.set_title(f"{origin.value} plans: {len(rows)}", fontsize=9, loc="left")
-            panels[0].set_ylabel("time")
-            legend_below(figure, panels[:1], 4)
+        rows = {group: sorted(self.of(group=group), key=lambda row: row.parameters) for group in self.groups}
+        return [self._panel(group, found) for group, found in rows.items()]
+
+    def _panel(self, group: str, rows: Sequence[Figure4Row]) -> Panel:
+        dots = []
+        for one in self.contenders:
+            colour, _, marker = STYLES.get(one.name, OTHER)
+            runs = [(row.parameters, row.runs[one.name]) for row in rows if one.name in row.runs]
+            done = [(size, run.seconds) for size, run in runs if run.complete]
+            late = [(size, run.seconds) for size, run in runs if run.status is Ending.TIMEOUT]
+            label = f"{one.label}: {len(done)} of {len(rows)}" if len(self.groups) == 1 else one.label
+            dots.append(Series(done, label, colour, marker=marker, size=4, look={"alpha": 0.85}))
+            dots.append(Series(late, None, colour, marker="x", size=6, look={"clip_on": False}))
+        return Panel(f"{group} plans: {len(rows)}", dots, "parameters (×: out of time)", "time", seconds="y")
+
+
+def _counts(values: Iterator[str]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in Counter(values).most_common())
 
 
 def _prepare(options: Figure4Options, _: object) -> tuple[DeliveryInstance, ...]:
@@ -444,48 +376,26 @@ def _prepare(options: Figure4Options, _: object) -> tuple[DeliveryInstance, ...]
     return instances
 
 
-def _tasks(options: Figure4Options, instances: tuple[DeliveryInstance, ...]) -> list[Figure4Task]:
+def _tasks(options: Figure4Options, instances: tuple[DeliveryInstance, ...]) -> list[Task]:
     contenders = CONTENDERS if options.contenders is None else options.contenders
-    baseline = {one.name for one in BASELINE}
+    limits = dict.fromkeys(BASELINE, options.baseline_limit)
     return [
-        Figure4Task(instance, name, options.baseline_limit if name in baseline else options.limit)
+        Task(f"{instance.name}, {one.name}", (instance, one, limits.get(one, options.limit)))
         for instance in instances
-        for name in (*(one.name for one in contenders), CONTROLLABILITY)
+        for one in (*contenders, CONTROLLABILITY)
     ]
 
 
 def _rows(_: Figure4Options, instances: tuple[DeliveryInstance, ...], results: Results) -> list[Figure4Row]:
-    runs: dict[str, dict[str, MethodRun]] = {}
-    assessments: dict[str, Assessment] = {}
-    for task, found in results:
-        of_plan = runs.setdefault(task.instance.name, {})
-        if found.run is not None:
-            of_plan[task.method] = found.run
-        if found.assessment is not None:
-            assessments[task.instance.name] = found.assessment
-    return [
-        Figure4Row(one.name, one.origin, one.parameters, runs[one.name], assessments.get(one.name))
-        for one in instances
-        if one.name in runs
-    ]
-
-
-def _describe(task: Figure4Task, found: Found) -> str:
-    if found.assessment is not None:
-        return f"{task.label}: {found.assessment.dynamic or found.assessment.status}"
-    assert found.run is not None  # noqa: S101 - one of both
-    return f"{task.label}: {found.run.status.value}, {found.run.seconds:.2f} s"
+    rows, named = [], {one.name: one for one in instances}
+    for name, found in by_instance(results).items():
+        one = named[name]
+        runs = {method: each.run for method, each in found.items() if each.run is not None}
+        assessed = found.get(CONTROLLABILITY.name, Found()).assessment
+        rows.append(Figure4Row(name, one.origin, one.parameters, runs, assessed))
+    return rows
 
 
 FIGURE4 = Experiment(
-    "figure4",
-    Figure4Options,
-    _tasks,
-    do,
-    Found,
-    Figure4Report,
-    _describe,
-    prepare=_prepare,
-    collect=_rows,
-    lenient=True,
+    "figure4", Figure4Options, _tasks, do, Figure4Report, str, prepare=_prepare, collect=_rows, lenient=True
 )

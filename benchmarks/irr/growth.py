@@ -1,27 +1,41 @@
-"""`robust bench backends` and `robust bench encodings`: how the time of each alternative grows with a plan's size.
+"""`robust bench scaling`, `backends` and `encodings`: how time grows with the size of generated plans.
 
 Every run is a whole process with a limit of its own. An alternative that has run out of time, or failed, is not tried
-on larger plans of the same series.
+on larger plans of the same series. The instances of `scaling` are of the generating-set domain: its actions are not
+ordered, every one of them changes the same fluent continuously, and the envelope is not convex.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from textwrap import fill
-from typing import Any
+from typing import Any, ClassVar
 
-from ..catalogue import BackendsOptions, EncodingsOptions
-from ..engine.codec import plain
-from ..engine.experiment import Experiment, Report
-from ..engine.measure import COST, FAILURES, Ending, Run
-from ..engine.show import NOTHING, OTHER, STYLES, Cells, Table, canvas, legend_below, seconds_axis
-from ..generators.sizes import time_points, write_instance, write_unordered
-from .contenders import REGIONS, Contender, run_cell
+from robust.codec import plain
+from robust.show.drawing import BLUE, VERMILION
 
-WRITERS = {
+from ..catalogue import BackendsOptions, EncodingsOptions, ScalingOptions
+from ..engine.experiment import Experiment, Task
+from ..engine.measure import COST, FAILURES, Ending, Files, Run
+from ..engine.show import OTHER, STYLES, Columns, Panel, Series, Table, family, number
+from ..engine.sweep import restored
+from ..generators.sizes import write_instance, write_unordered
+from .contenders import REGIONS, Contender, ContendersReport, run_cell
+from .recorded import envelope_as_dict
+
+NUMBERS: Mapping[str, Callable[[int], tuple[int, int]]] = {
+    "refuels": lambda size: (size, 2),
+    "parameters": lambda size: (12, size),
+}
+"""Of refuelings and of parameters, in the series of `scaling`."""
+WRITERS: Mapping[str, Callable[[Path, int], Files]] = {
+    "more-refuels": lambda directory, size: write_instance(directory, *NUMBERS["refuels"](size)),
+    "more-parameters": lambda directory, size: write_instance(directory, *NUMBERS["parameters"](size)),
     "refuels": lambda directory, size: write_instance(directory, max(4, size), size),
     "parameters": lambda directory, size: write_unordered(directory, size, size),
     "points": lambda directory, size: write_unordered(directory, size // 2, 1),
@@ -40,45 +54,13 @@ class Ladder:
     plans: str
 
 
-REFUELS = Ladder(
-    "refuels",
-    "Parameters: starts of refuelings (4 or as many as parameters), whose envelope is not convex",
-    "parameters",
-    tuple(range(1, 7)),
-    "refuels",
-)
-PARAMETERS = Ladder(
-    "parameters",
-    "Parameters: as many unordered jobs as parameters",
-    "parameters",
-    tuple(range(1, 9)),
-    "parameters",
-)
-POINTS = Ladder(
-    "points",
-    "Unordered time points: jobs in any order, 1 parameter",
-    "unordered time points",
-    tuple(time_points(jobs) for jobs in (1, 2, 3, 4, 6, 8, 12, 16)),
-    "points",
-)
+_LADDERS = json.loads(Path(__file__).with_name("ladders.json").read_text(encoding="utf-8"))
+LADDERS: tuple[Ladder, ...] = restored(_LADDERS, tuple[Ladder, ...])
+MORE_REFUELS, MORE_PARAMETERS, REFUELS, PARAMETERS, POINTS = LADDERS
+BY_DEFAULT = Contender("irr", "IRR, default schedule", "envelope", ("--method", "irr", "--beta", "1"))
 ENCODINGS_BY_NAME = tuple(
-    Contender(name, name, "envelope", ("--method", "irr", "--beta", "1", "--encoding", name))
-    for name in ("relational", "positions")
+    Contender(name, name, "envelope", (*BY_DEFAULT.options, "--encoding", name)) for name in ("relational", "positions")
 )
-
-
-@dataclass(frozen=True, slots=True)
-class GrowthTask:
-    """One alternative on one plan."""
-
-    ladder: Ladder
-    contender: Contender
-    size: int
-    limit: float | None
-
-    @property
-    def label(self) -> str:
-        return f"{self.ladder.name} {self.size}, {self.contender.name}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,137 +76,184 @@ class GrowthRow:
     def done(self) -> bool:
         return self.run is not None and self.run.complete
 
+    def __str__(self) -> str:
+        return "not run" if self.run is None else self.run.line
 
-def run_growth(task: GrowthTask) -> GrowthRow:
+
+def run_growth(ladder: Ladder, contender: Contender, size: int, limit: float | None) -> GrowthRow:
     """Generate the plan and run the alternative on it."""
     with TemporaryDirectory(prefix="robust-bench-") as directory:
-        files = WRITERS[task.ladder.plans](Path(directory), task.size)
-        return GrowthRow(task.ladder.name, task.contender.name, task.size, task.contender.run(files, limit=task.limit))
+        files = WRITERS[ladder.plans](Path(directory), size)
+        return GrowthRow(ladder.name, contender.name, size, contender.run(files, limit=limit))
 
 
-def too_much(task: GrowthTask, rows: Sequence[GrowthRow]) -> GrowthRow | None:
+def too_much(task: Task, rows: Sequence[GrowthRow]) -> GrowthRow | None:
     """What was too late, or failed, is not tried any larger."""
-    series = (task.ladder.name, task.contender.name)
+    ladder, contender, size, _ = task.given
+    series = (ladder.name, contender.name)
     stopped = any((row.series, row.contender) == series and not row.done for row in rows)
-    return GrowthRow(*series, task.size, None) if stopped else None
+    return GrowthRow(*series, size, None) if stopped else None
 
 
-class GrowthReport(Report[GrowthRow]):
-    """All runs, series by series."""
+# -- reports -----------------------------------------------------------------------------------------------------------
 
-    TITLE = ""
-    LADDERS: tuple[Ladder, ...] = ()
-    CONTENDERS: tuple[Contender, ...] = ()
 
-    @property
-    def ladders(self) -> tuple[Ladder, ...]:
-        return self.options.series or self.LADDERS
+class SeriesReport(ContendersReport):
+    """All runs, series by series, with a table and a panel for each."""
+
+    SERIES: ClassVar[tuple[Ladder, ...]] = ()
 
     @property
-    def contenders(self) -> tuple[Contender, ...]:
-        return self.options.contenders or self.CONTENDERS
+    def series(self) -> tuple[Ladder, ...]:
+        """Those that were asked for."""
+        return self.options.series or self.SERIES
 
-    def row(self, ladder: Ladder, contender: Contender, size: int) -> GrowthRow | None:
-        return next((row for row in self.rows_of(ladder, contender) if row.size == size), None)
+    def runs(self, ladder: Ladder, contender: Contender) -> dict[int, Run]:
+        """What was tried, by size."""
+        rows = self.of(series=ladder.name, contender=contender.name)
+        return {row.size: row.run for row in rows if row.run is not None}
 
-    def rows_of(self, ladder: Ladder, contender: Contender) -> list[GrowthRow]:
-        return [row for row in self.rows if (row.series, row.contender) == (ladder.name, contender.name)]
 
-    @property
-    def agrees(self) -> bool:
-        """Whether everything was run and nothing failed; too late or unsupported is not wrong."""
-        return self.complete and all(row.run is None or row.run.status not in FAILURES for row in self.rows)
+COLUMNS: Columns[tuple[Ladder, int, Run]] = {
+    "refuels": lambda one: NUMBERS[one[0].name](one[1])[0],
+    "parameters": lambda one: NUMBERS[one[0].name](one[1])[1],
+    "seconds": lambda one: one[2].seconds,
+    "search": lambda one: one[2].search_s,
+    "checks": lambda one: one[2].checks,
+    "queries": lambda one: one[2].queries,
+    "MiB": lambda one: number(one[2].memory_mb, 0),
+    "status": lambda one: one[2].text,
+}
 
-    @property
-    def notes(self) -> tuple[str, ...]:
+
+class ScalingReport(SeriesReport):
+    """Generated instances of the generating-set domain, β = 1, default schedule (`robust bench scaling`). All figures
+    are ours."""
+
+    TITLE = "Scaling"
+    SERIES = (MORE_REFUELS, MORE_PARAMETERS)
+    CONTENDERS = (BY_DEFAULT,)
+    LAYOUT = (4.5, 4, "upper left")
+
+    def sound(self) -> bool:
+        """Whether no instance failed: each answer is a box, or came too late."""
+        fine = {Ending.COMPLETE, Ending.TIMEOUT}
+        return all(row.run is not None and row.run.status in fine for row in self.rows)
+
+    def remarks(self) -> Sequence[str]:
+        return ["measured on this machine, whole processes; β = 1"]
+
+    def printed(self, row: GrowthRow) -> dict[str, Any]:
+        refuels, parameters = NUMBERS[row.series](row.size)
+        run = {} if row.run is None else envelope_as_dict(row.run)
+        return {"series": row.series, "refuels": refuels, "parameters": parameters, **run}
+
+    def contents(self) -> list[Table]:
+        rows = {one: [(one, *found) for found in self.runs(one, BY_DEFAULT).items()] for one in self.series}
+        return [Table.of(one.title, COLUMNS, found, left=("status",), whole=False) for one, found in rows.items()]
+
+    def panels(self) -> list[Panel]:
+        """Seconds over the size of the instance, one panel for each series."""
+        return [self._panel(one) for one in self.series]
+
+    def _panel(self, series: Ladder) -> Panel:
+        runs = self.runs(series, BY_DEFAULT)
+        done = {size: run for size, run in runs.items() if run.complete}
+        late = [(size, run.seconds) for size, run in runs.items() if run.status is Ending.TIMEOUT]
+        whole = [(size, run.seconds) for size, run in done.items()]
+        search = [(size, run.search_s) for size, run in done.items() if run.search_s is not None]
+        top = 1.1 * max((row.run.seconds for row in self.rows if row.run is not None), default=1)
+        lines = [
+            Series(whole, "whole process", BLUE, "-", "o", numbers=[str(run.checks) for run in done.values()]),
+            Series(search, "search only", BLUE, "--", "s", look={"markerfacecolor": "white"}),
+            Series(late, "out of time" if late else None, VERMILION, marker="x", look={"clip_on": False}),
+        ]
+        axes = {"xticks": list(runs), "ylim": (0, top)}
+        return Panel(f"{series.title}\n(numbers: containment checks)", lines, series.axis, "seconds", axes=axes)
+
+
+class GrowthReport(SeriesReport):
+    """Of several alternatives."""
+
+    LAYOUT = (4.4, 4.2, "below")
+
+    def sound(self) -> bool:
+        """Whether nothing failed; too late or unsupported is not wrong."""
+        return all(row.run is None or row.run.status not in FAILURES for row in self.rows)
+
+    def remarks(self) -> Sequence[str]:
         limit = self.options.limit
         limited = "without a limit" if limit is None else f"stopped at {limit:g} s"
         notes = [f"seconds of whole processes on this machine, {limited}; what ran out of time is not tried any larger"]
         wrong = FAILURES | {Ending.UNSUPPORTED}
-        bad = [row for row in self.rows if row.run is not None and row.run.status in wrong]
-        notes += dict.fromkeys(f"{row.contender}: {row.run.text}" for row in bad if row.run is not None)
-        notes += self.jobs_notes
-        if not self.complete:
-            notes.append(f"incomplete: interrupted after {len(self.rows)} of {self.total} runs")
-        return tuple(notes)
+        runs = [(row.contender, row.run) for row in self.rows if row.run is not None]
+        return [*notes, *(f"{name}: {run.text}" for name, run in runs if run.status in wrong)]
 
-    @property
     def findings(self) -> Mapping[str, Any]:
-        return {"series": [{"name": one.name, "title": one.title, "axis": one.axis} for one in self.ladders]}
+        return {"series": [{"name": one.name, "title": one.title, "axis": one.axis} for one in self.series]}
 
     def printed(self, row: GrowthRow) -> dict[str, Any]:
         names = (*COST, "polyhedra")
         run = {**dict.fromkeys(names), "status": "not run"} if row.run is None else row.run.printed(*names)
         return {**plain({"series": row.series, "contender": row.contender, "size": row.size}), **run}
 
-    def table(self, ladder: Ladder, *notes: str) -> Table:
-        """For each size, the seconds of each alternative; sizes that nothing was run on are left out."""
-        headings = (ladder.axis, *(contender.name for contender in self.contenders))
-        rows: list[Cells] = []
-        for size in ladder.sizes:
-            found = [self.row(ladder, contender, size) for contender in self.contenders]
-            if any(row is not None and row.run is not None for row in found):
-                rows.append((str(size), *(NOTHING if row is None else run_cell(row.run) for row in found)))
-        return Table(ladder.title, headings, rows, notes, whole=False)
+    def contents(self) -> list[Table]:
+        """For each series, the seconds of each alternative; sizes that nothing was run on are left out."""
+        return [self._table(one) for one in self.series]
 
-    @property
-    def tables(self) -> list[Table]:
-        """One table for each series."""
-        *others, last = self.ladders
-        return [*map(self.table, others), self.table(last, *self.notes)]
+    def _table(self, ladder: Ladder) -> Table:
+        runs = {one.name: self.runs(ladder, one) for one in self.contenders}
+        tried = {size for found in runs.values() for size in found}
+        seconds: Columns[int] = family("{}", runs, lambda name, size: run_cell(runs[name].get(size)))
+        columns: Columns[int] = {ladder.axis: str, **seconds}
+        return Table.of(ladder.title, columns, [size for size in ladder.sizes if size in tried], whole=False)
 
-    def draw(self, path: Path) -> None:
+    def panels(self) -> list[Panel]:
         """One panel for each series: seconds over size for each alternative, and where it ran out of time."""
-        with canvas(path, max(5.5, 4.4 * len(self.ladders)), 4.2, len(self.ladders)) as (figure, panels):
-            for axes, ladder in zip(panels, self.ladders, strict=True):
-                for contender in self.contenders:
-                    colour, line, marker = STYLES.get(contender.name, OTHER)
-                    runs = [(row.size, row.run) for row in self.rows_of(ladder, contender) if row.run is not None]
-                    done = [(size, run.seconds) for size, run in runs if run.complete]
-                    if done:
-                        style: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker, "markersize": 4}
-                        axes.plot(*zip(*done, strict=True), label=contender.name, **style)
-                    late = [(size, run.seconds) for size, run in runs if not run.complete]
-                    for size, seconds in late:
-                        axes.plot([size], [seconds], "x", color=colour, markersize=7, clip_on=False)
-                seconds_axis(axes)
-                axes.set_xlabel(f"{ladder.axis} (×: stopped)")
-                axes.set_title(fill(ladder.title, 52), fontsize=8, loc="left")
-            panels[0].set_ylabel("time")
-            legend_below(figure, panels)
+        panels = []
+        for one in self.series:
+            lines = [line for contender in self.contenders for line in self._lines(one, contender)]
+            panels.append(Panel(fill(one.title, 52), lines, f"{one.axis} (×: stopped)", "time", seconds="y"))
+        return panels
+
+    def _lines(self, ladder: Ladder, contender: Contender) -> list[Series]:
+        colour, line, marker = STYLES.get(contender.name, OTHER)
+        runs = self.runs(ladder, contender).items()
+        done = [(size, run.seconds) for size, run in runs if run.complete]
+        late = [(size, run.seconds) for size, run in runs if not run.complete]
+        curve = [Series(done, contender.name, colour, line, marker, 4)] if done else []
+        return [*curve, Series(late, None, colour, marker="x", size=7, look={"clip_on": False})]
 
 
 class BackendsReport(GrowthReport):
-    """Elimination back ends."""
+    """Seconds of `robust region` with each back end (`robust bench backends`)."""
 
     TITLE = "Elimination back ends"
-    LADDERS = (REFUELS, PARAMETERS, POINTS)
+    SERIES = (REFUELS, PARAMETERS, POINTS)
     CONTENDERS = REGIONS
 
 
 class EncodingsReport(GrowthReport):
-    """Encodings."""
+    """Seconds of `robust envelope --method irr` (`robust bench encodings`)."""
 
     TITLE = "Encodings"
-    LADDERS = (POINTS,)
+    SERIES = (POINTS,)
     CONTENDERS = ENCODINGS_BY_NAME
 
 
-def _describe(task: GrowthTask, row: GrowthRow) -> str:
-    return f"{task.label}: " + ("not run" if row.run is None else f"{row.run.text}, {row.run.seconds:.2f} s")
+def _tasks(report: type[SeriesReport], options: ScalingOptions, _: object) -> list[Task]:
+    return [
+        Task(f"{ladder.name} {size}, {contender.name}", (ladder, contender, size, options.limit))
+        for ladder in options.series or report.SERIES
+        for size in ladder.sizes
+        for contender in getattr(options, "contenders", None) or report.CONTENDERS
+    ]
 
 
-def _experiment(name: str, options: type[BackendsOptions], report: type[GrowthReport]) -> Experiment:
-    def tasks(chosen: BackendsOptions, _: object) -> list[GrowthTask]:
-        return [
-            GrowthTask(ladder, contender, size, chosen.limit)
-            for ladder in chosen.series or report.LADDERS
-            for size in ladder.sizes
-            for contender in chosen.contenders or report.CONTENDERS
-        ]
-
-    return Experiment(name, options, tasks, run_growth, GrowthRow, report, _describe, settled=too_much)
+def _experiment(name: str, options: type[ScalingOptions], report: type[SeriesReport], **more: Any) -> Experiment:
+    return Experiment(name, options, partial(_tasks, report), run_growth, report, str, **more)
 
 
-BACKENDS = _experiment("backends", BackendsOptions, BackendsReport)
-ENCODINGS = _experiment("encodings", EncodingsOptions, EncodingsReport)
+SCALING = _experiment("scaling", ScalingOptions, ScalingReport, unit="instances")
+BACKENDS = _experiment("backends", BackendsOptions, BackendsReport, settled=too_much)
+ENCODINGS = _experiment("encodings", EncodingsOptions, EncodingsReport, settled=too_much)

@@ -9,37 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
+from robust.codec import plain
+
 from ..catalogue import RecordedOptions
-from ..engine.codec import plain
-from ..engine.experiment import Experiment, Report, Results
-from ..engine.measure import Ending, Run, ends_of, run_robust
-from ..engine.show import AMBER, BLUE, GREEN, NOTHING, SHORTEST, Cells, Table, canvas, count, number, seconds_axis
-from ..suite import RecordedInstance, read_suite
-from .contenders import IRR
+from ..engine.experiment import Experiment, Report, Task
+from ..engine.measure import Ending, Run, ends_of
+from ..engine.show import NOTHING, SHORTEST, STYLES, Columns, Panel, Series, Table, cell, number
+from ..suite import RecordedInstance, RecordedRun, read_suite
+from .contenders import IRR, Curve
 
 OURS = "status seconds cpu_s memory_mb checks queries search_s first_widening_s first_widening_wall_s box message"
 _ABSENT = "absent"
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedTask:
-    """One instance, with `limit` seconds."""
-
-    instance: RecordedInstance
-    limit: float | None
-
-    @property
-    def label(self) -> str:
-        return self.instance.name
-
-
-def run_instance(task: RecordedTask) -> Run:
+def run_instance(instance: RecordedInstance, limit: float | None) -> RecordedRow:
     """Run an instance with β = 1, the doubling schedule and the recorded turn order."""
-    return run_robust("envelope", task.instance.files, [*IRR.options, *task.instance.order_options], limit=task.limit)
+    return RecordedRow(instance, IRR.run(instance.files, limit=limit, extra=instance.order_options))
 
 
 def envelope_as_dict(run: Run) -> dict[str, Any]:
@@ -88,8 +76,7 @@ class RecordedRow:
     @property
     def checks_agree(self) -> bool | None:
         """Whether the same number of rectangles was tried; None without a recorded number."""
-        irr = self.instance.irr
-        return None if irr is None or irr.checks is None else self.ours.checks == irr.checks
+        return None if self.irr.checks is None else self.ours.checks == self.irr.checks
 
     @property
     def agrees(self) -> bool | None:
@@ -108,28 +95,17 @@ class RecordedRow:
         return "equal box, other number of checks" if self.checks_agree is False else "equal"
 
     @property
-    def recorded_seconds(self) -> float | None:
-        """Of IRR, if it solved the instance."""
-        irr = self.instance.irr
-        return irr.wall_s if irr is not None and irr.solved else None
+    def irr(self) -> RecordedRun:
+        return self.instance.irr or _UNKNOWN
 
     @property
-    def cells(self) -> Cells:
-        """Name, seconds, first widening, checks, memory (ours / recorded IRR / recorded CCMMZ) and the verdict."""
-        ours, irr, ccmmz = self.ours, self.instance.irr, self.instance.ccmmz
-        recorded = [
-            (run.wall_s if run.solved else None, run.status) if run else (None, NOTHING) for run in (irr, ccmmz)
-        ]
-        seconds = [number(value) if value is not None else status for value, status in recorded]
-        memory = [number(run.memory_mb if run else None, 0) for run in (irr, ccmmz)]
-        return (
-            self.instance.name,
-            " / ".join([number(ours.seconds), *seconds]),
-            f"{number(ours.first_widening_wall_s)} / {number(irr.first_widening_s if irr else None)}",
-            f"{count(ours.checks)} / {count(irr.checks if irr else None)}",
-            " / ".join([number(ours.memory_mb, 0), *memory]),
-            self.verdict,
-        )
+    def ccmmz(self) -> RecordedRun:
+        return self.instance.ccmmz or _UNKNOWN
+
+    @property
+    def recorded_seconds(self) -> float | None:
+        """Of IRR, if it solved the instance."""
+        return self.irr.wall_s if self.irr.solved else None
 
 
 def _differences(ours: Mapping[str, Sequence[str]], recorded: Mapping[str, Sequence[str]]) -> Iterator[Difference]:
@@ -140,25 +116,57 @@ def _differences(ours: Mapping[str, Sequence[str]], recorded: Mapping[str, Seque
                 yield Difference(name, side, mine, theirs)
 
 
+def recorded_curves(instances: Sequence[RecordedInstance]) -> list[Curve]:
+    """What the recorded runs solved, and when IRR's were wider for the first time."""
+    irr = [one.irr for one in instances if one.irr is not None]
+    ccmmz = [one.ccmmz for one in instances if one.ccmmz is not None]
+    lines = (
+        ("recorded-irr", "IRR (recorded)", [run.wall_s for run in irr if run.solved]),
+        ("recorded-irr-first", "IRR (recorded), first widening", [run.first_widening_s for run in irr]),
+        ("recorded-ccmmz", "CCMMZ (recorded)", [run.wall_s for run in ccmmz if run.solved]),
+    )
+    return [Curve.of(*line, recorded=True) for line in lines]
+
+
+# -- the report --------------------------------------------------------------------------------------------------------
+
+_UNKNOWN = RecordedRun(NOTHING)
+
+
+def recorded_seconds(run: RecordedRun | None) -> str:
+    """Seconds of a run that solved its instance, else how it ended."""
+    if run is None:
+        return NOTHING
+    return number(run.wall_s) if run.solved and run.wall_s is not None else run.status
+
+
+COLUMNS: Columns[RecordedRow] = {
+    "instance": lambda row: row.instance.name,
+    "seconds": lambda row: f"{number(row.ours.seconds)} / {recorded_seconds(row.irr)} / {recorded_seconds(row.ccmmz)}",
+    "first widening": lambda row: f"{number(row.ours.first_widening_wall_s)} / {number(row.irr.first_widening_s)}",
+    "checks": lambda row: f"{cell(row.ours.checks)} / {cell(row.irr.checks)}",
+    "MiB": lambda row: " / ".join(number(run.memory_mb, 0) for run in (row.ours, row.irr, row.ccmmz)),
+    "box and checks": lambda row: row.verdict,
+}
+"""Ours / recorded IRR / recorded CCMMZ."""
+
+
 class RecordedReport(Report[RecordedRow]):
-    """All instances in the order of the data set."""
+    """Incremental robustification with β = 1, the doubling schedule and the recorded order of turns (`robust bench
+    recorded`). Columns with slashes: ours / recorded IRR / recorded CCMMZ. Our first widening counts from the start of
+    the process; from when the recorded one counts is not documented. Boxes are compared fraction by fraction.
+    """
 
+    TITLE = "Recorded instances"
     SETTINGS: ClassVar[Mapping[str, str]] = {"suite": "suite", **Report.SETTINGS}
+    LAYOUT = (8, 4.8, "lower right")
 
-    @property
-    def agrees(self) -> bool:
-        """Whether every instance was run, all comparable ones agree, and none ended in an error."""
-        return self.complete and all(
-            row.agrees is not False and row.ours.status is not Ending.ERROR for row in self.rows
-        )
+    def sound(self) -> bool:
+        """Whether all comparable instances agree, and none ended in an error."""
+        return all(row.agrees is not False and row.ours.status is not Ending.ERROR for row in self.rows)
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        notes = ["ours: measured on this machine, whole processes; recorded: measured on the recording's machine"]
-        notes += self.jobs_notes
-        if not self.complete:
-            notes.append(f"incomplete: interrupted after {len(self.rows)} of {self.total} instances")
-        return tuple(notes)
+    def remarks(self) -> Sequence[str]:
+        return ["ours: measured on this machine, whole processes; recorded: measured on the recording's machine"]
 
     @cached_property
     def totals(self) -> dict[str, Any]:
@@ -174,8 +182,8 @@ class RecordedReport(Report[RecordedRow]):
             "checks_equal": sum(row.checks_agree is True for row in rows),
             "solved": {
                 "ours": sum(row.ours.complete for row in rows),
-                "irr": sum(row.instance.irr is not None and row.instance.irr.solved for row in rows),
-                "ccmmz": sum(row.instance.ccmmz is not None and row.instance.ccmmz.solved for row in rows),
+                "irr": sum(row.irr.solved for row in rows),
+                "ccmmz": sum(row.ccmmz.solved for row in rows),
             },
             "timeouts": sum(row.ours.status is Ending.TIMEOUT for row in rows),
             "errors": sum(row.ours.status is Ending.ERROR for row in rows),
@@ -188,29 +196,21 @@ class RecordedReport(Report[RecordedRow]):
             "memory_mb": {"ours": round(max((row.ours.memory_mb for row in rows), default=0.0), 1)},
         }
 
-    @property
     def findings(self) -> Mapping[str, Any]:
         return {"totals": self.totals}
 
     def printed(self, row: RecordedRow) -> dict[str, Any]:
         instance = row.instance
-        return {
+        found: dict[str, Any] = {
             "instance": instance.name,
             "parameters": len(row.ours.box or row.recorded_box or instance.order),
             "ours": envelope_as_dict(row.ours),
-            "recorded": {
-                "irr": plain(instance.irr),
-                "irr_box": plain(row.recorded_box),
-                "ccmmz": plain(instance.ccmmz),
-            },
-            "agrees": row.agrees,
-            "box_agrees": row.box_agrees,
-            "checks_agree": row.checks_agree,
-            "differences": plain(row.differences),
+            "recorded": {"irr": instance.irr, "irr_box": row.recorded_box, "ccmmz": instance.ccmmz},
+            **{name: getattr(row, name) for name in ("agrees", "box_agrees", "checks_agree", "differences")},
         }
+        return dict(plain(found))
 
-    @property
-    def tables(self) -> list[Table]:
+    def contents(self) -> list[Table]:
         """Ours beside the recorded runs, and totals."""
         totals = self.totals
         solved, seconds = totals["solved"], totals["seconds"]
@@ -226,65 +226,44 @@ class RecordedReport(Report[RecordedRow]):
             ),
             ("greatest memory", f"ours {number(totals['memory_mb']['ours'], 0)} MiB"),
         )
+        styles = [{True: "green", False: "red", None: "yellow"}[row.agrees] for row in self.rows]
+        title = "Ours / recorded IRR / recorded CCMMZ"
         return [
-            Table(
-                "Ours / recorded IRR / recorded CCMMZ",
-                ("instance", "seconds", "first widening", "checks", "MiB", "box and checks"),
-                [row.cells for row in self.rows],
-                self.notes,
-                align="<>>>><",
-                styles=[{True: "green", False: "red", None: "yellow"}[row.agrees] for row in self.rows],
-            ),
-            Table("Totals", ("", ""), facts, align="<", whole=False, header=False),
+            Table.of(title, COLUMNS, self.rows, left=("instance", "box and checks"), styles=styles),
+            Table("Totals", ("", ""), facts, left=("",), whole=False, header=False),
         ]
 
-    def draw(self, path: Path) -> None:
+    def panels(self) -> list[Panel]:
         """How many instances are solved within which time: ours, recorded IRR, recorded CCMMZ."""
         ours = [row.ours for row in self.rows]
-        irr = [run for row in self.rows if (run := row.instance.irr) is not None]
-        ccmmz = [run for row in self.rows if (run := row.instance.ccmmz) is not None]
-        lines: list[tuple[str, str, str, Sequence[float | None]]] = [
-            ("robust, first widening", BLUE, "--", [run.first_widening_wall_s for run in ours]),
-            ("robust, complete", BLUE, "-", [run.seconds for run in ours if run.complete]),
-            ("IRR (recorded), first widening", AMBER, "--", [run.first_widening_s for run in irr]),
-            ("IRR (recorded), complete", AMBER, "-", [run.wall_s for run in irr if run.solved]),
-            ("CCMMZ (recorded)", GREEN, "-", [run.wall_s for run in ccmmz if run.solved]),
+        curves = [
+            Curve.of("irr-first", "robust, first widening", [run.first_widening_wall_s for run in ours]),
+            Curve.of("irr", "robust, complete", [run.seconds for run in ours if run.complete]),
+            *recorded_curves([row.instance for row in self.rows]),
         ]
-        known = [sorted(max(time, SHORTEST) for time in line[3] if time is not None) for line in lines]
-        longest = max([times[-1] for times in known if times], default=1.0) * 1.6
-        with canvas(path, 8, 4.8) as (_, [axes]):
-            for (label, colour, style, _), times in zip(lines, known, strict=True):
-                if times:
-                    total = len(times)
-                    counts = [0, *range(1, total + 1), total]
-                    places = [times[0], *times, longest]
-                    axes.step(places, counts, where="post", label=f"{label}: {total}", color=colour, linestyle=style)
-            seconds_axis(axes, "x")
-            axes.set(xlim=(None, longest), ylim=(0, self.total * 1.04), xlabel="time limit per instance")
-            axes.axhline(self.total, color="0.75", linewidth=0.8, zorder=0)
-            axes.set_ylabel(f"instances solved, of {self.total}")
-            title = "Instances solved within a time limit (ours and recorded: different machines)"
-            axes.set_title(title, fontsize=10, loc="left")
-            if axes.get_legend_handles_labels()[0]:
-                axes.legend(loc="lower right", fontsize=8, framealpha=1)
+        longest = max([SHORTEST, *(time for curve in curves for time in curve.times)]) * 1.6
+        lines = []
+        for curve in curves:
+            colour, style, _ = STYLES[curve.name]
+            steps = [(max(time, SHORTEST), place) for place, time in enumerate(curve.times, 1)]
+            if steps:
+                steps = [(steps[0][0], 0), *steps, (longest, len(steps))]
+                lines.append(Series(steps, f"{curve.label}: {len(curve.times)}", colour, style, steps=True))
+        all_of_them = Series([(SHORTEST, self.total), (longest, self.total)], None, "0.75", "-")
+        title = "Instances solved within a time limit (ours and recorded: different machines)"
+        labels = ("time limit per instance", f"instances solved, of {self.total}")
+        axes = {"xlim": (SHORTEST, longest), "ylim": (0, self.total * 1.04)}
+        return [Panel(title, [*lines, all_of_them], *labels, seconds="x", axes=axes)]
 
 
-def _tasks(options: RecordedOptions, instances: Sequence[RecordedInstance]) -> list[RecordedTask]:
-    return [RecordedTask(instance, options.limit) for instance in instances]
+def _tasks(options: RecordedOptions, instances: Sequence[RecordedInstance]) -> list[Task]:
+    return [Task(one.name, (one, options.limit)) for one in instances]
 
 
-def _rows(_options: RecordedOptions, _instances: object, results: Results) -> list[RecordedRow]:
-    return [RecordedRow(task.instance, run) for task, run in results]
+def _describe(row: RecordedRow) -> str:
+    return f"{row.verdict}, {row.ours.seconds:.2f} s"
 
 
-RECORDED = Experiment(
-    "recorded",
-    RecordedOptions,
-    _tasks,
-    run_instance,
-    Run,
-    RecordedReport,
-    lambda task, run: f"{task.label}: {RecordedRow(task.instance, run).verdict}, {run.seconds:.2f} s",
-    prepare=lambda options, _: read_suite(options.suite),
-    collect=_rows,
-)
+on_suite = partial(Experiment, prepare=lambda options, _: read_suite(options.suite))
+"""An experiment about the instances of a data set."""
+RECORDED = on_suite("recorded", RecordedOptions, _tasks, run_instance, RecordedReport, _describe, unit="instances")

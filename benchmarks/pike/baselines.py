@@ -27,46 +27,23 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from heapq import heappop, heappush
+from itertools import accumulate, chain, count
 from math import ceil, floor
 from random import Random
-from types import MappingProxyType
-from typing import Protocol, TypeAlias, assert_never
+from time import perf_counter
+from typing import Generic, TypeAlias, TypeVar
 
-from robust.pike_bridge.model import (
-    Activity,
-    Assignment,
-    Choice,
-    Condition,
-    Constraint,
-    Effect,
-    Event,
-    Guard,
-    TeamPlan,
-    contradicts,
-    guard,
-)
-from robust.pike_bridge.online.executive import PlanExecutive, Ranking, as_written
-from robust.pike_bridge.online.progress import (
-    Chosen,
-    Completion,
-    Decision,
-    Dispatched,
-    Estimate,
-    Executed,
-    Failed,
-    Message,
-    Monitor,
-    Outcome,
-    Progress,
-    Rejected,
-    Succeeded,
-)
+from robust.execute.drive import Executive
+from robust.pike_bridge import model
+from robust.pike_bridge.knowledge.sat import satisfiable
+from robust.pike_bridge.online import progress as said
+from robust.pike_bridge.online.executive import PlanExecutive, Ranking, as_written, objection
 from robust.pike_bridge.online.reasoner import Reasoner
 from robust.pike_bridge.online.semantic import OnlineSemantics
 from robust.pike_bridge.scenarios import restrict
 from robust.pike_bridge.semantics import Execution, faults
-from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session, Verdict
+from robust.smt.limits import NEVER, Deadline
+from robust.smt.session import Session
 from robust.smt.terms import Formula
 
 # -- what is undone when a guess turns out wrong, and the candidate that is left after it ------------------------------
@@ -82,7 +59,7 @@ class Recovery:
 
 
 def kept_events(
-    plan: TeamPlan, times: Mapping[str, Fraction], begun: Sequence[Activity], observed: Mapping[str, str]
+    plan: model.TeamPlan, times: Mapping[str, Fraction], begun: Sequence[model.Activity], observed: Mapping[str, str]
 ) -> dict[str, Fraction]:
     """The executed events that may stay, with their times; the others are undone.
 
@@ -90,9 +67,9 @@ def kept_events(
     wrong events and the starts of wrong activities; events that were executed although another one has to come first,
     which has not been executed or is undone itself; and the starts of activities whose ends are undone.
     """
-    guards, known = plan.network.guards, guard(observed)
-    wrong = {event for event in times if contradicts(guards[event], known)}
-    wrong |= {activity.source for activity in begun if contradicts(activity.guard, known)}
+    guards, known = plan.network.guards, model.guard(observed)
+    wrong = {event for event in times if model.contradicts(guards[event], known)}
+    wrong |= {activity.source for activity in begun if model.contradicts(activity.guard, known)}
     kept = dict(times)
     while wrong:
         kept = {event: time for event, time in kept.items() if event not in wrong}
@@ -104,7 +81,7 @@ def kept_events(
     return kept
 
 
-def _too_early(plan: TeamPlan, kept: Mapping[str, Fraction], known: Guard) -> set[str]:
+def _too_early(plan: model.TeamPlan, kept: Mapping[str, Fraction], known: model.Guard) -> set[str]:
     guards = plan.network.guards
     return {
         constraint.target
@@ -118,29 +95,29 @@ def _too_early(plan: TeamPlan, kept: Mapping[str, Fraction], known: Guard) -> se
 
 
 def recoveries(
-    wrong: Iterable[Activity], times: Mapping[str, Fraction], durations: Mapping[str, Fraction], epsilon: Fraction
+    wrong: Iterable[model.Activity], times: Mapping[str, Fraction], durations: Mapping[str, Fraction], epsilon: Fraction
 ) -> list[Recovery]:
     """How activities that were begun are undone: the last one first. Those without a duration are undone at once.
 
     Durations are rounded up to the grid of ε, like all times of executions.
     """
-    found = []
-    for activity in sorted(wrong, key=lambda each: times[each.source], reverse=True):
-        duration = durations.get(activity.action, Fraction(0))
-        if duration > 0:
-            on_grid = ceil(duration / epsilon) * epsilon
-            found.append(Recovery(f"(recover {activity.action.strip('()')})", activity.agent, on_grid))
-    return found
+    ordered = sorted(wrong, key=lambda each: times[each.source], reverse=True)
+    steps = [(each, ceil(durations.get(each.action, 0) / epsilon)) for each in ordered]
+    return [
+        Recovery(f"(recover {each.action.strip('()')})", each.agent, count * epsilon)
+        for each, count in steps
+        if count > 0
+    ]
 
 
 def candidate(
-    plan: TeamPlan,
+    plan: model.TeamPlan,
     scenario: Mapping[str, str],
     *,
     undo: Sequence[Recovery] = (),
     waiting: Container[str] = (),
     number: int = 0,
-) -> TeamPlan:
+) -> model.TeamPlan:
     """The plan without choices in a scenario; what undoes wrong activities is put before all that is to come.
 
     Args:
@@ -148,32 +125,32 @@ def candidate(
         waiting: events that wait for them; those of other scenarios do not matter.
         number: of the candidate, for the names of events.
     """
-    chosen = restrict(plan, guard(scenario))
+    chosen = restrict(plan, model.guard(scenario))
     if not undo:
         return chosen
     network = chosen.network
     moments = [f"recovery {number}.{place}" for place in range(len(undo) + 1)]
     activities = tuple(
-        Activity(one.action, begin, end, one.duration, one.duration, one.agent)
+        model.Activity(one.action, begin, end, one.duration, one.duration, one.agent)
         for one, begin, end in zip(undo, moments, moments[1:], strict=False)
     )
     first = tuple(
-        Constraint(moments[-1], event.name, Fraction(0), None) for event in network.events if event.name in waiting
+        model.Constraint(moments[-1], event.name, Fraction(0), None)
+        for event in network.events
+        if event.name in waiting
     )
-    return replace(
-        chosen,
-        network=replace(
-            network,
-            events=(*(Event(name) for name in moments), *network.events),
-            constraints=(*network.constraints, *first),
-            activities=(*network.activities, *activities),
-        ),
+    longer = replace(
+        network,
+        events=(*map(model.Event, moments), *network.events),
+        constraints=(*network.constraints, *first),
+        activities=(*network.activities, *activities),
     )
+    return replace(chosen, network=longer)
 
 
 # -- a single intent, and an adaptation to it --------------------------------------------------------------------------
 
-BrokenLinks = Set[tuple[Effect, Condition]]
+BrokenLinks = Set[tuple[model.Effect, model.Condition]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +165,7 @@ class Facts:
         broken: effects that do not support conditions any more.
     """
 
-    known: Guard = frozenset()
+    known: model.Guard = frozenset()
     times: Mapping[str, Fraction] = field(default_factory=dict)
     now: Fraction = Fraction(0)
     release: Fraction = Fraction(0)
@@ -201,16 +178,13 @@ class Guesser:
 
     Args:
         ranking: in which order values of a choice are tried.
-
-    Raises:
-        SolverError: if the solver is unknown or not installed.
     """
 
-    def __init__(self, plan: TeamPlan, *, ranking: Ranking = as_written, solver: str = "z3") -> None:
-        progress = Progress(plan)
+    def __init__(self, plan: model.TeamPlan, *, ranking: Ranking = as_written) -> None:
+        progress = said.Progress(plan)
         self._not_before = progress.structure.not_before
         self._semantics = OnlineSemantics(progress)
-        self._session = Session(self._semantics.terms, solver=solver)
+        self._session = Session(self._semantics.terms)
         self._session.add(*self._semantics.formulas)
         self._guards = plan.network.guards
         self._ranking = ranking
@@ -251,7 +225,7 @@ class Guesser:
             if waits(event) and not any(waits(earlier) for earlier in self._not_before[event])
         ]
 
-    def _first(self, choice: Choice, preferred: str | None, deadline: Deadline) -> str:
+    def _first(self, choice: model.Choice, preferred: str | None, deadline: Deadline) -> str:
         order = list(self._ranking(choice.domain))
         if preferred is not None:
             order.sort(key=lambda value: value != preferred)
@@ -274,22 +248,13 @@ class Guesser:
             yield self._semantics.void(effect, condition)
 
     def _value(self, choice: str, value: str) -> Formula:
-        return self._semantics.guard(frozenset({Assignment(choice, value)}))
+        return self._semantics.guard(frozenset({model.Assignment(choice, value)}))
 
     def _possible(self, deadline: Deadline) -> bool:
-        match self._session.check("a candidate subplan", deadline):
-            case Verdict.SATISFIABLE:
-                return True
-            case Verdict.UNSATISFIABLE:
-                return False
-            case Verdict.UNKNOWN:
-                raise OutOfTimeError
+        return satisfiable(self._session, "a candidate subplan", deadline)
 
 
 # -- Kirk --------------------------------------------------------------------------------------------------------------
-
-FREE: Mapping[str, Fraction] = MappingProxyType({})
-"""Nothing takes time to undo."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,7 +273,8 @@ class Replanned:
     recovery: Fraction
 
 
-KirkDecision: TypeAlias = Decision | Replanned
+KirkDecision: TypeAlias = said.Decision | Replanned
+Made = TypeVar("Made")
 
 
 class Kirk:
@@ -319,40 +285,34 @@ class Kirk:
         reasoner: makes the reasoning for each candidate, as for :class:`PlanExecutive`.
         recovery: how long it takes to undo each action that was begun; nothing for those that are missing.
         ranking: in which order events and guesses are tried.
-        monitor: whether state estimates are compared with what later activities need.
-        solver: with which candidates are found.
 
     `replans` counts guesses after the first one, `recovered` is the time of all recovery activities.
 
     Raises:
-        SolverError: if the solver is unknown or not installed.
         OutOfTimeError: if the deadline passes before the first guess.
     """
 
     def __init__(
         self,
-        plan: TeamPlan,
-        reasoner: Callable[[Progress], Reasoner],
+        plan: model.TeamPlan,
+        reasoner: Callable[[said.Progress], Reasoner],
         *,
-        recovery: Mapping[str, Fraction] = FREE,
+        recovery: Mapping[str, Fraction] | None = None,
         ranking: Ranking = as_written,
-        monitor: bool = True,
-        solver: str = "z3",
         deadline: Deadline = NEVER,
     ) -> None:
         self.plan = plan
         self.replans = 0
         self.recovered = Fraction(0)
-        self.outcome: Failed | Succeeded | None = None
+        self.outcome: said.Failed | said.Succeeded | None = None
         self.observed: dict[str, str] = {}
         self._reasoner = reasoner
-        self._durations = recovery
+        self._durations = recovery or {}
         self._ranking = ranking
-        self._monitor = monitor
         self._deadline = deadline
-        self._guesser = Guesser(plan, ranking=ranking, solver=solver)
+        self._guesser = Guesser(plan, ranking=ranking)
         self._events = frozenset(event.name for event in plan.network.events)
-        self._estimates: list[tuple[Fraction, Estimate]] = []
+        self._estimates: list[tuple[Fraction, said.Estimate]] = []
         self._recovery: list[tuple[Recovery, Fraction]] = []
         """What is or was undone last, and until when."""
         guessed = self._guesser.guess(Facts(), {}, deadline)
@@ -372,12 +332,12 @@ class Kirk:
         return None if self.ended else self._inner.wake
 
     @property
-    def progress(self) -> Progress:
+    def progress(self) -> said.Progress:
         """Of the candidate that is executed now."""
         return self._inner.progress
 
     @property
-    def running(self) -> Iterator[Activity]:
+    def running(self) -> Iterator[model.Activity]:
         """The activities that run, of the candidate that is executed now."""
         return (self._inner.plan.network.activities[place] for place in self._inner.running)
 
@@ -400,25 +360,20 @@ class Kirk:
         """
         return self._guess is not None and self._inner.prepare()
 
-    def step(self, now: Fraction, messages: Sequence[Message] = ()) -> list[KirkDecision]:
+    def step(self, now: Fraction, messages: Sequence[said.Message] = ()) -> list[KirkDecision]:
         """Take note of what has happened, plan anew if that contradicts the guess, and do what can be done now.
 
         Raises:
             OutOfTimeError: if the deadline passes.
         """
         if self.ended:
-            return [Rejected(str(message), "the execution has ended", self.progress.now) for message in messages]
-        decisions: list[KirkDecision] = []
+            return [said.Rejected(str(message), "the execution has ended", self.progress.now) for message in messages]
         time = max(now, self.progress.now)
-        others: list[Completion | Estimate] = []
-        for message in messages:
-            if isinstance(message, Outcome):
-                decisions += self._take(message, time)
-            else:
-                others.append(message)
-                if isinstance(message, Estimate):
-                    self._estimates.append((time, message))
-        if self._guess is not None and contradicts(guard(self.observed), guard(self._guess)):
+        others = [each for each in messages if not isinstance(each, said.Outcome)]
+        self._estimates += [(time, each) for each in others if isinstance(each, said.Estimate)]
+        taken = (self._take(each, time) for each in messages if isinstance(each, said.Outcome))
+        decisions: list[KirkDecision] = list(chain.from_iterable(taken))
+        if self._guess is not None and model.contradicts(model.guard(self.observed), model.guard(self._guess)):
             decisions += self._note(time, others)
             decisions += self._replan(time)
             others = []
@@ -432,66 +387,54 @@ class Kirk:
 
     # -- outcomes ----------------------------------------------------------------------------------------------------
 
-    def _take(self, message: Outcome, time: Fraction) -> Iterator[Decision]:
-        name, value = message.choice, message.value
-        choice = next((each for each in self.plan.network.choices if each.name == name), None)
-        known = self.observed.get(name)
-        reason = None
-        if choice is None:
-            reason = f"there is no choice {name!r}"
-        elif choice.controllable:
-            reason = f"{name} is for the executive to choose"
-        elif value not in choice.domain:
-            reason = f"expected one of {', '.join(choice.domain)}"
-        elif known is not None:
-            reason = "known already" if known == value else f"{name} = {known} was observed before"
+    def _take(self, message: said.Outcome, time: Fraction) -> Iterator[said.Decision]:
+        reason = objection(self.plan, self.observed, message)
         if reason is not None:
-            yield Rejected(str(message), reason, time)
+            yield said.Rejected(str(message), reason, time)
         else:
-            self.observed[name] = value
-            yield Chosen(name, value, time, observed=True)
+            self.observed[message.choice] = message.value
+            yield said.Chosen(message.choice, message.value, time, observed=True)
 
-    def _note(self, now: Fraction, messages: Sequence[Message]) -> Iterator[Decision]:
+    def _note(self, now: Fraction, messages: Sequence[said.Message]) -> Iterator[said.Decision]:
         """Let the candidate know what has happened, without going on with it."""
         before = set(self._inner.progress.times)
         self._inner.repeat(now, messages, ())
         for event, time in self._inner.progress.times.items():
             if event not in before:
-                yield Executed(event, time, reported=True)
+                yield said.Executed(event, time, reported=True)
 
-    def _follow(self, now: Fraction, messages: Sequence[Message]) -> Iterator[Decision]:
+    def _follow(self, now: Fraction, messages: Sequence[said.Message]) -> Iterator[said.Decision]:
         """A step of the candidate; its end is that of the execution, if it is a success or there was no guess."""
         for decision in self._inner.step(now, messages):
-            match decision:
-                case Succeeded(time):
-                    scenario = (self._guess or {}) | self.observed
-                    self.outcome = Succeeded(time, tuple(Assignment(*each) for each in sorted(scenario.items())))
-                    yield self.outcome
-                case Failed() if self._guess is None:
-                    self.outcome = decision
-                    yield decision
-                case Failed():
-                    pass  # of the candidate; another one may be left
-                case _:
-                    yield decision
+            if isinstance(decision, said.Succeeded):
+                scenario = sorted(((self._guess or {}) | self.observed).items())
+                self.outcome = replace(decision, scenario=tuple(model.Assignment(*each) for each in scenario))
+                yield self.outcome
+            elif not isinstance(decision, said.Failed):
+                yield decision
+            elif self._guess is None:  # else it is that of the candidate; another one may be left
+                self.outcome = decision
+                yield decision
 
     # -- planning anew -----------------------------------------------------------------------------------------------
 
     def _replan(self, now: Fraction) -> Iterator[KirkDecision]:
         guessed = self._guess or {}
-        old = guard(guessed)
+        old = model.guard(guessed)
         executed = {event: time for event, time in self.progress.times.items() if event in self._events}
         begun = [each for each in self.plan.network.activities if each.source in executed and each.guard <= old]
         kept = kept_events(self.plan, executed, begun, self.observed)
         wrong = [each for each in begun if each.source not in kept]
         new = recoveries(wrong, executed, self._durations, self.plan.epsilon)
-        undo = [*new, *self._unfinished(now)]
+        left = [replace(one, duration=min(one.duration, end - now)) for one, end in self._recovery if end > now]
+        undo = [*new, *left]
         going_on = {activity.target for activity in self.running if activity.source in kept}
         duration = sum((one.duration for one in undo), Fraction(0))
-        facts = Facts(self._known(kept), kept, now, now + duration, going_on, self._broken(kept, old))
+        known = model.guard(self.observed).union(*(self.plan.network.guards[event] for event in kept))
+        facts = Facts(known, kept, now, now + duration, going_on, self._broken(kept, old))
         found = self._guesser.guess(facts, guessed, self._deadline)
         if found is None or found == guessed:
-            self.outcome = Failed(now, "no candidate is left that agrees with what has happened")
+            self.outcome = said.Failed(now, "no candidate is left that agrees with what has happened")
             yield self.outcome
             return
         abandoned = tuple((each.action, each.target) for each in self.running if each.target not in going_on)
@@ -501,114 +444,57 @@ class Kirk:
         waiting = frozenset(self._guesser.foremost(kept, going_on))
         self._inner = self._executive(candidate(self.plan, found, undo=undo, waiting=waiting, number=self.replans))
         self._resume(kept)
-        self._recovery = _scheduled(undo, now)
+        _, *ends = accumulate((one.duration for one in undo), initial=now)
+        self._recovery = list(zip(undo, ends, strict=True))
         yield Replanned(now, tuple(event for event in executed if event not in kept), abandoned, duration)
 
-    def _executive(self, plan: TeamPlan) -> PlanExecutive:
-        return PlanExecutive(
-            plan, self._reasoner, ranking=self._ranking, monitor=self._monitor, deadline=self._deadline
-        )
+    def _executive(self, plan: model.TeamPlan) -> PlanExecutive:
+        return PlanExecutive(plan, self._reasoner, ranking=self._ranking, deadline=self._deadline)
 
     def _resume(self, kept: Mapping[str, Fraction]) -> None:
         """Tell a new candidate what has happened before."""
         for time, event in self._history(kept):
-            if isinstance(event, Estimate):
+            if isinstance(event, said.Estimate):
                 self._inner.repeat(time, [event], ())
             else:
-                self._inner.repeat(time, (), [Executed(event, time)])
+                self._inner.repeat(time, (), [said.Executed(event, time)])
         activities, running = self._inner.plan.network.activities, self._inner.running
         for place in [each for each in running if activities[each].target in kept]:
             del running[place]
 
-    def _history(self, kept: Mapping[str, Fraction]) -> list[tuple[Fraction, str | Estimate]]:
+    def _history(self, kept: Mapping[str, Fraction]) -> list[tuple[Fraction, str | said.Estimate]]:
         """What was executed and seen, in order; what is seen at the time of an event is seen after it."""
-        events: list[tuple[Fraction, str | Estimate]] = [(time, event) for event, time in kept.items()]
+        events = ((time, event) for event, time in kept.items())
         return sorted([*events, *self._estimates], key=lambda each: each[0])
 
-    def _known(self, kept: Mapping[str, Fraction]) -> Guard:
-        """What was observed, and what executed events settle."""
-        guards = self.plan.network.guards
-        return guard(self.observed).union(*(guards[event] for event in kept))
-
-    def _broken(self, kept: Mapping[str, Fraction], old: Guard) -> BrokenLinks:
+    def _broken(self, kept: Mapping[str, Fraction], old: model.Guard) -> BrokenLinks:
         """The causal links of the whole plan that estimates have broken."""
-        if not (self._monitor and self._estimates):
+        if not self._estimates:
             return frozenset()
-        progress = Progress(self.plan, chosen=dict(old) | self.observed)
-        monitor = Monitor(progress)
+        progress = said.Progress(self.plan, chosen=dict(old) | self.observed)
+        monitor = said.Monitor(progress)
         for time, event in self._history(kept):
             progress.now = time
-            if isinstance(event, Estimate):
-                for violation in monitor.compare(event):
-                    progress.void.update(violation.broken)
+            if isinstance(event, said.Estimate):
+                for _, broken in monitor.compare(event):
+                    progress.void.update(broken)
             else:
                 progress.times[event] = time
                 del progress.pending[event]
                 monitor.executed(event)
         return progress.void
 
-    def _unfinished(self, now: Fraction) -> list[Recovery]:
-        """What is left of an earlier recovery."""
-        return [
-            Recovery(one.action, one.agent, min(one.duration, end - now)) for one, end in self._recovery if end > now
-        ]
-
-
-def _scheduled(undo: Sequence[Recovery], now: Fraction) -> list[tuple[Recovery, Fraction]]:
-    """Each recovery with its end, one after the other."""
-    found = []
-    for one in undo:
-        now += one.duration
-        found.append((one, now))
-    return found
-
 
 # -- executives by mode ------------------------------------------------------------------------------------------------
 
 
-def without_causes(plan: TeamPlan) -> TeamPlan:
-    """The plan as Drake sees it: choices and times, but nothing that activities need, do or are to reach."""
-    return replace(plan, conditions=(), effects=())
-
-
 class Mode(Enum):
-    """PIKE keeps all hypotheses; DRAKE does so without causal links; KIRK follows one guess and plans anew."""
+    """PIKE keeps all hypotheses; DRAKE does so for choices and times, without what activities need, do
+    or are to reach; KIRK follows one guess and plans anew."""
 
     PIKE = "pike"
     DRAKE = "drake"
     KIRK = "kirk"
-
-
-class TeamExecutive(Protocol):
-    """What executes a plan with choices: an :class:`robust.execute.drive.Executive` that can be looked at."""
-
-    @property
-    def progress(self) -> Progress:
-        """What has been executed, of the plan as the executive sees it; its event names are those of the plan."""
-
-    @property
-    def assumed(self) -> Mapping[str, str]:
-        """Uncontrollable choices that it does not wait for, with the values that it counts on."""
-
-    @property
-    def replans(self) -> int: ...
-
-    @property
-    def recovered(self) -> Fraction:
-        """How long recovery activities take that were planned so far."""
-
-    @property
-    def outcome(self) -> Failed | Succeeded | None: ...
-
-    @property
-    def ended(self) -> bool: ...
-
-    @property
-    def wake(self) -> Fraction | None: ...
-
-    def prepare(self) -> bool: ...
-
-    def step(self, now: Fraction, messages: Sequence[Message] = ()) -> Sequence[KirkDecision]: ...
 
 
 class Concurrent(PlanExecutive):
@@ -622,15 +508,17 @@ class Concurrent(PlanExecutive):
         return {}
 
 
+TeamExecutive: TypeAlias = Concurrent | Kirk
+"""What executes a plan with choices: an :class:`robust.execute.drive.Executive` that can be looked at."""
+
+
 def make_executive(
     mode: Mode,
-    plan: TeamPlan,
-    reasoner: Callable[[Progress], Reasoner],
+    plan: model.TeamPlan,
+    reasoner: Callable[[said.Progress], Reasoner],
     *,
-    recovery: Mapping[str, Fraction] = FREE,
+    recovery: Mapping[str, Fraction] | None = None,
     ranking: Ranking = as_written,
-    monitor: bool = True,
-    solver: str = "z3",
     deadline: Deadline = NEVER,
 ) -> TeamExecutive:
     """The executive of a mode.
@@ -639,38 +527,51 @@ def make_executive(
         reasoner: as :func:`robust.pike_bridge.online.reasoners.make_reasoner` makes it.
         recovery: for KIRK, how long it takes to undo each action that was begun.
         ranking: in which order events, values and guesses are tried.
-        monitor: whether state estimates are compared with what later activities need; never so for DRAKE.
-        solver: for KIRK, with which candidates are found.
 
     Raises:
-        SolverError: if the solver is unknown or not installed.
         OutOfTimeError: if the deadline passes before the first guess of KIRK.
     """
-    match mode:
-        case Mode.PIKE:
-            return Concurrent(plan, reasoner, ranking=ranking, monitor=monitor, deadline=deadline)
-        case Mode.DRAKE:
-            return Concurrent(without_causes(plan), reasoner, ranking=ranking, monitor=False, deadline=deadline)
-        case Mode.KIRK:
-            return Kirk(
-                plan,
-                reasoner,
-                recovery=recovery,
-                ranking=ranking,
-                monitor=monitor,
-                solver=solver,
-                deadline=deadline,
-            )
-        case _:
-            assert_never(mode)
+    if mode is Mode.KIRK:
+        return Kirk(plan, reasoner, recovery=recovery, ranking=ranking, deadline=deadline)
+    causal = mode is Mode.PIKE  # Drake's plan says nothing of states that could be monitored
+    seen = plan if causal else replace(plan, conditions=(), effects=())
+    return Concurrent(seen, reasoner, ranking=ranking, monitor=causal, deadline=deadline)
 
 
-def execution_faults(plan: TeamPlan, executive: TeamExecutive) -> tuple[str, ...]:
+class Timed(Generic[Made]):
+    """An executive of any kind whose steps and wakes are measured, in seconds; `decisions` are what it decided."""
+
+    def __init__(self, executive: Executive[said.Message, Made]) -> None:
+        self._executive = executive
+        self.steps: list[float] = []
+        self.wakes: list[float] = []
+        self.decisions: list[str] = []
+
+    def step(self, now: Fraction, messages: Sequence[said.Message]) -> Sequence[Made]:
+        started = perf_counter()
+        decisions = self._executive.step(now, messages)
+        self.steps.append(round(perf_counter() - started, 7))
+        self.decisions += map(str, decisions)
+        return decisions
+
+    @property
+    def wake(self) -> Fraction | None:
+        started = perf_counter()
+        wake = self._executive.wake
+        self.wakes.append(round(perf_counter() - started, 7))
+        return wake
+
+    @property
+    def ended(self) -> bool:
+        return self._executive.ended
+
+
+def execution_faults(plan: model.TeamPlan, executive: TeamExecutive) -> tuple[str, ...]:
     """What is wrong, by the whole plan, with an execution that its executive takes for a success.
 
     Choices that were not made count as their first value; recovery activities are no part of the plan.
     """
-    if not isinstance(executive.outcome, Succeeded):
+    if not isinstance(executive.outcome, said.Succeeded):
         return ()
     scenario = {name: domain[0] for name, domain in plan.network.domains.items()} | dict(executive.outcome.scenario)
     events = plan.network.guards
@@ -689,7 +590,7 @@ class Script:
     durations: Mapping[tuple[str, str], Fraction]
 
 
-def draw_script(plan: TeamPlan, seed: int | str, slack: Fraction = Fraction(5)) -> Script:
+def draw_script(plan: model.TeamPlan, seed: int | str, slack: Fraction = Fraction(5)) -> Script:
     """Uniform draws: a value for each uncontrollable choice, a duration on the grid of ε for each activity.
 
     Args:
@@ -717,35 +618,33 @@ class ScriptedTeam:
     """
 
     def __init__(
-        self, plan: TeamPlan, executive: TeamExecutive, script: Script, *, notice: Fraction = Fraction(0)
+        self, plan: model.TeamPlan, executive: TeamExecutive, script: Script, *, notice: Fraction = Fraction(0)
     ) -> None:
         self._plan = plan
         self._executive = executive
         self._script = script
         self._notice = notice
-        self._epsilon = plan.epsilon
-        self._agenda: list[tuple[Fraction, int, Message]] = []
+        self._agenda: list[tuple[Fraction, int, said.Message]] = []
         self._stopped: set[int] = set()
         self._running: dict[str, int] = {}
         self._told: set[str] = set()
-        self._number = 0
+        self._numbers = count()
 
     def receive(self, now: Fraction, decisions: Sequence[KirkDecision]) -> None:
         """Begin and stop activities, and make choices whose time has come."""
         for decision in decisions:
-            match decision:
-                case Dispatched(action, _, _, end, lower):
-                    duration = self._script.durations.get((end, action), lower)
-                    self._running[end] = self._plan_for(now + duration, Completion(action, end))
-                case Replanned():
-                    self._stopped.update(self._running[end] for _, end in decision.abandoned)
-                case _:
-                    pass
+            if isinstance(decision, said.Dispatched):
+                duration = self._script.durations.get((decision.end, decision.action), decision.lower)
+                self._running[decision.end] = self._plan_for(
+                    now + duration, said.Completion(decision.action, decision.end)
+                )
+            elif isinstance(decision, Replanned):
+                self._stopped.update(self._running[end] for _, end in decision.abandoned)
         if not self._executive.ended:
             for choice, value in self._script.outcomes.items():
                 if choice not in self._told and self._seen(choice):
                     self._told.add(choice)
-                    self._plan_for(now + self._notice, Outcome(choice, value))
+                    self._plan_for(now + self._notice, said.Outcome(choice, value))
 
     @property
     def next_time(self) -> Fraction | None:
@@ -753,27 +652,27 @@ class ScriptedTeam:
             heappop(self._agenda)
         return self._agenda[0][0] if self._agenda else None
 
-    def messages(self, now: Fraction) -> Sequence[Message]:
-        found: list[Message] = []
+    def messages(self, now: Fraction) -> Sequence[said.Message]:
+        found: list[said.Message] = []
         while (time := self.next_time) is not None and time <= now:
             found.append(heappop(self._agenda)[2])
         return found
 
     def _seen(self, choice: str) -> bool:
         event = next(each.event for each in self._plan.network.choices if each.name == choice)
+        if event is None:
+            return True
         progress = self._executive.progress
         assumed = self._executive.assumed.get(choice)
         if assumed is not None:
-            guess = Assignment(choice, assumed)
+            guess = model.Assignment(choice, assumed)
             acting = [each.name for each in self._plan.network.events if guess in each.guard]
-            return event is None or any(each in progress.times for each in acting or [event])
-        if event is None:
-            return True
+            return any(each in progress.times for each in acting or [event])
         return event in progress.pending and not any(
             earlier in progress.pending for earlier in progress.structure.not_before[event]
         )
 
-    def _plan_for(self, time: Fraction, message: Message) -> int:
-        self._number += 1
-        heappush(self._agenda, (ceil(time / self._epsilon) * self._epsilon, self._number, message))
-        return self._number
+    def _plan_for(self, time: Fraction, message: said.Message) -> int:
+        number = next(self._numbers)
+        heappush(self._agenda, (ceil(time / self._plan.epsilon) * self._plan.epsilon, number, message))
+        return number

@@ -7,61 +7,37 @@ completion. Executions that fail count as such, and are left out of what is comp
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from math import prod
-from pathlib import Path
 from statistics import fmean
 from typing import Any, ClassVar
 
+from robust.codec import plain
 from robust.errors import InputError
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.model import TeamPlan
-from robust.pike_bridge.online.progress import Message, Succeeded
+from robust.pike_bridge.online.progress import Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner
+from robust.show.drawing import BLACK, BLUE, VERMILION
 from robust.smt.limits import Deadline, OutOfTimeError
 
 from ..catalogue import Figure17Options, Figure18Options
-from ..engine.codec import plain
-from ..engine.experiment import Experiment, Report
-from ..engine.show import BLACK, BLUE, NOTHING, ORANGE, Cells, Table, canvas, number
+from ..engine.experiment import Experiment, Report, Task
+from ..engine.show import NOTHING, Columns, Panel, Series, Table, number
 from ..engine.stats import LineFit, Mean
 from ..generators.pike import random_k_intents
-from .baselines import (
-    KirkDecision,
-    Mode,
-    Script,
-    ScriptedTeam,
-    TeamExecutive,
-    draw_script,
-    execution_faults,
-    make_executive,
-)
+from .baselines import Mode, Script, ScriptedTeam, TeamExecutive, Timed, draw_script, execution_faults, make_executive
 
 SMALLEST = 2
+REPEATED = ("seed", "problems", "largest", "reasoner", "limit", "jobs")
 PAPER = {"improvement": 0.134, "free_recovery": 0.022}
 """Mean improvement of PIKE over Kirk, and the same without the time of recoveries [PIKE §6.2.1]."""
 
 
 # -- one problem, executed by both in the same world -------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class KIntentsTask:
-    """A problem of a seed; each executive has `limit` seconds for it."""
-
-    seed: int
-    index: int
-    largest: int
-    reasoner: str
-    limit: float | None
-
-    @property
-    def label(self) -> str:
-        return f"k-intents {self.seed}/{self.index}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,62 +92,24 @@ class KIntentsRun:
         """The share of Kirk's time that PIKE saves, in the time of the plan."""
         return float(1 - self.pike.time / self.kirk.time)
 
-    @property
-    def improvement_over_pike(self) -> float:
-        """The same difference as a share of PIKE's time."""
-        return float(self.kirk.time / self.pike.time - 1)
-
-    @property
-    def computed_improvement(self) -> float:
-        """With the computing of both added; the unit of the plan is a second."""
-        pike, kirk = float(self.pike.time) + self.pike.seconds, float(self.kirk.time) + self.kirk.seconds
-        return 1 - pike / kirk
-
-    @property
-    def free_improvement(self) -> float:
-        """With computing, and recoveries that take no time; in this domain nothing else changes with them."""
-        pike = float(self.pike.time) + self.pike.seconds
-        return 1 - pike / (float(self.kirk.time - self.kirk.recovery) + self.kirk.seconds)
+    def with_computing(self, kirk: Fraction) -> float:
+        """The same share with the computing of both added, for a time of Kirk; the unit of the plan is a second."""
+        return 1 - (float(self.pike.time) + self.pike.seconds) / (float(kirk) + self.kirk.seconds)
 
 
-class _Timed:
-    """An executive whose computing is measured."""
-
-    def __init__(self, executive: TeamExecutive) -> None:
-        self._executive = executive
-        self.seconds = 0.0
-
-    def step(self, now: Fraction, messages: Sequence[Message]) -> Sequence[KirkDecision]:
-        started = time.perf_counter()
-        decisions = self._executive.step(now, messages)
-        self.seconds += time.perf_counter() - started
-        return decisions
-
-    @property
-    def wake(self) -> Fraction | None:
-        started = time.perf_counter()
-        wake = self._executive.wake
-        self.seconds += time.perf_counter() - started
-        return wake
-
-    @property
-    def ended(self) -> bool:
-        return self._executive.ended
-
-
-def run_problem(task: KIntentsTask) -> KIntentsRun:
-    """Draw the problem and its world, and execute it by both."""
-    problem = random_k_intents(task.seed, task.index, task.largest)
+def run_problem(seed: int, index: int, largest: int, reasoner: str, limit: float | None = None) -> KIntentsRun:
+    """Draw a problem and its world, and execute it by both, each of which has `limit` seconds for it."""
+    problem = random_k_intents(seed, index, largest)
     plan = problem.instance.plan()
-    script = draw_script(plan, f"{task.seed}/{task.index}")
+    script = draw_script(plan, f"{seed}/{index}")
 
     def executed(mode: Mode) -> TeamExecution:
-        deadline = Deadline.after(task.limit)
-        reasoner = make_reasoner(task.reasoner, deadline=deadline)
+        deadline = Deadline.after(limit)
+        make = make_reasoner(reasoner, deadline=deadline)
         recovery = problem.recovery if mode is Mode.KIRK else {}
-        return execute(plan, script, lambda: make_executive(mode, plan, reasoner, recovery=recovery, deadline=deadline))
+        return execute(plan, script, lambda: make_executive(mode, plan, make, recovery=recovery, deadline=deadline))
 
-    return KIntentsRun(task.index, problem.structure, executed(Mode.PIKE), executed(Mode.KIRK))
+    return KIntentsRun(index, problem.structure, executed(Mode.PIKE), executed(Mode.KIRK))
 
 
 def execute(plan: TeamPlan, script: Script, make: Callable[[], TeamExecutive]) -> TeamExecution:
@@ -181,9 +119,9 @@ def execute(plan: TeamPlan, script: Script, make: Callable[[], TeamExecutive]) -
     try:
         executive = make()
         executive.prepare()
-        timed = _Timed(executive)
+        timed = Timed(executive)
         run_in_world(timed, ScriptedTeam(plan, executive, script))
-        seconds = timed.seconds
+        seconds = sum(timed.steps) + sum(timed.wakes)
     except OutOfTimeError:
         outcome = "timeout"
     else:
@@ -199,24 +137,29 @@ def execute(plan: TeamPlan, script: Script, make: Callable[[], TeamExecutive]) -
 
 
 class KIntentsReport(Report[KIntentsRun]):
-    """All problems."""
+    """Problems of the k-intents domain [PIKE §6.2.1], Figures 17 and 18 (`robust bench figure17` and `figure18`). Kirk
+    guesses one intent, executes the candidate subplan for it, and plans anew when a human chooses otherwise, after a
+    recovery of half the least duration of the wrong activity. PIKE and Kirk meet the same humans, who choose uniformly,
+    and the same durations, uniform between their bounds. The expected number of re-plans is that of wrong guesses, 1 −
+    1/N for each choice with N options. Times are in units of the plan, computing in seconds. The time of the plan is
+    exact: Kirk is later by its recoveries. With computing, the seconds in which each of the two decides, plans anew and
+    finds out when to look again are added, one second to a unit of the plan; what is done before execution is not. The
+    paper's figures are those of its own implementation.
+    """
 
-    SETTINGS: ClassVar[Mapping[str, str]] = {
-        name: name for name in ("seed", "problems", "largest", "reasoner", "limit", "jobs")
-    }
+    TITLE = "Guessing intents"
+    SETTINGS: ClassVar[Mapping[str, str]] = {name: name for name in REPEATED}
     ROWS = "runs"
-    ROW = KIntentsRun
+    LAYOUT = (6.5, 4.6, "upper left")
 
     @cached_property
     def compared(self) -> list[KIntentsRun]:
-        return [run for run in self.rows if run.compared]
+        return self.of(compared=True)
 
-    @property
-    def agrees(self) -> bool:
+    def sound(self) -> bool:
         """Whether PIKE never failed nor planned anew, Kirk always arrived, and nothing else went wrong."""
-        fine = {"succeeded", "timeout"}
-        ended = all(one.outcome in fine for run in self.rows for one in (run.pike, run.kirk))
-        return super().agrees and ended and not any(run.pike.replans for run in self.rows)
+        ended = all(one.outcome in {"succeeded", "timeout"} for run in self.rows for one in (run.pike, run.kirk))
+        return ended and not any(run.pike.replans for run in self.rows)
 
     @property
     def pike_failures(self) -> int:
@@ -229,13 +172,9 @@ class KIntentsReport(Report[KIntentsRun]):
         counts = sorted({run.choices for run in self.compared})
         return {count: [run for run in self.compared if run.choices == count] for count in counts}
 
-    def mean(self, value: Callable[[KIntentsRun], float], runs: Sequence[KIntentsRun] | None = None) -> Mean | None:
-        """Over the problems that are compared, or some of them."""
-        return Mean.of(value(run) for run in (self.compared if runs is None else runs))
-
-    @property
-    def shown(self) -> bool:
-        return bool(self.compared)
+    def mean(self, value: Callable[[KIntentsRun], float]) -> Mean | None:
+        """Over the problems that are compared."""
+        return Mean.of(map(value, self.compared))
 
     @cached_property
     def fit(self) -> LineFit | None:
@@ -253,117 +192,71 @@ class KIntentsReport(Report[KIntentsRun]):
         kirk = sum((run.kirk.time for run in self.compared), Fraction(0))
         return float(1 - sum((run.pike.time for run in self.compared), Fraction(0)) / kirk) if kirk else None
 
-    @property
     def findings(self) -> Mapping[str, Any]:
-        means = {
-            "improvement": self.mean(lambda run: run.improvement),
-            "improvement_over_pike": self.mean(lambda run: run.improvement_over_pike),
-            "improvement_with_computing": self.mean(lambda run: run.computed_improvement),
-            "improvement_with_free_recovery": self.mean(lambda run: run.free_improvement),
-            "replans": self.mean(lambda run: run.kirk.replans),
-        }
+        means = {name: self.mean(saving.share) for name, saving in SAVINGS.items()}
         return {
             "pike_failures": self.pike_failures,
             "fit": self.fit,
             "fit_of_means": self.fit_of_means,
-            "means": means,
+            "means": {**means, "replans": self.mean(lambda run: run.kirk.replans)},
             "improvement_of_totals": self.saved_of_totals,
             "paper": PAPER,
         }
 
-    def printed(self, row: KIntentsRun) -> dict[str, Any]:
-        place = {"index": row.index, "structure": row.structure, "intents": row.intents}
-        found: dict[str, Any] = plain({**place, "pike": row.pike, "kirk": row.kirk})
-        return found
+    def printed(self, row: KIntentsRun) -> Any:
+        return plain({name: getattr(row, name) for name in ("index", "structure", "intents", "pike", "kirk")})
 
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What a reader of the tables has to know."""
+    def conclusions(self) -> Sequence[str]:
+        """What was run, and what the domain's numbers say about it.
+
+        With w = 1/4 on average, a recovery takes (1 + w) / 2 = 5/8 and two activities 2 · (3/2 + w) = 7/2 if durations
+        are uniform, or 2 · (1 + w) = 5/2 if they are least.
+        """
         options, runs = self.options, self.rows
-        lines = [
+        lost = sum(run.kirk.outcome not in {"succeeded", "timeout"} for run in runs)
+        late = sum("timeout" in {run.pike.outcome, run.kirk.outcome} for run in runs)
+        choices = sum(run.choices for run in self.compared)
+        wrong = float(sum(run.wrong_guesses for run in self.compared)) / choices if choices else 0.0
+        uniform, least = (wrong * 0.625 / (two + wrong * 0.625) for two in (3.5, 2.5))
+        saved = None if self.saved_of_totals is None else self.saved_of_totals * 100
+        return [
             f"{len(runs)} problems of seed {options.seed}, up to {options.largest} intents; reasoner "
             f"{options.reasoner}; the same choices and durations for both",
             f"PIKE: {self.pike_failures} failures or re-plans in {len(runs)} executions",
+            *([f"Kirk: {lost} executions did not succeed"] if lost else []),
+            *([f"out of time: {late} problems"] if late else []),
+            f"re-plans, by problems: {fit_text(self.fit)}",
+            f"re-plans, by means: {fit_text(self.fit_of_means)}",
+            f"of the sum of all of Kirk's times PIKE saves {number(saved, 1)} %",
+            f"on average {wrong:.3f} of the guesses are wrong; a recovery takes 0.625 on average, and two activities "
+            f"3.5, so that long problems save {uniform:.1%} of Kirk's time; if all activities took their least time it "
+            f"would be {least:.1%}: the paper does not say which durations its simulation draws",
         ]
-        lost = sum(run.kirk.outcome not in {"succeeded", "timeout"} for run in runs)
-        if lost:
-            lines.append(f"Kirk: {lost} executions did not succeed")
-        late = sum("timeout" in {run.pike.outcome, run.kirk.outcome} for run in runs)
-        if late:
-            lines.append(f"out of time: {late} problems")
-        return (*lines, *self.jobs_notes, *self.notes)
 
-    def replans(self, *notes: str) -> Table:
+    @property
+    def replans(self) -> Table:
         """Re-plans by the number of uncontrollable choices [PIKE, Figure 17]."""
-        rows: list[Cells] = []
-        for count, runs in self.by_choices.items():
-            mean = self.mean(lambda run: run.kirk.replans, runs)
-            rows.append(
-                (
-                    str(count),
-                    str(len(runs)),
-                    number(None if mean is None else mean.value),
-                    _interval(mean, 2),
-                    str(max(run.kirk.replans for run in runs)),
-                    number(float(sum(run.wrong_guesses for run in runs) / len(runs))),
-                    str(sum(run.pike.replans for run in runs)),
-                )
-            )
-        headings = ("human choices", "problems", "Kirk's re-plans", "95 %", "most", "expected", "PIKE's re-plans")
-        return Table("Re-plans on the k-intents domain", headings, rows, notes)
+        return Table.of("Re-plans on the k-intents domain", REPLANS, self.by_choices.values())
 
     @property
     def times(self) -> Table:
         """Mean times to completion by the number of uncontrollable choices [PIKE, Figure 18]."""
-        rows: list[Cells] = []
-        for count, runs in self.by_choices.items():
-            saved = [run.improvement * 100 for run in runs]
-            rows.append(
-                (
-                    str(count),
-                    str(len(runs)),
-                    *(number(fmean(float(one.time) for one in side)) for side in _sides(runs)),
-                    number(fmean(saved), 1),
-                    _interval(Mean.of(saved), 1),
-                    number(min(saved), 1),
-                    number(max(saved), 1),
-                    *(number(fmean(one.seconds for one in side), 3) for side in _sides(runs)),
-                )
-            )
-        headings = (
-            "human choices",
-            "problems",
-            "PIKE",
-            "Kirk",
-            "saved, %",
-            "95 %",
-            "least",
-            "most",
-            "PIKE, s",
-            "Kirk, s",
-        )
-        return Table("Time to completion on the k-intents domain", headings, rows)
+        return Table.of("Time to completion on the k-intents domain", TIMES, self.by_choices.values())
 
-    def improvements(self, *notes: str) -> Table:
+    @property
+    def improvements(self) -> Table:
         """What PIKE saves, beside the paper's figures, which include its implementation's computing."""
-        paper, free = (number(share * 100, 1) for share in PAPER.values())
-        lines = (
-            ("of Kirk's time", [run.improvement for run in self.compared], paper),
-            ("difference as a share of PIKE's time", [run.improvement_over_pike for run in self.compared], NOTHING),
-            ("of Kirk's time, with computing", [run.computed_improvement for run in self.compared], paper),
-            ("the same, recovery taking no time", [run.free_improvement for run in self.compared], free),
-        )
-        found = [(name, Mean.of(value * 100 for value in values), theirs) for name, values, theirs in lines]
-        rows = [
-            (name, number(None if mean is None else mean.value, 1), _interval(mean, 1), theirs)
-            for name, mean, theirs in found
-        ]
-        headings = ("saved by PIKE", "mean, %", "95 %", "paper, %")
-        return Table("Improvement, mean of all problems", headings, rows, notes)
+        saved = {one: Mean.of(one.share(run) * 100 for run in self.compared) for one in SAVINGS.values()}
+        columns: Columns[Saving] = {
+            "saved by PIKE": lambda one: one.label,
+            "mean, %": lambda one: number(mean.value, 1) if (mean := saved[one]) else None,
+            "95 %": lambda one: _interval(saved[one], 1),
+            "paper, %": lambda one: number(None if one.paper is None else PAPER[one.paper] * 100, 1),
+        }
+        return Table.of("Improvement, mean of all problems", columns, SAVINGS.values())
 
-
-def _sides(runs: Sequence[KIntentsRun]) -> tuple[list[TeamExecution], list[TeamExecution]]:
-    return [run.pike for run in runs], [run.kirk for run in runs]
+    def page_contents(self) -> list[Table]:
+        return [self.replans, self.times, self.improvements]
 
 
 def _interval(mean: Mean | None, digits: int) -> str:
@@ -372,85 +265,123 @@ def _interval(mean: Mean | None, digits: int) -> str:
     return f"{mean.interval[0]:.{digits}f} to {mean.interval[1]:.{digits}f}"
 
 
+def _saved(runs: Sequence[KIntentsRun]) -> list[float]:
+    return [run.improvement * 100 for run in runs]
+
+
+BY_CHOICES: Columns[Sequence[KIntentsRun]] = {"human choices": lambda runs: runs[0].choices, "problems": len}
+REPLANS: Columns[Sequence[KIntentsRun]] = {
+    **BY_CHOICES,
+    "Kirk's re-plans": lambda runs: fmean(run.kirk.replans for run in runs),
+    "95 %": lambda runs: _interval(Mean.of(run.kirk.replans for run in runs), 2),
+    "most": lambda runs: max(run.kirk.replans for run in runs),
+    "expected": lambda runs: float(sum(run.wrong_guesses for run in runs) / len(runs)),
+    "PIKE's re-plans": lambda runs: sum(run.pike.replans for run in runs),
+}
+TIMES: Columns[Sequence[KIntentsRun]] = {
+    **BY_CHOICES,
+    "PIKE": lambda runs: fmean(float(run.pike.time) for run in runs),
+    "Kirk": lambda runs: fmean(float(run.kirk.time) for run in runs),
+    "saved, %": lambda runs: number(fmean(_saved(runs)), 1),
+    "95 %": lambda runs: _interval(Mean.of(_saved(runs)), 1),
+    "least": lambda runs: number(min(_saved(runs)), 1),
+    "most": lambda runs: number(max(_saved(runs)), 1),
+    "PIKE, s": lambda runs: number(fmean(run.pike.seconds for run in runs), 3),
+    "Kirk, s": lambda runs: number(fmean(run.kirk.seconds for run in runs), 3),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Saving:
+    """A way to count what PIKE saves, and which of the paper's figures is beside it."""
+
+    label: str
+    share: Callable[[KIntentsRun], float]
+    paper: str | None = None
+
+
+SAVINGS = {
+    "improvement": Saving("of Kirk's time", lambda run: run.improvement, "improvement"),
+    "improvement_over_pike": Saving(
+        "difference as a share of PIKE's time", lambda run: float(run.kirk.time / run.pike.time - 1)
+    ),
+    "improvement_with_computing": Saving(
+        "of Kirk's time, with computing", lambda run: run.with_computing(run.kirk.time), "improvement"
+    ),
+    # In this domain nothing else changes with the time that recoveries take.
+    "improvement_with_free_recovery": Saving(
+        "the same, recovery taking no time",
+        lambda run: run.with_computing(run.kirk.time - run.kirk.recovery),
+        "free_recovery",
+    ),
+}
+"""By their names in JSON."""
+
+
 def fit_text(fit: LineFit | None) -> str:
     """Slope with its interval, intercept and R²."""
     if fit is None:
         return "no line: all problems have the same number of human choices"
     interval = "" if fit.interval is None else f" ({fit.interval[0]:.3f} to {fit.interval[1]:.3f})"
-    return (
-        f"{fit.slope:.3f}{interval} more with each human choice, {fit.intercept:.2f} for none; R² {fit.r_squared:.3f}"
-    )
+    slope = f"{fit.slope:.3f}{interval} more with each human choice"
+    return f"{slope}, {fit.intercept:.2f} for none; R² {fit.r_squared:.3f}"
 
 
 class Figure17Report(KIntentsReport):
-    """Re-plans over the number of human choices, and the line through them."""
+    # Re-plans over the number of human choices, and the line through them.
 
-    @property
-    def tables(self) -> list[Table]:
-        lines = [
-            f"re-plans, by problems: {fit_text(self.fit)}",
-            f"re-plans, by means: {fit_text(self.fit_of_means)}",
-        ]
-        return [self.replans(*self.remarks, *lines)]
+    def contents(self) -> list[Table]:
+        return [self.replans]
 
-    def draw(self, path: Path) -> None:
+    def panels(self) -> list[Panel]:
         """Re-plans over the number of intents, a dot for each problem, and the number of wrong guesses expected."""
-        runs = self.compared
-        expected = {run.intents: float(run.wrong_guesses) for run in sorted(runs, key=lambda run: run.intents)}
-        with canvas(path, 6.5, 4.4) as (_, [axes]):
-            dots = [(run.intents, run.kirk.replans) for run in runs]
-            axes.plot(*zip(*dots, strict=True), ".", color=BLUE, alpha=0.25, markersize=5, label="Kirk")
-            axes.plot(list(expected), list(expected.values()), "-", color=BLACK, linewidth=0.8, label="Kirk, expected")
-            ends, most = [min(expected), max(expected)], max(run.pike.replans for run in runs)
-            axes.plot(ends, [most, most], ":", color=ORANGE, linewidth=2, label="PIKE, most")
-            axes.set(xscale="log", xlabel="number of intents k", ylabel="re-plans")
-            axes.legend(loc="upper left")
+        runs = sorted(self.compared, key=lambda run: run.intents)
+        dots = [(run.intents, run.kirk.replans) for run in runs]
+        expected = [(run.intents, float(run.wrong_guesses)) for run in runs]
+        most = max((run.pike.replans for run in runs), default=0)
+        lines = [
+            Series(dots, "Kirk", BLUE, marker=".", look={"alpha": 0.25}),
+            Series(sorted(dict(expected).items()), "Kirk, expected", BLACK, "-"),
+            Series([(size, most) for size, _ in dots], "PIKE, most", VERMILION, ":", look={"linewidth": 2}),
+        ]
+        return [Panel("", lines, "number of intents k", "re-plans", log="x")] if runs else []
 
 
 class Figure18Report(KIntentsReport):
-    """Times to completion, and what PIKE saves."""
+    # Times to completion, and what PIKE saves.
 
-    @property
-    def tables(self) -> list[Table]:
-        saved = None if self.saved_of_totals is None else self.saved_of_totals * 100
-        line = f"of the sum of all of Kirk's times PIKE saves {number(saved, 1)} %"
-        return [self.times, self.improvements(*self.remarks, line)]
+    def contents(self) -> list[Table]:
+        return [self.times, self.improvements]
 
-    def draw(self, path: Path) -> None:
+    def panels(self) -> list[Panel]:
         """PIKE's time to completion over Kirk's, shaded by the number of intents; the line is where they are equal."""
-        from matplotlib.colors import LogNorm  # noqa: PLC0415 - only where something is drawn
-
-        pike, kirk = ([float(one.time) for one in side] for side in _sides(self.compared))
-        with canvas(path, 5.8, 4.6) as (figure, [axes]):
-            shades = [run.intents for run in self.compared]
-            dots = axes.scatter(kirk, pike, c=shades, norm=LogNorm(), s=6, cmap="viridis")
-            ends = [0.0, max(kirk)]
-            axes.plot(ends, ends, color=BLACK, linewidth=0.6, linestyle=":", label="as long")
-            figure.colorbar(dots, ax=axes, label="number of intents k")
-            axes.set(xlabel="Kirk: time to completion", ylabel="PIKE: time to completion")
-            axes.legend(loc="upper left")
+        dots = [(float(run.kirk.time), float(run.pike.time)) for run in self.compared]
+        end = max((kirk for kirk, _ in dots), default=0)
+        shades = [run.intents for run in self.compared]
+        shaded = Series(dots, "number of intents k", size=6, shades=shades)
+        lines = [shaded, Series([(0, 0), (end, end)], "as long", line=":")]
+        return [Panel("", lines, "Kirk: time to completion", "PIKE: time to completion")] if dots else []
 
 
-def _tasks(options: Figure17Options, _: object) -> list[KIntentsTask]:
+def _tasks(options: Figure17Options, _: object) -> list[Task]:
     if options.problems < 1:
         raise InputError(f"problems is {options.problems}; expected at least 1")
     if options.largest < SMALLEST:
         raise InputError(f"the largest number of intents is {options.largest}; expected at least {SMALLEST}")
     make_reasoner(options.reasoner)  # an unknown one is better found now
-    return [
-        KIntentsTask(options.seed, index, options.largest, options.reasoner, options.limit)
-        for index in range(options.problems)
-    ]
+    how = (options.largest, options.reasoner, options.limit)
+    numbers = range(options.problems)
+    return [Task(f"k-intents {options.seed}/{index}", (options.seed, index, *how)) for index in numbers]
 
 
-def _describe(task: KIntentsTask, run: KIntentsRun) -> str:
+def _describe(run: KIntentsRun) -> str:
     if not run.compared:
-        return f"{task.label}: PIKE {run.pike.outcome}, Kirk {run.kirk.outcome}"
-    return f"{task.label}, {run.intents} intents: {run.kirk.replans} re-plans, {run.improvement:.1%} saved"
+        return f"PIKE {run.pike.outcome}, Kirk {run.kirk.outcome}"
+    return f"{run.intents} intents, {run.kirk.replans} re-plans, {run.improvement:.1%} saved"
 
 
 def _experiment(name: str, options: type[Figure17Options], report: type[KIntentsReport]) -> Experiment:
-    return Experiment(name, options, _tasks, run_problem, KIntentsRun, report, _describe, lenient=True)
+    return Experiment(name, options, _tasks, run_problem, report, _describe, lenient=True)
 
 
 FIGURE17 = _experiment("figure17", Figure17Options, Figure17Report)

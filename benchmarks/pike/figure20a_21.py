@@ -8,63 +8,39 @@ of prime implicants over that of models, for the plans that admit a correct exec
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from math import log10
 from pathlib import Path
 from statistics import mean, median
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from robust.errors import InputError
-from robust.pike_bridge.generators.random_plans import random_plan
+from robust.pike_bridge.random_plans import random_plan
 from robust.pike_bridge.scenarios import candidate_subplans
+from robust.show.drawing import BLACK, BLUE
 
 from ..catalogue import Figure20aOptions, Figure21Options
 from ..engine import measure
-from ..engine.experiment import Experiment, Report
-from ..engine.show import BLACK, BLUE, COLOURS, Cells, Table, canvas, number, quantile
+from ..engine.experiment import Experiment, Report, Task
+from ..engine.show import COLOURS, Columns, Panel, Series, Table, family, middle, number, quantile
 
 GRACE = 5.0
 """Seconds after its own limit until a process is ended."""
 STAGES = ("precedence", "links", "conflicts", "knowledge", "search")
 _OUT_OF_TIME = 3
+Found = TypeVar("Found")
 
-
-@dataclass(frozen=True, slots=True)
-class TeamContender:
-    """One way to answer: a command, its options, and a name for the tables."""
-
-    name: str
-    command: str
-    options: tuple[str, ...]
-
-
-CONTENDERS = {
-    one.name: one
-    for one in (
-        TeamContender("oracle", "check", ("--backend", "oracle")),
-        TeamContender("sat", "check", ("--backend", "sat")),
-        *(TeamContender(backend, "compile", ("--backend", backend)) for backend in ("bdd", "pitms", "atms")),
-        TeamContender("pitms-whole", "compile", ("--backend", "pitms", "--no-shortcut")),
-        TeamContender("pitms-apsp", "compile", ("--backend", "pitms", "--temporal", "apsp")),
-    )
+CONTENDERS: Mapping[str, tuple[str, ...]] = {
+    "oracle": ("check", "--backend", "oracle"),
+    "sat": ("check", "--backend", "sat"),
+    **{backend: ("compile", "--backend", backend) for backend in ("bdd", "pitms", "atms")},
+    "pitms-whole": ("compile", "--backend", "pitms", "--no-shortcut"),
+    "pitms-apsp": ("compile", "--backend", "pitms", "--temporal", "apsp"),
 }
-
-
-@dataclass(frozen=True, slots=True)
-class TeamTask:
-    """One contender on one plan."""
-
-    seed: int
-    index: int
-    contender: TeamContender
-    limit: float
-
-    @property
-    def label(self) -> str:
-        return f"{instance_name(self.seed, self.index)}, {self.contender.name}"
+"""Ways to answer, by their names in the tables: a command and its options."""
 
 
 @dataclass(frozen=True)
@@ -87,36 +63,40 @@ class TeamRun:
     def solved(self) -> bool:
         return self.satisfiable is not None
 
+    @property
+    def text(self) -> str:
+        """What was found, and how long it took."""
+        outcome = self.message or {True: "exists", False: "none", None: "out of time"}[self.satisfiable]
+        return f"{outcome}, {self.seconds:.2f} s"
+
 
 def instance_name(seed: int, index: int) -> str:
     """Of a random plan."""
     return f"random_{seed}_{index:03}"
 
 
-def run_contender(task: TeamTask) -> TeamRun:
+def run_contender(seed: int, index: int, contender: str, limit: float) -> TeamRun:
     """Generate the plan, and let the contender answer."""
-    contender = task.contender
+    command, *options = CONTENDERS[contender]
     with TemporaryDirectory(prefix="robust-bench-") as directory:
-        random_plan(task.seed, task.index).write(Path(directory))
-        words = ("pike", contender.command, str(Path(directory) / "plan.tpnu.json"), *contender.options)
-        command = (*measure.COMMAND, *words, "--json", "--timeout", str(task.limit))
-        found = measure.measured(command, limit=task.limit + GRACE)
+        random_plan(seed, index).write(Path(directory))
+        words = ("pike", command, f"{directory}/plan.tpnu.json", *options, "--json", "--timeout", str(limit))
+        found = measure.measured((*measure.COMMAND, *words), limit=limit + GRACE)
     answer = json.loads(found.stdout) if found.stdout and not found.timed_out else {}
     satisfiable = answer.get("satisfiable")
-    if contender.command == "check":
+    if command == "check":
         satisfiable = {"proved": True, "refuted": False}.get(answer.get("verdict", ""))
     late = found.timed_out or found.exit_code == _OUT_OF_TIME
+    counts = {name: answer.get(name) for name in ("candidate_subplans", "prime_implicants", "models")}
     return TeamRun(
-        contender=contender.name,
-        instance=instance_name(task.seed, task.index),
+        contender=contender,
+        instance=instance_name(seed, index),
         seconds=round(found.seconds, 3),
-        memory_mb=found.memory_mb,
+        memory_mb=round(found.memory_mb, 1),
         satisfiable=satisfiable,
-        candidate_subplans=answer.get("candidate_subplans"),
-        prime_implicants=answer.get("prime_implicants"),
-        models=answer.get("models"),
         stages=answer.get("seconds", {}),
-        message=None if late or satisfiable is not None else found.last_error,
+        message=None if late or satisfiable is not None else measure.complaint(found),
+        **counts,
     )
 
 
@@ -136,123 +116,113 @@ class TeamPlans:
     plans: tuple[TeamPlanSize, ...]
 
 
-class TeamReport(Report[TeamRun]):
-    """All runs."""
+# -- the report --------------------------------------------------------------------------------------------------------
 
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """What a contender did with some plans; times are those of the solved ones, in ascending order."""
+
+    name: str
+    runs: Sequence[TeamRun]
+
+    @property
+    def times(self) -> list[float]:
+        return sorted(run.seconds for run in self.runs if run.solved)
+
+    def stage(self, name: str) -> float | None:
+        """Mean seconds of a stage, over the runs that finished."""
+        told = [run.stages[name] for run in self.runs if run.solved and name in run.stages]
+        return mean(told) if told else None
+
+
+SOLVED: Columns[Timing] = {
+    "back end": lambda one: one.name,
+    "solved": lambda one: len(one.times),
+    "of": lambda one: len(one.runs),
+    "median, s": lambda one: middle(one.times),
+    "90 %, s": lambda one: quantile(one.times, 0.9),
+    "slowest, s": lambda one: max(one.times, default=None),
+    "out of time": lambda one: len(one.runs) - len(one.times),
+    "greatest MiB": lambda one: number(max((run.memory_mb for run in one.runs), default=None), 0),
+}
+STAGE_MEANS: Columns[Timing] = {
+    "back end": lambda one: one.name,
+    **family("{}, s", STAGES, lambda stage, one: number(one.stage(stage), 3)),
+}
+SIZES: Columns[Timing] = {
+    "candidate subplans": lambda one: one.name,
+    "plans": lambda one: len(one.runs),
+    "solved": lambda one: len(one.times),
+    "median, s": lambda one: middle(one.times),
+    "slowest, s": lambda one: max(one.times, default=None),
+}
+
+
+def decades(values: Iterable[Found], size: Callable[[Found], int]) -> Iterator[tuple[int, list[Found]]]:
+    """Values by the order of magnitude of their sizes, with the least size of each order that there is."""
+    found: dict[int, list[Found]] = {}
+    for value in values:
+        found.setdefault(10 ** (len(str(size(value))) - 1), []).append(value)
+    return iter(sorted(found.items(), key=lambda each: each[0]))
+
+
+class TeamReport(Report[TeamRun]):
+    """Random plans of [PIKE §6.2.2], Figures 20a and 21 (`robust bench figure20a`). The paper compiled 376 of its 500
+    plans (75.2 %) within 30 minutes; 94 of them admitted a correct execution. A plan counts as solved once it is known
+    whether a correct execution exists. Prime implicants and models are of plans that admit a correct execution.
+    """
+
+    TITLE = "Plans with choices"
     SETTINGS: ClassVar[Mapping[str, str]] = {"seed": "seed", "limit": "limit", "jobs": "jobs"}
     ROWS = "runs"
-    ROW = TeamRun
+    RAN = (("backends", "contender"),)
     FACTS = TeamPlans
     NOTED = False
-
-    @classmethod
-    def read_options(cls, answer: Mapping[str, Any]) -> dict[str, Any]:
-        ran = tuple(dict.fromkeys(run["contender"] for run in answer["runs"]))
-        return {**super().read_options(answer), "backends": ran}
+    LAYOUT = (3.2, 4.2, "upper left")
 
     @property
-    def contenders(self) -> list[str]:
-        """By name, in the order of all."""
-        return [name for name in CONTENDERS if not self.options.backends or name in self.options.backends]
-
-    @property
-    def plans(self) -> tuple[TeamPlanSize, ...]:
-        plans: tuple[TeamPlanSize, ...] = self.facts.plans
-        return plans
+    def timings(self) -> list[Timing]:
+        """By contender, in the order of all."""
+        chosen = self.options.backends or CONTENDERS
+        return [Timing(name, self.of(contender=name)) for name in CONTENDERS if name in chosen]
 
     @cached_property
     def subplans(self) -> dict[str, int]:
         """The candidate subplans of each plan."""
-        return {plan.instance: plan.candidate_subplans for plan in self.plans}
-
-    def of(self, contender: str) -> list[TeamRun]:
-        return [run for run in self.rows if run.contender == contender]
+        return {plan.instance: plan.candidate_subplans for plan in self.facts.plans}
 
     @cached_property
     def _verdicts(self) -> dict[str, set[bool | None]]:
-        found: dict[str, set[bool | None]] = {plan.instance: set() for plan in self.plans}
-        for run in self.rows:
+        found: dict[str, set[bool | None]] = {plan.instance: set() for plan in self.facts.plans}
+        for run in self.of(solved=True):
             found[run.instance].add(run.satisfiable)
-        return {name: verdicts - {None} for name, verdicts in found.items()}
+        return found
 
     @property
     def contradicted(self) -> list[str]:
         """Plans on which two contenders differ."""
         return [name for name, verdicts in self._verdicts.items() if len(verdicts) > 1]
 
-    @property
-    def agrees(self) -> bool:
-        """Whether everything was run, nothing failed, and nobody contradicts anybody; too late is not wrong."""
-        return self.complete and not self.contradicted and all(run.message is None for run in self.rows)
+    def sound(self) -> bool:
+        """Whether nothing failed, and nobody contradicts anybody; too late is not wrong."""
+        return not self.contradicted and all(run.message is None for run in self.rows)
 
-    @property
     def findings(self) -> Mapping[str, Any]:
         return {"contradicted": self.contradicted}
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        activities = [plan.activities for plan in self.plans]
+    def remarks(self) -> Sequence[str]:
+        activities = [plan.activities for plan in self.facts.plans]
         decided = [verdicts for verdicts in self._verdicts.values() if len(verdicts) == 1]
-        lines = [
+        failures = dict.fromkeys(f"{run.contender}, {run.instance}: {run.message}" for run in self.rows if run.message)
+        return [
             f"{len(activities)} plans of seed {self.options.seed}: {mean(activities):.1f} activities on average, "
             f"{max(activities)} at most; {sum(True in one for one in decided)} of {len(decided)} decided ones admit a "
             "correct execution",
             f"seconds of whole processes on this machine, stopped at {self.options.limit:g} s",
+            *([f"contradicting answers: {', '.join(self.contradicted)}"] if self.contradicted else []),
+            *list(failures)[:5],
         ]
-        if self.contradicted:
-            lines.append(f"contradicting answers: {', '.join(self.contradicted)}")
-        failures = dict.fromkeys(f"{run.contender}, {run.instance}: {run.message}" for run in self.rows if run.message)
-        lines += [*list(failures)[:5], *self.jobs_notes]
-        if not self.complete:
-            lines.append("incomplete: interrupted")
-        return tuple(lines)
-
-    @property
-    def solved(self) -> Table:
-        """How many plans each contender decided, and the seconds of whole processes that did."""
-        rows: list[Cells] = []
-        for name in self.contenders:
-            runs = self.of(name)
-            times = sorted(run.seconds for run in runs if run.solved)
-            rows.append(
-                (
-                    name,
-                    str(len(times)),
-                    str(len(runs)),
-                    number(median(times) if times else None),
-                    number(quantile(times, 0.9)),
-                    number(times[-1] if times else None),
-                    str(len(runs) - len(times)),
-                    number(max((run.memory_mb for run in runs), default=None), 0),
-                )
-            )
-        headings = ["back end", "solved", "of", "median, s", "90 %, s", "slowest, s", "out of time", "greatest MiB"]
-        return Table("Compilation of random plans with choices", tuple(headings), rows)
-
-    @property
-    def stages(self) -> Table:
-        """Mean seconds of each stage, over the runs that finished."""
-        rows: list[Cells] = []
-        for name in self.contenders:
-            runs = [run for run in self.of(name) if run.solved]
-            told = {stage: [run.stages[stage] for run in runs if stage in run.stages] for stage in STAGES}
-            rows.append((name, *(number(mean(found) if found else None, 3) for found in told.values())))
-        headings = ("back end", *(f"{stage}, s" for stage in STAGES))
-        return Table("Mean seconds by stage, of runs that finished", headings, rows)
-
-    def sizes(self, contender: str) -> Table:
-        """By orders of magnitude of the number of candidate subplans [PIKE, Figure 20a]."""
-        rows: list[Cells] = []
-        low = 1
-        while low <= max(self.subplans.values(), default=1):
-            runs = [run for run in self.of(contender) if low <= self.subplans[run.instance] < low * 10]
-            if runs:
-                times = sorted(run.seconds for run in runs if run.solved)
-                slowest = (number(median(times)), number(times[-1])) if times else (number(None),) * 2
-                rows.append((f"{low:,} to {low * 10 - 1:,}", str(len(runs)), str(len(times)), *slowest))
-            low *= 10
-        headings = ("candidate subplans", "plans", "solved", "median, s", "slowest, s")
-        return Table(f"{contender}: time over candidate subplans", headings, rows)
 
     @cached_property
     def compact(self) -> list[tuple[int, int]]:
@@ -260,87 +230,95 @@ class TeamReport(Report[TeamRun]):
         found = {run.instance: run for run in reversed(self.rows) if run.satisfiable and run.models}
         return [(run.models or 0, run.prime_implicants) for run in found.values() if run.prime_implicants is not None]
 
-    @property
-    def more_implicants(self) -> int:
-        """Plans with more prime implicants than models."""
-        return sum(implicants > models for models, implicants in self.compact)
+    def conclusions(self) -> Sequence[str]:
+        more = sum(implicants > models for models, implicants in self.compact)
+        inner = sorted(sum(run.stages.values()) for run in self.of(contender="oracle"))
+        oracle = "the semantic oracle's own share of its time, without start and reading"
+        return [
+            f"more implicants than models: {more} of {len(self.compact)} plans",
+            *([f"{oracle}: {median(inner):.2f} s median, {inner[-1]:.2f} s at most"] if inner else []),
+        ]
 
-    def implicants(self, *notes: str) -> Table:
+    @property
+    def compilation(self) -> list[Table]:
+        """Who decided how many plans in what time; stages; and time by orders of magnitude of the number of candidate
+        subplans [PIKE, Figure 20a]."""
+        return [
+            Table.of("Compilation of random plans with choices", SOLVED, self.timings),
+            Table.of("Mean seconds by stage, of runs that finished", STAGE_MEANS, self.timings),
+            *map(self._sizes, self.timings),
+        ]
+
+    def _sizes(self, one: Timing) -> Table:
+        by_size = decades(one.runs, lambda run: self.subplans[run.instance])
+        groups = [Timing(f"{low:,} to {low * 10 - 1:,}", runs) for low, runs in by_size]
+        return Table.of(f"{one.name}: time over candidate subplans", SIZES, groups)
+
+    @property
+    def implicants(self) -> Table:
         """Prime implicants by orders of magnitude of the number of models [PIKE, Figure 21]."""
-        rows: list[Cells] = []
-        low = 1
-        while self.compact and low <= max(models for models, _ in self.compact):
-            here = [(models, implicants) for models, implicants in self.compact if low <= models < low * 10]
-            if here:
-                sizes = [implicants for _, implicants in here]
-                share = max(implicants / models for models, implicants in here)
-                power = f"{low:.0e}".replace("e+0", "e").replace("e+", "e")
-                rows.append((power, str(len(here)), f"{median(sizes):g}", str(max(sizes)), f"{share:.2g}"))
-            low *= 10
-        headings = ("models", "plans", "implicants, median", "implicants, most", "greatest share of models")
+        columns: Columns[tuple[int, list[tuple[int, int]]]] = {
+            "models": lambda one: f"{one[0]:.0e}".replace("e+0", "e").replace("e+", "e"),
+            "plans": lambda one: len(one[1]),
+            "implicants, median": lambda one: f"{median(implicants for _, implicants in one[1]):g}",
+            "implicants, most": lambda one: max(implicants for _, implicants in one[1]),
+            "greatest share of models": lambda one: f"{max(found / models for models, found in one[1]):.2g}",
+        }
         title = "Prime implicants and models of plans that admit a correct execution"
-        return Table(title, headings, rows, notes)
+        return Table.of(title, columns, decades(self.compact, lambda each: each[0]))
+
+    def page_contents(self) -> list[Table]:
+        return [*self.compilation, self.implicants]
 
 
 class Figure20aReport(TeamReport):
-    """Time over candidate subplans."""
+    # Time over candidate subplans.
 
-    @property
-    def tables(self) -> list[Table]:
-        """Who decided how many plans in what time; stages; and time over candidate subplans."""
-        tables = [self.solved, self.stages, *map(self.sizes, self.contenders)]
-        return [*tables[:-1], replace(tables[-1], notes=self.notes)]
+    def contents(self) -> list[Table]:
+        return self.compilation
 
-    def draw(self, path: Path) -> None:
+    def panels(self) -> list[Panel]:
         """Seconds over candidate subplans, one panel for each back end; crosses at the limit ran out of time."""
-        names, limit = self.contenders, self.options.limit
-        with canvas(path, max(5.5, 3.2 * len(names)), 4.2, len(names)) as (_, panels):
-            for place, (axes, name) in enumerate(zip(panels, names, strict=True)):
-                runs = self.of(name)
-                colour = COLOURS[place % len(COLOURS)]
-                for satisfiable, marker, size, text in ((True, "o", 5, "admits one"), (False, ".", 3, "admits none")):
-                    found = [run for run in runs if run.satisfiable is satisfiable]
-                    axes.plot(
-                        [self.subplans[run.instance] for run in found],
-                        [run.seconds for run in found],
-                        marker,
-                        color=colour,
-                        markerfacecolor="none" if satisfiable else None,
-                        markersize=size,
-                        label=text,
-                    )
-                late = [self.subplans[run.instance] for run in runs if not run.solved]
-                axes.plot(late, [limit] * len(late), "x", color=BLACK)
-                axes.axhline(limit, color=BLACK, linewidth=0.6, linestyle=":")
-                axes.set(xscale="log", yscale="log", xlabel="candidate subplans")
-                axes.set_title(f"{name}: {len(runs) - len(late)} of {len(runs)}")
-            panels[0].set_ylabel("seconds from files to answer")
-            panels[0].legend(title="correct execution", loc="upper left", fontsize="small")
+        return [self._panel(place, one) for place, one in enumerate(self.timings)]
+
+    def _panel(self, place: int, one: Timing) -> Panel:
+        limit, colour = self.options.limit, COLOURS[place % len(COLOURS)]
+
+        def dots(satisfiable: bool) -> list[tuple[float, float]]:
+            return [(self.subplans[run.instance], run.seconds) for run in one.runs if run.satisfiable is satisfiable]
+
+        late = [(self.subplans[run.instance], limit) for run in one.runs if not run.solved]
+        ends = [(size, limit) for size in (1, max(self.subplans.values(), default=1))]
+        lines = [
+            Series(dots(True), "a correct execution exists", colour, marker="o", look={"markerfacecolor": "none"}),
+            Series(dots(False), "none exists", colour, marker=".", size=3),
+            Series(late, marker="x"),
+            Series(ends, line=":"),
+        ]
+        title = f"{one.name}: {len(one.times)} of {len(one.runs)}"
+        return Panel(title, lines, "candidate subplans", "seconds from files to answer", log="xy")
 
 
 class Figure21Report(TeamReport):
-    """Prime implicants over models."""
+    # Prime implicants over models.
 
-    @property
-    def tables(self) -> list[Table]:
-        return [self.implicants(*self.notes, f"more implicants than models: {self.more_implicants} plans")]
+    def contents(self) -> list[Table]:
+        return [self.implicants]
 
-    def draw(self, path: Path) -> None:
+    def panels(self) -> list[Panel]:
         """Prime implicants over models; the line is where they are as many."""
-        from matplotlib.ticker import FuncFormatter  # noqa: PLC0415 - only where something is drawn
-
         # Logarithms taken here, because the numbers may be larger than any float.
-        models = [log10(found) for found, _ in self.compact]
-        implicants = [log10(found or 1) for _, found in self.compact]
-        with canvas(path, 5.5, 4.6) as (_, [axes]):
-            axes.plot(models, implicants, "o", color=BLUE, markerfacecolor="none")
-            if models:
-                ends = [0.0, max(models)]
-                axes.plot(ends, ends, color=BLACK, linewidth=0.6, linestyle=":", label="as many implicants as models")
-                axes.legend(loc="upper left")
-            for axis in (axes.xaxis, axes.yaxis):
-                axis.set_major_formatter(FuncFormatter(lambda value, _: f"$10^{{{value:g}}}$"))
-            axes.set(xlabel="models", ylabel="prime implicants")
+        dots = [(log10(models), log10(implicants or 1)) for models, implicants in self.compact]
+        end = max((models for models, _ in dots), default=0.0)
+        lines = [
+            Series(dots, None, BLUE, marker="o", look={"markerfacecolor": "none"}),
+            Series([(0, 0), (end, end)], "as many implicants as models", BLACK, ":"),
+        ]
+
+        def power(value: float) -> str:
+            return f"$10^{{{value:g}}}$"
+
+        return [Panel("", lines, "models", "prime implicants", units={"x": power, "y": power})]
 
 
 def _prepare(options: Figure21Options, _: object) -> TeamPlans:
@@ -349,33 +327,25 @@ def _prepare(options: Figure21Options, _: object) -> TeamPlans:
     for name in options.backends:
         if name not in CONTENDERS:
             raise InputError(f"--backend: found {name!r}, expected one of {', '.join(CONTENDERS)}")
-    networks = [random_plan(options.seed, index).network for index in range(options.instances)]
-    return TeamPlans(
-        tuple(
-            TeamPlanSize(instance_name(options.seed, index), len(one.activities), candidate_subplans(one))
-            for index, one in enumerate(networks)
-        )
-    )
+    plans = []
+    for index in range(options.instances):
+        network = random_plan(options.seed, index).network
+        size = len(network.activities), candidate_subplans(network)
+        plans.append(TeamPlanSize(instance_name(options.seed, index), *size))
+    return TeamPlans(tuple(plans))
 
 
-def _tasks(options: Figure21Options, _: object) -> list[TeamTask]:
+def _tasks(options: Figure21Options, _: object) -> list[Task]:
     return [
-        TeamTask(options.seed, index, contender, options.limit or 60.0)
+        Task(f"{instance_name(options.seed, index)}, {name}", (options.seed, index, name, options.limit or 60.0))
         for index in range(options.instances)
-        for name, contender in CONTENDERS.items()
+        for name in CONTENDERS
         if not options.backends or name in options.backends
     ]
 
 
-def _describe(task: TeamTask, run: TeamRun) -> str:
-    outcome = run.message or "out of time"
-    if run.satisfiable is not None:
-        outcome = "exists" if run.satisfiable else "none"
-    return f"{task.label}: {outcome}, {run.seconds:.2f} s"
-
-
 def _experiment(name: str, options: type[Figure21Options], report: type[TeamReport]) -> Experiment:
-    return Experiment(name, options, _tasks, run_contender, TeamRun, report, _describe, prepare=_prepare)
+    return Experiment(name, options, _tasks, run_contender, report, lambda run: run.text, prepare=_prepare)
 
 
 FIGURE20A = _experiment("figure20a", Figure20aOptions, Figure20aReport)

@@ -13,32 +13,32 @@ import gc
 import json
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from fractions import Fraction
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import cycle, zip_longest
 from pathlib import Path
-from statistics import median
 from typing import Any, ClassVar
 
 from robust.errors import InputError, did_you_mean
 from robust.execute.drive import run_in_world
-from robust.pike_bridge.generators.random_plans import random_plan
-from robust.pike_bridge.model import Assignment, Condition, Effect, TeamPlan
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.progress import Decision, Message, Progress
-from robust.pike_bridge.online.reasoner import Accompanied
+from robust.pike_bridge.online.progress import Decision
 from robust.pike_bridge.online.reasoners import SMT, make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import SimulatedTeam, Story
+from robust.pike_bridge.random_plans import random_plan
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 from ..catalogue import Figure20bOptions
-from ..engine.codec import plain, restored, text_of
-from ..engine.experiment import Experiment, Report
-from ..engine.measure import measured
-from ..engine.show import BLACK, COLOURS, NOTHING, Cells, Table, canvas, number, quantile
+from ..engine.experiment import Experiment, Report, Task
+from ..engine.measure import complaint, measured
+from ..engine.pool import text_of
+from ..engine.show import COLOURS, NOTHING, Columns, Panel, Series, Table, middle, number, quantile
 from ..engine.sweep import Progress as Watching
+from ..engine.sweep import restored
+from .baselines import Timed
 from .figure20a_21 import GRACE, instance_name
 
 TIMEOUT = "timeout"
@@ -50,20 +50,6 @@ PAPER_SHARE = 0.853
 
 
 # -- one execution -----------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class LatencyTask:
-    """One back end on one plan."""
-
-    seed: int
-    index: int
-    backend: str
-    limit: float
-
-    @property
-    def label(self) -> str:
-        return f"{instance_name(self.seed, self.index)}, {self.backend}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,63 +84,6 @@ class Execution:
         return max(self.step_seconds, default=0.0) if self.executed else None
 
 
-class _Timed:
-    """An executive whose steps and wakes are measured, without what its companion does meanwhile."""
-
-    def __init__(self, executive: PlanExecutive, judge: _TimedJudge) -> None:
-        self._executive = executive
-        self._judge = judge
-        self.steps: list[float] = []
-        self.wakes: list[float] = []
-        self.decisions: list[str] = []
-
-    def step(self, now: Fraction, messages: Sequence[Message]) -> list[Decision]:
-        started, aside = time.perf_counter(), self._judge.seconds
-        decisions = self._executive.step(now, messages)
-        self.steps.append(round(time.perf_counter() - started - (self._judge.seconds - aside), 7))
-        self.decisions += map(str, decisions)
-        return decisions
-
-    @property
-    def wake(self) -> Fraction | None:
-        started = time.perf_counter()
-        wake = self._executive.wake
-        self.wakes.append(round(time.perf_counter() - started, 7))
-        return wake
-
-    @property
-    def ended(self) -> bool:
-        return self._executive.ended
-
-
-class _TimedJudge(SemanticReasoner):
-    """Who advises the team, with the seconds that it takes to be told facts."""
-
-    def __init__(self, progress: Progress) -> None:
-        super().__init__(progress)
-        self.seconds = 0.0
-
-    def observed(self, assignment: Assignment) -> None:
-        started = time.perf_counter()
-        super().observed(assignment)
-        self.seconds += time.perf_counter() - started
-
-    def executed(self, event: str) -> None:
-        started = time.perf_counter()
-        super().executed(event)
-        self.seconds += time.perf_counter() - started
-
-    def voided(self, effect: Effect, condition: Condition) -> None:
-        started = time.perf_counter()
-        super().voided(effect, condition)
-        self.seconds += time.perf_counter() - started
-
-    def advanced(self) -> None:
-        started = time.perf_counter()
-        super().advanced()
-        self.seconds += time.perf_counter() - started
-
-
 def measure_latency(index: int, *, seed: int = 0, backend: str = SMT, deadline: Deadline = NEVER) -> Execution:
     """One simulated execution of the random plan of that number, with a rational team.
 
@@ -169,72 +98,40 @@ def measure_latency(index: int, *, seed: int = 0, backend: str = SMT, deadline: 
         InputError: if there is no such reasoner.
     """
     plan = random_plan(seed, index).plan()
-    return _Measurement(plan, backend, deadline).run(instance_name(seed, index), index)
-
-
-class _Measurement:
-    def __init__(self, plan: TeamPlan, backend: str, deadline: Deadline) -> None:
-        self._plan = plan
-        self._backend = backend
-        self._deadline = deadline
-        self._make = make_reasoner(backend, deadline=deadline)
-        self._timed: _Timed | None = None
-        self._preparation = 0.0
-
-    def run(self, instance: str, seed: int) -> Execution:
-        try:
-            outcome = self._execute(seed)
-        except OutOfTimeError:
-            outcome = TIMEOUT
-        timed = self._timed
-        steps, wakes, decisions = (timed.steps, timed.wakes, timed.decisions) if timed else ([], [], [])
-        return Execution(
-            self._backend,
-            instance,
-            outcome,
-            self._preparation,
-            tuple(steps),
-            tuple(wakes),
-            len(decisions),
-            decided=tuple(decisions),
-        )
-
-    def _execute(self, seed: int) -> str:
-        judges: list[_TimedJudge] = []
-
-        def both(progress: Progress) -> Accompanied:
-            judges.append(_TimedJudge(progress))
-            started = time.perf_counter()
-            try:
-                return Accompanied(self._make(progress), judges[0])
-            finally:
-                self._preparation = time.perf_counter() - started
-
-        executive = PlanExecutive(self._plan, both, deadline=self._deadline)
-        started = time.perf_counter()
+    name, make = instance_name(seed, index), make_reasoner(backend, deadline=deadline)
+    timed: Timed[Decision] | None = None
+    started = time.perf_counter()
+    try:
+        executive = PlanExecutive(plan, make, deadline=deadline)
         executive.prepare()
-        self._preparation += time.perf_counter() - started
-        timed = self._timed = _Timed(executive, judges[0])
-        run_in_world(timed, SimulatedTeam(self._plan, executive, judges[0], Story(), seed=seed))
-        return "none" if executive.outcome is None else type(executive.outcome).__name__.lower()
+        preparation = time.perf_counter() - started
+        timed = Timed(executive)
+        judge = SemanticReasoner(executive.progress)
+        run_in_world(timed, SimulatedTeam(plan, executive, judge, Story(), seed=index))
+        outcome = "none" if executive.outcome is None else type(executive.outcome).__name__.lower()
+    except OutOfTimeError:
+        outcome = TIMEOUT
+    if timed is None:
+        return Execution(backend, name, outcome, time.perf_counter() - started)
+    decided = tuple(timed.decisions)
+    steps, wakes = tuple(timed.steps), tuple(timed.wakes)
+    return Execution(backend, name, outcome, preparation, steps, wakes, len(decided), decided=decided)
 
 
 _CHILD = f"import sys; sys.path[:0] = sys.argv[1:2]; from {__name__} import main; main(sys.argv[2:])"
 
 
-def run_execution(task: LatencyTask) -> Execution:
+def run_execution(seed: int, index: int, backend: str, limit: float) -> Execution:
     """One execution as a process, so that executions do not disturb each other.
 
     Start and import are not counted in the limit, which the process keeps itself.
     """
-    root = Path(__file__).parents[__name__.count(".")]
-    words = (str(task.seed), str(task.index), task.backend, str(task.limit))
-    found = measured((sys.executable, "-c", _CHILD, str(root), *words), limit=task.limit + GRACE)
-    instance = instance_name(task.seed, task.index)
+    words = map(str, (Path(__file__).parents[__name__.count(".")], seed, index, backend, limit))
+    found = measured((sys.executable, "-c", _CHILD, *words), limit=limit + GRACE)
     if found.timed_out:
-        return Execution(task.backend, instance, TIMEOUT)
+        return Execution(backend, instance_name(seed, index), TIMEOUT)
     if found.exit_code != 0:
-        return Execution(task.backend, instance, None, message=found.last_error)
+        return Execution(backend, instance_name(seed, index), None, message=complaint(found))
     execution: Execution = restored(json.loads(found.stdout), Execution)
     return execution
 
@@ -260,168 +157,164 @@ class Admitting:
     admitting: tuple[str, ...]
     searched: bool = True
     """Whether all plans were looked at."""
+    differing: tuple[str, ...] = ()
+    """Where decisions are known to differ, of executions that are read again."""
 
 
-class LatencyReport(Report[Execution]):
-    """All executions."""
+@dataclass(frozen=True, slots=True)
+class Latencies:
+    """What a back end did with the plans."""
 
-    SETTINGS: ClassVar[Mapping[str, str]] = {"seed": "seed", "limit": "limit", "jobs": "jobs"}
-    ROWS = "executions"
-    ROW = Execution
-    FACTS = Admitting
-    NOTED = False
-
-    @classmethod
-    def read_options(cls, answer: Mapping[str, Any]) -> dict[str, Any]:
-        ran = tuple(dict.fromkeys(run["backend"] for run in answer["executions"]))
-        return {**super().read_options(answer), "backends": ran}
+    name: str
+    runs: Sequence[Execution]
 
     @property
-    def complete(self) -> bool:
-        return self.finished and self.facts.searched
+    def ended(self) -> list[Execution]:
+        return [run for run in self.runs if run.executed]
 
     @property
-    def backends(self) -> tuple[str, ...]:
-        return _chosen(self.options.backends)
-
-    def of(self, backend: str) -> list[Execution]:
-        return [each for each in self.rows if each.backend == backend]
+    def prepared(self) -> list[float]:
+        """Seconds of preparation, of executions that came to an end."""
+        return [run.preparation_seconds for run in self.ended if run.preparation_seconds is not None]
 
     @property
-    def differences(self) -> list[str]:
-        """Where two back ends decided differently; a time-out has only a beginning in common with the others."""
-        found = []
-        for instance in dict.fromkeys(each.instance for each in self.rows):
-            told = [each for each in self.rows if each.instance == instance and each.outcome is not None]
-            longest = max(told, key=lambda each: (each.executed, len(each.decided)), default=None)
-            for each in told:
-                place = None if longest is None else _difference(longest, each)
-                if longest is not None and place is not None:
-                    found.append(
-                        f"{instance}: {longest.backend} and {each.backend} differ from decision {place + 1} on"
-                    )
-        return found
+    def steps(self) -> list[float]:
+        return [seconds for run in self.ended for seconds in run.step_seconds]
 
     @property
-    def agrees(self) -> bool:
-        """Whether everything was run, nothing failed, and all decided the same; too late is not wrong."""
-        return self.complete and not self.differences and all(each.message is None for each in self.rows)
+    def slowest(self) -> list[float]:
+        """The slowest step of each execution, in ascending order."""
+        return sorted(run.slowest for run in self.ended if run.slowest is not None)
 
-    def as_dict(self) -> dict[str, Any]:
-        answer = super().as_dict()
-        del answer["searched"]
-        return answer
-
-    @property
-    def findings(self) -> Mapping[str, Any]:
-        return {"differences": self.differences}
-
-    def printed(self, row: Execution) -> dict[str, Any]:
-        answer: dict[str, Any] = plain(row)
-        del answer["decided"]
-        return answer
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        facts, options = self.facts, self.options
-        found = [
-            f"{facts.problems} plans of seed {options.seed}: {len(facts.admitting)} of {facts.decided} decided ones "
-            "admit a correct execution",
-            f"limit {options.limit:g} s for each compilation and execution, {options.jobs} at a time",
-            f"the paper: the slowest step took up to {REACTIVE} s in {PAPER_SHARE:.1%} of 75 executions",
-        ]
-        found += [f"different decisions: {difference}" for difference in self.differences]
-        found += [f"{run.instance}, {run.backend}: {run.message}" for run in self.rows if run.message is not None]
-        if not self.complete:
-            found.append("interrupted: not all executions were measured")
-        return tuple(found)
-
-    @property
-    def executed(self) -> Table:
-        """How many executions came to an end, and what was spent besides the steps."""
-        rows: list[Cells] = []
-        for backend in self.backends:
-            runs = self.of(backend)
-            ended = [run for run in runs if run.executed]
-            prepared = sorted(run.preparation_seconds for run in ended if run.preparation_seconds is not None)
-            rows.append(
-                (
-                    backend,
-                    str(len(ended)),
-                    str(len(runs)),
-                    str(sum(run.outcome == "succeeded" for run in ended)),
-                    str(sum(run.outcome == TIMEOUT for run in runs)),
-                    _milliseconds(median(prepared) if prepared else None),
-                    _milliseconds(prepared[-1] if prepared else None),
-                    _milliseconds(max((seconds for run in ended for seconds in run.wake_seconds), default=None)),
-                )
-            )
-        headings = (
-            *("back end", "executed", "of", "succeeded", "out of time"),
-            *("preparation, ms: median", "most", "slowest look ahead, ms"),
-        )
-        return Table("Executions of random plans with choices", headings, rows)
-
-    @property
-    def steps(self) -> Table:
-        """Steps, and the slowest one of each execution [PIKE, Figure 20b]."""
-        rows: list[Cells] = []
-        for backend in self.backends:
-            ended = [run for run in self.of(backend) if run.executed]
-            steps = [seconds for run in ended for seconds in run.step_seconds]
-            slowest = sorted(run.slowest for run in ended if run.slowest is not None)
-            rows.append(
-                (
-                    backend,
-                    str(len(steps)),
-                    _milliseconds(median(steps) if steps else None),
-                    _milliseconds(median(slowest) if slowest else None),
-                    _milliseconds(quantile(slowest, 0.9)),
-                    _milliseconds(slowest[-1] if slowest else None),
-                    _share(sum(each < SWIFT for each in slowest), len(slowest)),
-                    _share(sum(each <= REACTIVE for each in slowest), len(slowest)),
-                )
-            )
-        headings = (
-            *("back end", "steps", "median step, ms", "slowest step of each execution, ms: median"),
-            *("90 %", "most", f"under {SWIFT} s", f"up to {REACTIVE} s"),
-        )
-        return Table("Latency of their steps", headings, rows, self.notes)
-
-    @property
-    def tables(self) -> list[Table]:
-        """Executions and preparation, then steps."""
-        return [self.executed, self.steps]
-
-    def draw(self, path: Path) -> None:
-        """The share of executions over the seconds of their slowest step, one line for each back end."""
-        with canvas(path, 5.5, 4.2) as (_, [axes]):
-            for place, backend in enumerate(self.backends):
-                runs = self.of(backend)
-                slowest = sorted(run.slowest for run in runs if run.slowest is not None)
-                shares = [(at + 1) / len(runs) for at in range(len(slowest))]
-                axes.step(slowest, shares, where="post", color=COLOURS[place % len(COLOURS)], label=backend)
-            axes.axvline(REACTIVE, color=BLACK, linewidth=0.6, linestyle=":")
-            axes.set(xscale="log", xlabel="seconds of the slowest step", ylabel="share of executions", ylim=(0, 1.02))
-            axes.legend(loc="lower right")
-
-
-def _difference(one: Execution, other: Execution) -> int | None:
-    """The place of the first decision that is not the same."""
-    for place, (first, second) in enumerate(zip(one.decided, other.decided, strict=False)):
-        if first != second:
-            return place
-    if other.executed and len(one.decided) != len(other.decided):
-        return min(len(one.decided), len(other.decided))
-    return None
+    def share(self, swift: Callable[[float], bool]) -> str:
+        """How many executions never took longer."""
+        count, total = sum(map(swift, self.slowest)), len(self.slowest)
+        return f"{count} ({count / total:.1%})" if total else NOTHING
 
 
 def _milliseconds(seconds: float | None) -> str:
     return number(None if seconds is None else seconds * 1000, 1)
 
 
-def _share(count: int, total: int) -> str:
-    return f"{count} ({count / total:.1%})" if total else NOTHING
+def _most(values: Iterable[float]) -> str:
+    return _milliseconds(max(values, default=None))
+
+
+EXECUTED: Columns[Latencies] = {
+    "back end": lambda one: one.name,
+    "executed": lambda one: len(one.ended),
+    "of": lambda one: len(one.runs),
+    "succeeded": lambda one: sum(run.outcome == "succeeded" for run in one.ended),
+    "out of time": lambda one: sum(run.outcome == TIMEOUT for run in one.runs),
+    "preparation, ms: median": lambda one: _milliseconds(middle(one.prepared)),
+    "most": lambda one: _most(one.prepared),
+    "slowest look ahead, ms": lambda one: _most(seconds for run in one.ended for seconds in run.wake_seconds),
+}
+STEPS: Columns[Latencies] = {
+    "back end": lambda one: one.name,
+    "steps": lambda one: len(one.steps),
+    "median step, ms": lambda one: _milliseconds(middle(one.steps)),
+    "slowest step of each execution, ms: median": lambda one: _milliseconds(middle(one.slowest)),
+    "90 %": lambda one: _milliseconds(quantile(one.slowest, 0.9)),
+    "most": lambda one: _most(one.slowest),
+    f"under {SWIFT} s": lambda one: one.share(lambda seconds: seconds < SWIFT),
+    f"up to {REACTIVE} s": lambda one: one.share(lambda seconds: seconds <= REACTIVE),
+}
+
+
+class LatencyReport(Report[Execution]):
+    """One simulated execution of each random plan that admits a correct one [PIKE, Figure 20b] (`robust bench
+    figure20b`). `smt` compiles nothing: each question goes to the semantic oracle's formula, and its preparation is to
+    state that formula and to find one correct execution. The others compile a knowledge base. Humans choose what
+    remains correct, activities end while that leaves a correct execution.
+    """
+
+    TITLE = "Latency of the executive"
+    SETTINGS: ClassVar[Mapping[str, str]] = {"seed": "seed", "limit": "limit", "jobs": "jobs"}
+    ROWS = "executions"
+    RAN = (("backends", "backend"),)
+    FACTS = Admitting
+    NOTED = False
+    LAYOUT = (5.5, 4.2, "lower right")
+
+    @classmethod
+    def read_facts(cls, answer: Mapping[str, Any]) -> Any:
+        return replace(super().read_facts(answer), differing=tuple(answer["differences"]))
+
+    @property
+    def complete(self) -> bool:
+        return self.finished and self.facts.searched
+
+    @property
+    def latencies(self) -> list[Latencies]:
+        return [Latencies(name, self.of(backend=name)) for name in _chosen(self.options.backends)]
+
+    @property
+    def differences(self) -> list[str]:
+        """Where two back ends decided differently; a time-out has only a beginning in common with the others.
+
+        Decisions are not printed, only where they differ.
+        """
+        found = list(self.facts.differing)
+        for instance in dict.fromkeys(each.instance for each in self.rows):
+            told = [each for each in self.of(instance=instance) if each.outcome is not None]
+            for each in told:
+                longest = max(told, key=lambda one: (one.executed, len(one.decided)))
+                if (place := _difference(longest, each)) is not None:
+                    names = f"{longest.backend} and {each.backend}"
+                    found.append(f"{instance}: {names} differ from decision {place + 1} on")
+        return found
+
+    def sound(self) -> bool:
+        """Whether nothing failed, and all decided the same; too late is not wrong."""
+        return not self.differences and all(each.message is None for each in self.rows)
+
+    def as_dict(self) -> dict[str, Any]:
+        answer = super().as_dict()
+        del answer["searched"], answer["differing"]
+        return answer
+
+    def findings(self) -> Mapping[str, Any]:
+        return {"differences": self.differences}
+
+    def printed(self, row: Execution) -> dict[str, Any]:
+        answer: dict[str, Any] = super().printed(row)
+        del answer["decided"]
+        return answer
+
+    def remarks(self) -> Sequence[str]:
+        facts, options, differences = self.facts, self.options, self.differences
+        return [
+            f"{facts.problems} plans of seed {options.seed}: {len(facts.admitting)} of {facts.decided} decided ones "
+            "admit a correct execution",
+            f"limit {options.limit:g} s for each compilation and execution, {options.jobs} at a time",
+            f"the paper: the slowest step took up to {REACTIVE} s in {PAPER_SHARE:.1%} of 75 executions",
+            *([] if differences else ["all back ends made the same decisions at the same times"]),
+            *(f"different decisions: {difference}" for difference in differences),
+            *(f"{run.instance}, {run.backend}: {run.message}" for run in self.rows if run.message is not None),
+        ]
+
+    def contents(self) -> list[Table]:
+        """Executions and preparation, then steps, and the slowest one of each execution [PIKE, Figure 20b]."""
+        return [
+            Table.of("Executions of random plans with choices", EXECUTED, self.latencies),
+            Table.of("Latency of their steps", STEPS, self.latencies),
+        ]
+
+    def panels(self) -> list[Panel]:
+        """The share of executions over the seconds of their slowest step, one line for each back end."""
+        lines = [Series([(REACTIVE, 0), (REACTIVE, 1.02)], line=":")]
+        for one, colour in zip(self.latencies, cycle(COLOURS), strict=False):
+            shares = [(seconds, place / len(one.runs)) for place, seconds in enumerate(one.slowest, 1)]
+            lines.append(Series(shares, one.name, colour, "-", steps=True))
+        axes = {"ylim": (0, 1.02)}
+        return [Panel("", lines, "seconds of the slowest step", "share of executions", log="x", axes=axes)]
+
+
+def _difference(one: Execution, other: Execution) -> int | None:
+    """The place of the first decision that is not the same."""
+    pairs = zip_longest(one.decided, other.decided) if other.executed else zip(one.decided, other.decided, strict=False)
+    return next((place for place, (first, second) in enumerate(pairs) if first != second), None)
 
 
 # -- the experiment ----------------------------------------------------------------------------------------------------
@@ -442,8 +335,8 @@ def _search(options: Figure20bOptions, watching: Watching | None) -> Admitting:
         raise InputError(f"problems is {options.problems}; expected at least 1")
     _chosen(options.backends)
     admitting: list[str] = []
-    decided = 0
-    try:
+    decided, searched = 0, False
+    with suppress(KeyboardInterrupt):
         for index in range(options.problems):
             plan = random_plan(options.seed, index).plan()
             verdict = Oracle(plan).decide(deadline=Deadline.after(options.limit)).verdict
@@ -453,28 +346,22 @@ def _search(options: Figure20bOptions, watching: Watching | None) -> Admitting:
                 admitting.append(name)
             if watching is not None:
                 watching(index + 1, options.problems, f"{name}: correct execution {verdict.value}")
-    except KeyboardInterrupt:
-        return Admitting(options.problems, decided, tuple(admitting), searched=False)
-    return Admitting(options.problems, decided, tuple(admitting))
+        searched = True
+    return Admitting(options.problems, decided, tuple(admitting), searched)
 
 
-def _tasks(options: Figure20bOptions, facts: Admitting) -> list[LatencyTask]:
-    backends = _chosen(options.backends)
+def _tasks(options: Figure20bOptions, facts: Admitting) -> list[Task]:
     names = {instance_name(options.seed, index): index for index in range(options.problems)}
     return [
-        LatencyTask(options.seed, names[name], backend, options.limit)
+        Task(f"{name}, {backend}", (options.seed, names[name], backend, options.limit))
         for name in facts.admitting
-        for backend in backends
+        for backend in _chosen(options.backends)
     ]
 
 
-def _describe(task: LatencyTask, execution: Execution) -> str:
-    outcome = execution.message or execution.outcome or "nothing"
-    if execution.slowest is not None:
-        outcome += f", slowest step {execution.slowest * 1000:.1f} ms"
-    return f"{task.label}: {outcome}"
+def _describe(execution: Execution) -> str:
+    slowest = "" if execution.slowest is None else f", slowest step {execution.slowest * 1000:.1f} ms"
+    return f"{execution.message or execution.outcome or 'nothing'}{slowest}"
 
 
-FIGURE20B = Experiment(
-    "figure20b", Figure20bOptions, _tasks, run_execution, Execution, LatencyReport, _describe, prepare=_search
-)
+FIGURE20B = Experiment("figure20b", Figure20bOptions, _tasks, run_execution, LatencyReport, _describe, prepare=_search)

@@ -158,13 +158,11 @@ def _linear_times(
             share = variable(Auxiliary("share", shares))
             shares += 1
             total += share
-            for end, side in ((low, slope), (high, -slope)):
-                # An infinite end leaves the slope no choice of sign.
-                conditions.append(terms.at_least(side if end is None else slope.scaled(end) - share))
+            for end, falling in ((low, slope), (high, -slope)):
+                # Towards an infinite end the sum must not fall.
+                conditions.append(terms.at_least(-falling if end is None else slope.scaled(end) - share))
             if low is None and high is None:
                 conditions.append(terms.equal(share))
-            if (low is None) is not (high is None):
-                conditions.append(terms.at_least(slope.scaled((low if high is None else high) or Fraction(0)) - share))
         conditions.append(terms.at_least(total))
     session = Session(terms, solver=solver)
     session.add_all(conditions, deadline)

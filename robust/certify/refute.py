@@ -248,8 +248,6 @@ class PropositionalSolver:
             self._queue = []
             for each, value in self._activity.items():
                 heappush(self._queue, (-value, each))
-        elif variable not in self._value:
-            heappush(self._queue, (-self._activity[variable], variable))
 
 
 class NotRefutedError(RobustError):

@@ -53,8 +53,7 @@ class Command:
     target: str
 
     def load(self) -> Action[Any]:
-        module, name = self.target.split(":")
-        found = getattr(import_module(module), name)
+        found = _at(self.target)
         if not isinstance(found, Action):
             raise TypeError(f"{self.target} is not the action of a command")
         return found
@@ -70,9 +69,14 @@ class Group:
     def load(self) -> Mapping[str, Command]:
         if not isinstance(self.commands, str):
             return self.commands
-        module, name = self.commands.split(":")
-        found: Mapping[str, Command] = getattr(import_module(module), name)
+        found: Mapping[str, Command] = _at(self.commands)
         return found
+
+
+def _at(target: str) -> Any:
+    """What `module:name` names."""
+    module, name = target.split(":")
+    return getattr(import_module(module), name)
 
 
 Table = Mapping[str, Command | Group]
@@ -159,6 +163,7 @@ def _place(found: dict[str, Any], declarations: Mapping[str, Option], places: li
 
 
 # -- everything else: typer --------------------------------------------------------------------------------------------
+
 
 CarryOut = Callable[[Action[Any], dict[str, Any]], int]
 

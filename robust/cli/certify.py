@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robust.cli.build import action
-from robust.cli.guard import Cause, GivenUpError
 from robust.errors import InputError, Location, RefutedError
-from robust.numbers import parse_number, shorten
+from robust.numbers import parse_end, shorten
 from robust.options import CertifyCommand, VerifyCommand
 from robust.plan.load import load_plan
 from robust.plan.pddl.forms import read_bytes, read_text
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
 
     from robust.certify.document import CertificateWriter
     from robust.cli.guard import Run
-    from robust.encode.interface import Encoding
     from robust.plan.model import ParametrizedPlan
     from robust.qe.region import Region
 
@@ -49,29 +46,22 @@ def certify(options: CertifyCommand, run: Run) -> int:
         seconds = time.perf_counter() - started
         return size, holes, seconds, *_checked(options.output, _inputs(options), deadline)
 
-    try:
-        size, holes, seconds, code, lines, checking = run.only(work)
-    except OutOfTimeError:
-        raise GivenUpError(Cause.TIMEOUT) from None
+    size, holes, seconds, code, lines, checking = run.only(work)
     if code:
         raise InputError(f"the checker does not accept the certificate: {lines[0]}; please report this as a bug")
 
-    def document() -> dict[str, Any]:
-        from robust.show.documents import document
-        from robust.show.made import Certify
+    from robust.show import documents, made
 
-        return document(
-            Certify(
-                kind="knowledge" if len(options.files) == 1 else options.kind,
-                certificate=str(options.output),
-                bytes=size,
-                seconds=round(seconds, 6),
-                checking_s=round(checking, 6),
-                established=_said(lines, "established"),
-                trusted=_said(lines, "trusted"),
-                alethe_holes=holes,
-            )
-        )
+    answer = made.Certify(
+        kind="knowledge" if len(options.files) == 1 else options.kind,
+        certificate=str(options.output),
+        bytes=size,
+        seconds=round(seconds, 6),
+        checking_s=round(checking, 6),
+        established=_said(lines, "established"),
+        trusted=_said(lines, "trusted"),
+        alethe_holes=holes,
+    )
 
     def tell(_out: Console) -> None:
         print(f"certificate: {options.output}, {size} bytes, checked")
@@ -80,7 +70,7 @@ def certify(options: CertifyCommand, run: Run) -> int:
             if holes is not None:
                 print(f"alethe: {options.alethe}, {holes} holes")
 
-    run.answer(document, tell)
+    run.answer(lambda: documents.document(answer), tell)
     return 0
 
 
@@ -93,31 +83,23 @@ def verify(options: VerifyCommand, run: Run) -> int:
     inputs = _inputs(options)
     for file in inputs.values():
         read_bytes(file)
-    try:
-        code, lines, seconds = run.only(lambda: _checked(options.certificate, inputs, Deadline.after(run.remaining)))
-    except OutOfTimeError:
-        raise GivenUpError(Cause.TIMEOUT) from None
+    code, lines, seconds = run.only(lambda: _checked(options.certificate, inputs, Deadline.after(run.remaining)))
     if code == 2:
         raise InputError(f"cannot read ({lines[0].removeprefix('unreadable: ')}), expected {CERTIFICATE}", place)
     if not code and len(options.files) == 3:
         code, lines = _matched(options, lines, Deadline.after(run.remaining))
 
-    def document() -> dict[str, Any]:
-        from robust.show.documents import document
-        from robust.show.made import Verify
+    from robust.show import documents, made
 
-        return document(
-            Verify(
-                verdict="rejected" if code else "established",
-                established=_said(lines, "established"),
-                trusted=_said(lines, "trusted"),
-                matched=bool(_said(lines, "matched")),
-                reason=lines[0].removeprefix("rejected: ") if code else None,
-                seconds=round(seconds, 6),
-            )
-        )
-
-    run.answer(document, lambda _out: print("\n".join(lines)))
+    answer = made.Verify(
+        verdict="rejected" if code else "established",
+        established=_said(lines, "established"),
+        trusted=_said(lines, "trusted"),
+        matched=bool(_said(lines, "matched")),
+        reason=lines[0].removeprefix("rejected: ") if code else None,
+        seconds=round(seconds, 6),
+    )
+    run.answer(lambda: documents.document(answer), lambda _out: print("\n".join(lines)))
     return code
 
 
@@ -144,20 +126,16 @@ def _said(lines: tuple[str, ...], what: str) -> list[str]:
     return [line.removeprefix(f"{what}: ") for line in lines if line.startswith(f"{what}: ")]
 
 
-def _named(files: tuple[Path, ...]) -> dict[str, Path]:
-    """Files by what they are."""
-    if len(files) not in (0, 1, 3):
-        raise InputError(f"found {len(files)} files, expected DOMAIN PROBLEM PLAN or one NETWORK")
-    return {"network": files[0]} if len(files) == 1 else dict(zip(PLAN_FILES, files, strict=False))
-
-
 def _inputs(options: CertifyCommand | VerifyCommand) -> dict[str, Path]:
     """All input files by what they are, with the domain and the problem that a network names."""
-    named = _named(options.files)
-    if len(options.files) == 1:
+    files = options.files
+    if len(files) not in (0, 1, 3):
+        raise InputError(f"found {len(files)} files, expected DOMAIN PROBLEM PLAN or one NETWORK")
+    named = {"network": files[0]} if len(files) == 1 else dict(zip(PLAN_FILES, files, strict=False))
+    if len(files) == 1:
         from robust.pike_bridge.files import read_tpnu
 
-        document = read_tpnu(options.files[0])
+        document = read_tpnu(files[0])
         named |= {"domain": document.beside(document.domain), "problem": document.beside(document.problem)}
     if options.parameters is not None:
         named["parameters"] = options.parameters
@@ -206,15 +184,11 @@ def _plan(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[Certif
         certificate.add_box()
     if options.kind == "maximal":
         certificate.add_witnesses()
-    return certificate.writer, _alethe(options, encoding, box, deadline)
-
-
-def _alethe(options: CertifyCommand, encoding: Encoding, box: Box | None, deadline: Deadline) -> int | None:
     if options.alethe is None or box is None:
-        return None
+        return certificate.writer, None
     from robust.certify.verify import export
 
-    return export(encoding, box, options.alethe, deadline)
+    return certificate.writer, export(encoding, box, options.alethe, deadline)
 
 
 def _region(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) -> Region:
@@ -264,10 +238,6 @@ def _read_box(path: Path, nominal: Box) -> Box:
         ) from None
 
 
-def _end(text: str) -> Fraction | None:
-    return None if text in {"inf", "+inf", "-inf"} else parse_number(text)
-
-
 def _interval(ends: Mapping[str, Any]) -> Interval:
-    lower, upper = _end(ends["lower"]), _end(ends["upper"])
+    lower, upper = parse_end(ends["lower"]), parse_end(ends["upper"])
     return Interval(lower, upper, bool(ends.get("lower_closed", True)), bool(ends.get("upper_closed", True)))

@@ -17,17 +17,18 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from enum import Enum
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from robust.cli.output import answering, print_json
-from robust.cli.progress import Display
-from robust.options import Options
+from robust.cli.output import Display, answering, print_json
+from robust.options import Options, as_typed
+from robust.smt.limits import OutOfTimeError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from robust.api import Answer, Search
+    from robust.cli.build import Action
 
 STOPS = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
 _NUDGE = signal.SIGALRM
@@ -104,9 +105,7 @@ class Guard:
         self._watcher.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -225,8 +224,7 @@ class Run:
     def __init__(self, guard: Guard, options: Options) -> None:
         self.guard = guard
         self._json = bool(getattr(options, "json", False))
-        limit: float | None = getattr(options, "limit", None)
-        self._limit = limit
+        self._limit: float | None = getattr(options, "limit", None)
         talks = getattr(options, "quiet", False) or getattr(options, "verbose", False)
         self.display = Display(shown=hasattr(options, "quiet") and not talks, what="reading")
 
@@ -234,9 +232,7 @@ class Run:
         self.display.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self.display.stop()
 
     @property
@@ -274,14 +270,30 @@ class Run:
                 search = begin()
                 result = search.run()
         except KeyboardInterrupt:
-            known = so_far()
-            if known is None:
+            if (known := so_far()) is None:
                 raise GivenUpError from None
             return known
+        except OutOfTimeError:
+            raise GivenUpError(Cause.TIMEOUT) from None
         if self.guard.cause is not None and result.cut_short:
             # What was interrupted by the time limit is out of time.
             return so_far() or result
         return result
+
+    def reply(
+        self,
+        begin: Callable[[], Search[Known]],
+        document: Callable[[Known], Mapping[str, Any]],
+        text: Callable[[Console, Known], None],
+    ) -> Known:
+        """What a search finds, as :meth:`best`; it is the answer."""
+
+        def show(found: Known) -> None:
+            self.answer(lambda: document(found), lambda out: text(out, found))
+
+        found = self.best(begin, show)
+        show(found)
+        return found
 
     def only(self, work: Callable[[], Found], on_stuck: Callable[[], bool] | None = None) -> Found:
         """What the work returns.
@@ -294,14 +306,15 @@ class Run:
                 return work()
         except KeyboardInterrupt:
             raise GivenUpError from None
+        except OutOfTimeError:
+            raise GivenUpError(Cause.TIMEOUT) from None
 
     def also(self, what: str, work: Callable[[], Found]) -> Found | None:
         """What the work returns; None if it was interrupted, which leaves the answer as it is."""
         self.display.say(what)
         try:
-            with self.working():
-                return work()
-        except KeyboardInterrupt:
+            return self.only(work)
+        except GivenUpError:
             return None
 
     def answer(self, document: Callable[[], Mapping[str, Any]], text: Callable[[Console], None]) -> None:
@@ -314,3 +327,24 @@ class Run:
 
         with answering():
             text(console())
+
+
+def carry_out(guard: Guard, asked: Action[Any], given: Mapping[str, Any]) -> int:
+    """Run an action with the options that were given; its exit code."""
+    with as_typed(given):
+        options = asked.options(**given)
+        if getattr(options, "verbose", False):
+            _log_to_stderr()
+        with Run(guard, options) as run:
+            return asked.carry_out(options, run)
+
+
+def _log_to_stderr() -> None:
+    """What is done, for `--verbose`."""
+    import logging
+
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("%(relativeCreated)7.0f ms  %(name)s: %(message)s"))
+    logger = logging.getLogger("robust")
+    logger.handlers[:] = [handler]
+    logger.setLevel(logging.DEBUG)

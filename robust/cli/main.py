@@ -9,14 +9,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
+from functools import partial
 
 from robust import __version__
-from robust.cli.build import Action, Command, Group, application, read
-from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Guard, Run
+from robust.cli.build import Command, Group, application, read
+from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Guard, carry_out
 from robust.cli.output import drop_output, print_json
 from robust.errors import InputError, RobustError
-from robust.options import as_typed
 
 HELP = "Verify temporal plans: are they valid for every schedule, and how far may reality deviate?"
 
@@ -57,12 +56,13 @@ def run_command(arguments: Sequence[str]) -> int:
         try:
             return _run(list(arguments), guard)
         except (KeyboardInterrupt, GivenUpError) as error:
-            return _report_stop(arguments, guard.cause or getattr(error, "cause", None) or Cause.INTERRUPTED)
+            cause = guard.cause or getattr(error, "cause", None) or Cause.INTERRUPTED
+            return _report(arguments, RobustError(cause.message), cause.value, UNDECIDED, cause.message)
         except BrokenPipeError:
             drop_output()
             return UNDECIDED
         except RobustError as error:
-            return _report(arguments, error, _kind(error))
+            return _report(arguments, error, type(error).__name__.removesuffix("Error").lower())
         except OSError as error:
             place = f"{error.filename}: " if error.filename else ""
             return _report(arguments, InputError(f"{place}{error.strerror or error}"), "input")
@@ -73,41 +73,22 @@ def run_command(arguments: Sequence[str]) -> int:
 
 
 def _run(arguments: list[str], guard: Guard) -> int:
-    def carry_out(asked: Action[Any], given: dict[str, Any]) -> int:
-        with as_typed(given):
-            options = asked.options(**given)
-            if getattr(options, "verbose", False):
-                _log_to_stderr()
-            with Run(guard, options) as run:
-                return asked.carry_out(options, run)
-
     with guard.working():
         found = None if "_ROBUST_COMPLETE" in os.environ else read(COMMANDS, arguments)
     if found is not None:
-        return carry_out(*found)
+        return carry_out(guard, *found)
     with guard.working():
         import typer
 
-        app = application(COMMANDS, arguments, HELP, f"robust {__version__}", carry_out)
+        app = application(COMMANDS, arguments, HELP, f"robust {__version__}", partial(carry_out, guard))
         wrong_usage: type[Exception] = typer.BadParameter.__mro__[2]  # there is no public name for it
     try:
-        code = app(args=arguments, prog_name="robust", standalone_mode=False, obj=guard)
+        code = app(args=arguments, prog_name="robust", standalone_mode=False)
     except wrong_usage as error:
         return _report_misuse(arguments, error)
     if code == _INTERRUPTED:
         raise KeyboardInterrupt
     return code if isinstance(code, int) else 0
-
-
-def _log_to_stderr() -> None:
-    """What is done, for `--verbose`."""
-    import logging
-
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter("%(relativeCreated)7.0f ms  %(name)s: %(message)s"))
-    logger = logging.getLogger("robust")
-    logger.handlers[:] = [handler]
-    logger.setLevel(logging.DEBUG)
 
 
 # -- what goes wrong -------------------------------------------------------------------------------------------------
@@ -140,11 +121,6 @@ def _report_misuse(arguments: Sequence[str], error: Exception) -> int:
     return _report(arguments, RobustError(f"{message} Try '{command} --help'."), "usage", _BAD_USE)
 
 
-def _report_stop(arguments: Sequence[str], cause: Cause) -> int:
-    """Stopped before there was anything to show."""
-    return _report(arguments, RobustError(cause.message), cause.value, UNDECIDED, cause.message)
-
-
 def _report_internal(arguments: Sequence[str], error: Exception) -> int:
     if "--verbose" in arguments:
         import logging
@@ -156,10 +132,6 @@ def _report_internal(arguments: Sequence[str], error: Exception) -> int:
     remedy = "" if "--verbose" in arguments else ", with the output of --verbose"
     message = f"internal error: {text}; please report this{remedy}"
     return _report(arguments, RobustError(message), "internal", UNDECIDED, message)
-
-
-def _kind(error: RobustError) -> str:
-    return type(error).__name__.removesuffix("Error").lower()
 
 
 def _complain(message: str) -> None:

@@ -14,19 +14,18 @@ from typing import TYPE_CHECKING, Any
 
 from robust.cli import plans
 from robust.cli.build import Action, action, read_options
-from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Run
+from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Run, carry_out
 from robust.cli.output import answering, print_json
 from robust.errors import RefutedError
 from robust.files import atomic_write
 from robust.numbers import format_number, plural
-from robust.options import ConvertCommand, DemoCommand, ExecuteCommand, as_typed, place_of
+from robust.options import ConvertCommand, DemoCommand, ExecuteCommand, place_of
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from robust.execute import replan
     from robust.execute.convert import Conversion
-    from robust.plan.parameters import ParameterSpec
 
 # -- convert -----------------------------------------------------------------------------------------------------------
 
@@ -49,16 +48,15 @@ def convert(options: ConvertCommand, run: Run) -> int:
 
     stn, beside = write_stn(found.stn), write_specs(found.beside)
     written = {} if options.output is None else _write(options.output, stn, beside)
-    run.display.stop()
-    if options.json:
-        print_json(made.convert(options, found, stn, beside or None, written))
-        return 0
-    with answering():
+
+    def tell(_out: Console) -> None:
         if not written:
             sys.stdout.write(stn)
-    if not options.quiet:
-        for line in _summary(found, written):
+            sys.stdout.flush()
+        for line in () if options.quiet else _summary(found, written):
             print(line, file=sys.stdout if written else sys.stderr)
+
+    run.answer(lambda: made.convert(options, found, stn, beside or None, written), tell)
     return 0
 
 
@@ -129,10 +127,10 @@ def execute(options: ExecuteCommand, run: Run) -> int:
     cause: Cause | None = None
     try:
         run.only(lambda: _execute_all(options, run, runs))
-    except GivenUpError:
+    except GivenUpError as error:
         if not runs:
             raise
-        cause = run.guard.cause or Cause.INTERRUPTED
+        cause = run.guard.cause or error.cause or Cause.INTERRUPTED
     from robust.show import execution, made
 
     if options.plot is not None:
@@ -153,27 +151,28 @@ def execute(options: ExecuteCommand, run: Run) -> int:
 
 
 def _execute_all(options: ExecuteCommand, run: Run, runs: list[replan.Run]) -> None:
-    from robust.execute.replan import execute as carry_out
-    from robust.execute.replan import first_plan
+    from robust.execute import replan
 
     mission = _mission(options, run.remaining)
     run.display.say("preparing the plan")
-    prepared = first_plan(mission) if options.plan is None else _prepared(options.plan, mission)
+    prepared = replan.first_plan(mission) if options.plan is None else _prepared(options.plan, mission)
     for number in range(options.runs):
         run.display.say(f"run {number + 1} of {options.runs}")
-        runs.append(carry_out(mission, options.seed + number, prepared))
+        runs.append(replan.execute(mission, options.seed + number, prepared))
 
 
 def _mission(options: ExecuteCommand, limit: float | None) -> replan.Mission:
-    from robust.execute.dispatch.network import parse_executor
+    from robust.execute.dispatchable import parse_executor
     from robust.execute.planners.registry import create_planner
     from robust.execute.replan import Mission, Options
-    from robust.execute.worlds.rules import Rules, read_rules
+    from robust.execute.worlds import Rules, read_rules
+    from robust.plan.parameters import parse_specs, read_parameter_file
     from robust.plan.pddl.reader import read_domain, read_problem
 
+    beside = () if options.parameters is None else read_parameter_file(options.parameters)
     settings = Options(
         executor=parse_executor(options.executor),
-        specs=_specs(options),
+        specs=(*beside, *parse_specs(options.parametrize)),
         method=options.method,
         epsilon=options.separation,
         solver=options.solver,
@@ -193,13 +192,6 @@ def _mission(options: ExecuteCommand, limit: float | None) -> replan.Mission:
         planning_time=Fraction(options.planning_time),
         drain=not options.stop_running,
     )
-
-
-def _specs(options: ExecuteCommand) -> tuple[ParameterSpec, ...]:
-    from robust.plan.parameters import parse_specs, read_parameter_file
-
-    beside = () if options.parameters is None else read_parameter_file(options.parameters)
-    return (*beside, *parse_specs(options.parametrize))
 
 
 def _prepared(file: Path, mission: replan.Mission) -> replan.Prepared:
@@ -284,6 +276,7 @@ def demo(_options: DemoCommand, run: Run) -> int:
 
     with answering():
         return _take_tour(console(), run)
+    return 0  # whoever read it has left
 
 
 def _take_tour(out: Console, run: Run) -> int:
@@ -312,11 +305,7 @@ def _take_tour(out: Console, run: Run) -> int:
 
 def _carry_out(step: _Step, run: Run) -> int:
     found: Action[Any] = plans.check if step.command == "check" else plans.envelope
-    given = read_options(found.options, step.words) or {}
-    with as_typed(given):
-        options = found.options(**given)
-        with Run(run.guard, options) as one:
-            return found.carry_out(options, one)
+    return carry_out(run.guard, found, read_options(found.options, step.words) or {})
 
 
 @contextmanager

@@ -1,13 +1,27 @@
-"""Writing answers to stdout, whose reader may leave at any time, as in `robust ... | head`."""
+"""What a command writes: answers on stdout, and progress on stderr for people who watch.
+
+The reader of stdout may leave at any time, as in `robust ... | head`; nothing follows the work where stderr is no
+terminal.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.live import Live
+    from rich.table import Table
+
+    from robust.irr.search import Step
+    from robust.qe.box import Side
 
 
 @contextmanager
@@ -29,3 +43,98 @@ def print_json(answer: Mapping[str, Any]) -> None:
     """Print one object, as an answer."""
     with answering():
         print(json.dumps(answer, indent=2))
+
+
+# -- progress ----------------------------------------------------------------------------------------------------------
+
+_ROWS = 12
+"""Parameters shown at most: the display must fit on a screen."""
+
+
+class Display:
+    """A few lines that follow the work and disappear at its end."""
+
+    def __init__(self, *, shown: bool, what: str) -> None:
+        self._shown = shown and sys.stderr is not None and sys.stderr.isatty()
+        self._started = time.monotonic()
+        self._what = what
+        self._step: Step | None = None
+        self._live: Live | None = None
+
+    def start(self) -> None:
+        """Show it, if there is a terminal to show it on."""
+        if not self._shown:
+            return
+        from rich.console import Console
+        from rich.live import Live
+
+        out = Console(file=sys.stderr, markup=False, highlight=False, emoji=False)
+        self._live = Live(get_renderable=self._render, console=out, transient=True, refresh_per_second=8)
+        self._live.start()
+
+    def stop(self) -> None:
+        """Leave the terminal as it was."""
+        live, self._live = self._live, None
+        if live is not None:
+            live.stop()
+
+    def say(self, what: str) -> None:
+        self._what = what
+
+    def obligation(self, done: int, total: int, name: str) -> None:
+        """For `robust.check`."""
+        self._what = f"obligation {done + 1} of {total}: {name}"
+
+    def batch(self, done: int, total: int, line: str) -> None:
+        """For benchmarks: one line for each run stays, the display shows how many there were."""
+        self._what = f"{done} of {total} done"
+        if self._live is not None:
+            self._live.console.print(line)
+
+    def step(self, step: Step) -> None:
+        """For `robust.envelope`."""
+        self._step = step
+
+    def _render(self) -> RenderableType:
+        from rich.console import Group
+        from rich.text import Text
+
+        from robust.numbers import duration, plural
+
+        elapsed = duration(time.monotonic() - self._started)
+        if self._step is None:
+            return Text(f"{self._what} ... {elapsed}", style="dim", no_wrap=True, overflow="ellipsis")
+        step = self._step
+        line = f"{plural(step.check, 'check')}, {elapsed}"
+        if step.parameter is not None and step.side is not None:
+            line += f"; last: {step.parameter} {step.side.value} {'grown' if step.accepted else 'blocked'}"
+        return Group(_box(step), Text(f"{line}; Ctrl-C keeps this box", style="dim", no_wrap=True, overflow="ellipsis"))
+
+
+def _box(step: Step) -> Table:
+    """The best box so far; the parameter tried last, with its Δ, is marked."""
+    from rich.table import Table
+    from rich.text import Text
+
+    from robust.numbers import interval_text
+
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for name, interval in list(step.box.intervals.items())[:_ROWS]:
+        tried = name == step.parameter
+        table.add_row(
+            Text(name, style="bold" if tried else ""),
+            Text(interval_text(interval)),
+            Text(_delta(step.delta, step.side) if tried else "", style="dim"),
+        )
+    if len(step.box.intervals) > _ROWS:
+        table.add_row(Text(f"and {len(step.box.intervals) - _ROWS} more", style="dim"))
+    return table
+
+
+def _delta(delta: Fraction | None, side: Side | None) -> str:
+    if delta is None or side is None:
+        return ""
+    from robust.numbers import readable
+    from robust.qe.box import Side
+
+    return f"Δ = {readable(delta)} {'↑' if side is Side.UPPER else '↓'}"

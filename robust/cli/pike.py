@@ -1,36 +1,205 @@
-"""`robust pike`: plans with choices."""
+"""`robust pike`: plans with choices. Its options are declared here, each once, as in :mod:`robust.options`."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Collection, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from robust.backends import KNOWLEDGE_BASES
 from robust.cli.build import action
-from robust.cli.guard import Cause, GivenUpError, Run
-from robust.cli.pike_options import (
-    PikeCheckCommand,
-    PikeCompileCommand,
-    PikePlotCommand,
-    PikeRunCommand,
-    assumptions,
-    check_backend,
-)
+from robust.cli.guard import Run
 from robust.cli.plans import CODES
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
 from robust.numbers import parse_number, shorten
-from robust.options import place_of
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.options import (
+    Number,
+    Output,
+    Separation,
+    Solving,
+    argument,
+    not_negative,
+    option,
+    place_of,
+    plot_file,
+    positive,
+    separation,
+)
+from robust.smt.limits import Deadline
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from robust.api import Search
     from robust.pike_bridge.compile import PikeCheck, Sizes
     from robust.pike_bridge.cross_check import Crossed
-    from robust.pike_bridge.model import TeamPlan
+    from robust.pike_bridge.model import Guard, TeamPlan
     from robust.pike_bridge.online.world import Disturbance, ExecutionRecord, Story
-    from robust.show.documents import Document
+    from robust.show.pike import PikePlot
+
+# -- options -----------------------------------------------------------------------------------------------------------
+
+
+class TeamPlanFile(Separation):
+    """Where the plan is, and ε, which its knowledge bases need above 0."""
+
+    file: Path = argument(..., "a plan with choices, .tpnu.json", "FILE")
+    epsilon: Number = separation(positive)
+
+    def load(self) -> TeamPlan:
+        """The plan."""
+        from robust.pike_bridge.action_model import load_team_plan
+
+        return load_team_plan(self.file, epsilon=self.separation)
+
+
+class PikeOptions(TeamPlanFile, Solving, Output):
+    """What most commands take."""
+
+
+_ASSUME: Any = option((), "a choice that is made already; may be repeated", metavar="NAME=VALUE", many=True)
+_TEMPORAL: Any = option(
+    "lazy",
+    "lazy: order by structure, conflicts as they are needed; apsp: labeled all-pairs shortest paths",
+    choices=("lazy", "apsp"),
+)
+
+
+def witness_directory(path: Path, _place: Location) -> Path:
+    """InputError if it is a file."""
+    if path.exists() and not path.is_dir():
+        raise InputError(f"--witness: found file {str(path)!r}, expected a directory")
+    return path
+
+
+class PikeCheckCommand(PikeOptions):
+    """Of `robust pike check`."""
+
+    backend: str = option("oracle", "who answers", choices=("oracle", *KNOWLEDGE_BASES))
+    assume: tuple[str, ...] = _ASSUME
+    all_scenarios: bool = option(False, "find every team scenario that admits a correct execution")
+    cross: bool = option(False, "ask all back ends and the oracle the same questions, and compare")
+    witness: Path | None = option(
+        None,
+        "with --cross: where to write a small plan on which they differ",
+        metavar="DIR",
+        path=True,
+        read=witness_directory,
+    )
+    seed: int = option(0, "with --cross: which sets of choices are tried", metavar="N")
+    temporal: str = _TEMPORAL
+
+
+class PikeCompileCommand(PikeOptions):
+    """Of `robust pike compile`."""
+
+    backend: str = option("pitms", "what is compiled", choices=KNOWLEDGE_BASES)
+    temporal: str = _TEMPORAL
+    shortcut: bool = option(True, "whether a solver may find that there is no correct execution at all")
+    implicants: bool = option(False, "list the prime implicants (pitms, bdd)")
+    models: bool = option(True, "whether models are counted")
+
+
+def _deciding_backend(name: str, place: Location) -> str:
+    """InputError unless an executive can reason with the back end."""
+    known = ("smt", *KNOWLEDGE_BASES)
+    if name not in known:
+        raise InputError(f"found unknown back end {shorten(name)}{did_you_mean(name, known)}", place)
+    return name
+
+
+_SIMULATED = ("human", "pace", "outcome", "disturb", "delay", "seed", "infer", "plot")
+_SERVED = ("journal", "clock", "rate")
+
+
+class PikeRunCommand(PikeOptions):
+    """Of `robust pike run`."""
+
+    human: str = option(
+        "rational",
+        "how uncontrollable choices are made: among what remains correct, or anyhow",
+        choices=("rational", "careless"),
+    )
+    pace: str = option(
+        "cooperative",
+        "how long activities take: so that a correct execution is left if possible, or regardless",
+        choices=("cooperative", "least", "random"),
+    )
+    outcome: tuple[str, ...] = option(
+        (), "what is chosen, and when it is known; may be repeated", metavar="NAME=VALUE[@TIME]", many=True
+    )
+    disturb: tuple[str, ...] = option(
+        (), "what goes wrong: '(not (atom))@3'; may be repeated", metavar="LITERAL@TIME", many=True
+    )
+    delay: Number = option("0", "humans hesitate this long at most", metavar="T", read=not_negative)
+    seed: int = option(0, "decides what is left open", metavar="N")
+    backend: str = option(
+        "smt", "who decides; smt asks a solver and compiles nothing", metavar="NAME", read=_deciding_backend
+    )
+    stdio: bool = option(False, "simulate nothing, but serve a real team through lines of JSON")
+    journal: Path | None = option(
+        None, "as a service: write each step here first, and go on from it", metavar="FILE", path=True
+    )
+    clock: str = option("given", "as a service: the time that messages give, or real time", choices=("given", "real"))
+    rate: Number | None = option(
+        None, "in real time: seconds that a unit of time lasts, else 1", metavar="S", read=positive
+    )
+    infer: bool = option(True, "find out which values open choices may still have")
+    explain: bool = option(False, "say why, below each decision and inference")
+    plot: Path | None = option(
+        None, "draw who did what when: .svg, .png or .pdf", metavar="FILE", path=True, read=plot_file
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        for name in _SIMULATED if self.stdio else _SERVED:
+            if name in given:
+                reason = "found together with --stdio, expected without: nothing is simulated then"
+                raise InputError(reason if self.stdio else "expected only together with --stdio", place_of(name))
+        if self.rate is not None and self.clock != "real":
+            raise InputError("found a rate, expected none unless with --clock real", place_of("rate"))
+
+
+class PikePlotCommand(TeamPlanFile, Output):
+    """Of `robust pike plot`."""
+
+    output: Path = option(
+        ...,
+        "where to draw: .svg, .png or .pdf by suffix",
+        "--output",
+        "-o",
+        "--plot",
+        metavar="FILE",
+        path=True,
+        read=lambda path, _place: plot_file(path, place_of("plot")),
+    )
+    assume: tuple[str, ...] = _ASSUME
+    links: bool = option(False, "draw the labeled causal links as well")
+
+
+def _named_value(text: str, whole: str, place: Location, form: str) -> tuple[str, str]:
+    """A choice and its value."""
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not equals or not name or not value:
+        raise InputError(f"found {shorten(whole)}, expected {form}", place)
+    return name, value
+
+
+def assumed(plan: TeamPlan, texts: Sequence[str]) -> Guard:
+    """`NAME=VALUE` of choices of the plan, each at most once.
+
+    Raises:
+        InputError: for any other text, and for two different values of one choice.
+    """
+    from robust.pike_bridge.compile import checked_assumptions
+
+    found: dict[str, str] = {}
+    for text in texts:
+        place = place_of("assume", text)
+        name, value = _named_value(text, text, place, "NAME=VALUE")
+        if found.setdefault(name, value) != value:
+            raise InputError(f"found a second value for {shorten(name)}, expected one", place)
+    return checked_assumptions(plan, found)
+
 
 # -- check, compile and plot -------------------------------------------------------------------------------------------
 
@@ -40,17 +209,18 @@ def check(options: PikeCheckCommand, run: Run) -> int:
     """Is there a correct execution of a plan with choices, given some of the choices? If so, show one."""
     if options.cross:
         return _cross(options, run)
+    from robust.pike_bridge.compile import Checking, Temporal
+    from robust.show import pike
+
     plan: TeamPlan | None = None
 
     def begin() -> Search[PikeCheck]:
         nonlocal plan
-        from robust.pike_bridge.compile import Checking, Temporal, checked_assumptions
-
         plan = options.load()
         return Checking(
             plan,
             backend=options.backend,
-            assume=checked_assumptions(plan, assumptions(options.assume)),
+            assume=assumed(plan, options.assume),
             all_scenarios=options.all_scenarios,
             solver=options.solver,
             temporal=Temporal(options.temporal),
@@ -58,24 +228,18 @@ def check(options: PikeCheckCommand, run: Run) -> int:
             on_stage=run.display.say,
         )
 
-    def show(result: PikeCheck) -> None:
-        from robust.show import pike
-
-        run.answer(
-            lambda: pike.check_document(result),
-            lambda out: pike.print_check(out, result, plan, quiet=options.quiet),
-        )
-
-    result = run.best(begin, show)
-    show(result)
+    result = run.reply(
+        begin, pike.check_document, lambda out, found: pike.print_check(out, found, plan, quiet=options.quiet)
+    )
     found = result.verdict.value
     return CODES[found] if result.complete or found == "refuted" else CODES["unknown"]
 
 
 def _cross(options: PikeCheckCommand, run: Run) -> int:
-    def begin() -> Search[Crossed]:
-        from robust.pike_bridge.cross_check import Crossing
+    from robust.pike_bridge.cross_check import Crossing
+    from robust.show import pike
 
+    def begin() -> Search[Crossed]:
         return Crossing(
             options.load(),
             witness=options.witness,
@@ -85,16 +249,9 @@ def _cross(options: PikeCheckCommand, run: Run) -> int:
             on_stage=run.display.say,
         )
 
-    def show(crossed: Crossed) -> None:
-        from robust.show import pike
-
-        run.answer(
-            lambda: pike.cross_document(crossed),
-            lambda out: pike.print_cross(out, crossed, quiet=options.quiet),
-        )
-
-    crossed = run.best(begin, show)
-    show(crossed)
+    crossed = run.reply(
+        begin, pike.cross_document, lambda out, found: pike.print_cross(out, found, quiet=options.quiet)
+    )
     return 1 if crossed.outcome is not None and not crossed.outcome.agree else CODES[crossed.status]
 
 
@@ -102,10 +259,11 @@ def _cross(options: PikeCheckCommand, run: Run) -> int:
 def compile_(options: PikeCompileCommand, run: Run) -> int:
     """Compile a plan with choices for execution: sizes, and seconds of each stage."""
 
-    def begin() -> Search[Sizes]:
-        from robust.pike_bridge.compile import Measuring, Temporal
-        from robust.pike_bridge.knowledge import knowledge_bases
+    from robust.pike_bridge.compile import Measuring, Temporal
+    from robust.pike_bridge.knowledge import knowledge_bases
+    from robust.show import pike
 
+    def begin() -> Search[Sizes]:
         able = [name for name, registration in knowledge_bases().items() if registration.knows_implicants]
         if options.implicants and options.backend not in able:
             raise UnsupportedError(
@@ -124,70 +282,49 @@ def compile_(options: PikeCompileCommand, run: Run) -> int:
             on_stage=run.display.say,
         )
 
-    def show(sizes: Sizes) -> None:
-        from robust.show import pike
-
-        run.answer(
-            lambda: pike.compile_document(sizes),
-            lambda out: pike.print_sizes(out, sizes, quiet=options.quiet),
-        )
-
-    sizes = run.best(begin, show)
-    show(sizes)
+    sizes = run.reply(
+        begin, pike.compile_document, lambda out, found: pike.print_sizes(out, found, quiet=options.quiet)
+    )
     return CODES[sizes.status]
 
 
 @action(PikePlotCommand)
 def plot(options: PikePlotCommand, run: Run) -> int:
     """Draw events, activities, choices and guards of a plan; with assumptions, only what they leave."""
-    plan, links = run.only(lambda: _draw(options, run))
-    network = plan.network
+    from robust.show import pike
+    from robust.show.documents import document
 
-    def drawn() -> Document:
-        from robust.show.documents import document
-        from robust.show.pike import PikePlot
-
-        return document(
-            PikePlot(
-                plot=str(options.output),
-                events=len(network.events),
-                activities=len(network.activities),
-                choices=len(network.choices),
-                links=links,
-            )
-        )
-
-    def tell(out: Console) -> None:
-        if not options.quiet:
-            out.print(
-                f"{options.output}: {len(network.events)} events, {len(network.activities)} activities, "
-                f"{len(network.choices)} choices" + ("" if links is None else f", {links} labeled causal links")
-            )
-
-    run.answer(drawn, tell)
+    drawn = run.only(lambda: _draw(options, run))
+    run.answer(lambda: document(drawn), lambda out: pike.print_plot(out, drawn, quiet=options.quiet))
     return 0
 
 
-def _draw(options: PikePlotCommand, run: Run) -> tuple[TeamPlan, int | None]:
-    """The plan that is drawn, and how many links."""
-    from robust.pike_bridge.compile import checked_assumptions
+def _draw(options: PikePlotCommand, run: Run) -> PikePlot:
+    """Draw the plan; what there is to see."""
     from robust.pike_bridge.scenarios import restrict
+    from robust.show import pike
 
     plan = options.load()
-    plan = restrict(plan, checked_assumptions(plan, assumptions(options.assume)))
+    plan = restrict(plan, assumed(plan, options.assume))
     links = None
     if options.links:
         from robust.pike_bridge.causal import augment
-        from robust.pike_bridge.temporal.structural import structural_precedence
+        from robust.pike_bridge.temporal.structural import StructuralPrecedence
 
         run.display.say("links")
-        links = augment(plan, structural_precedence(plan.network)).links
+        links = augment(plan, StructuralPrecedence(plan.network)).links
     run.display.say("drawing")
     from robust.show.network import Link, plot_network
 
     arrows = [Link(link.producer.event, link.consumer.first, str(link.consumer.literal)) for link in links or ()]
-    plot_network(plan.network, options.output, links=arrows, epsilon=Fraction(options.epsilon))
-    return plan, None if links is None else len(links)
+    plot_network(plan.network, options.output, links=arrows, epsilon=options.separation)
+    return pike.PikePlot(
+        plot=str(options.output),
+        events=len(plan.network.events),
+        activities=len(plan.network.activities),
+        choices=len(plan.network.choices),
+        links=None if links is None else len(links),
+    )
 
 
 # -- run ---------------------------------------------------------------------------------------------------------------
@@ -199,14 +336,17 @@ def run(options: PikeRunCommand, run: Run) -> int:
     if options.stdio:
         from robust.cli.serving import serve
 
-        return serve(options, run)
+        rate = Fraction(options.rate or 1) if options.clock == "real" else None
+        return serve(
+            run, options.load, backend=options.backend, solver=options.solver, journal=options.journal, rate=rate
+        )
+    from robust.pike_bridge.online.world import Rehearsal
+    from robust.show import pike
+
     plan: TeamPlan | None = None
 
     def begin() -> Search[ExecutionRecord]:
         nonlocal plan
-        from robust.pike_bridge.online.world import Rehearsal
-
-        check_backend(options.backend)
         plan = options.load()
         told = story(plan, options)
         run.display.say("executing")
@@ -222,28 +362,20 @@ def run(options: PikeRunCommand, run: Run) -> int:
         )
 
     def show(record: ExecutionRecord) -> None:
-        from robust.show import pike
-
         run.answer(
             lambda: pike.run_document(record, seed=options.seed, backend=options.backend),
             lambda out: pike.print_run(out, record, seed=options.seed, explained=options.explain, quiet=options.quiet),
         )
 
-    try:
-        record = run.best(begin, show)
-    except OutOfTimeError:  # while the back end was compiling
-        run.guard.cause = run.guard.cause or Cause.TIMEOUT
-        raise GivenUpError from None
+    record = run.best(begin, show)
     if options.plot is not None and plan is not None:
         from robust.show.gantt import draw_chart
-        from robust.show.pike import run_chart
 
-        draw_chart(run_chart(plan, record), options.plot)
+        draw_chart(pike.run_chart(plan, record), options.plot)
     show(record)
     return {"succeeded": 0, "failed": 1}.get(record.ending.value, CODES["unknown"])
 
 
-_ATOM = re.compile(r"\(\s*([^\s()]+(?:\s+[^\s()]+)*)\s*\)")
 _NEGATION = re.compile(r"\(\s*not\s*(\(.*\))\s*\)", re.IGNORECASE)
 
 
@@ -269,35 +401,33 @@ def _outcome(plan: TeamPlan, text: str) -> tuple[str, tuple[str, Fraction | None
     from robust.pike_bridge.compile import checked_assumptions
 
     place = place_of("outcome", text)
-    assignment, at, time = (part.strip() for part in text.partition("@"))
-    name, equals, value = (part.strip() for part in assignment.partition("="))
-    if not equals or not name or not value:
-        raise InputError(f"found {shorten(text)}, expected NAME=VALUE or NAME=VALUE@TIME", place)
+    assignment, at, time = text.partition("@")
+    name, value = _named_value(assignment, text, place, "NAME=VALUE or NAME=VALUE@TIME")
     checked_assumptions(plan, {name: value})
     if next(each.controllable for each in plan.network.choices if each.name == name):
         raise InputError(f"{name} is for the executive to choose; expected an uncontrollable choice", place)
-    return name, (value, _time(time, place) if at else None)
+    return name, (value, _time(time.strip(), place) if at else None)
 
 
 def _disturbance(plan: TeamPlan, text: str) -> Disturbance:
     """`(atom)@TIME` or `(not (atom))@TIME`."""
     from robust.pike_bridge.model import Literal
+    from robust.pike_bridge.online.progress import parse_atom
     from robust.pike_bridge.online.world import Disturbance
-    from robust.plan.model import Atom
 
     place = place_of("disturb", text)
-    literal, at, time = (part.strip() for part in text.rpartition("@"))
-    literal, time = (literal, time) if at else (text, "")
+    literal, _, time = (part.strip() for part in text.rpartition("@"))
     negated = _NEGATION.fullmatch(literal)
-    atom = _ATOM.fullmatch(negated.group(1) if negated else literal)
-    if atom is None or not time:
+    try:
+        atom = parse_atom(negated.group(1) if negated else literal)
+    except InputError:
+        time = ""
+    if not time:
         raise InputError(f"found {shorten(text)}, expected '(atom)@TIME' or '(not (atom))@TIME'", place)
-    predicate, *arguments = atom.group(1).lower().split()
-    wanted = Atom(predicate, tuple(arguments))
     known = {str(effect.literal.atom) for effect in plan.effects}
-    if str(wanted) not in known:
-        raise InputError(f"nothing in the plan is about {wanted}{did_you_mean(str(wanted), known)}", place)
-    return Disturbance(_time(time, place), Literal(wanted, negated is None))
+    if str(atom) not in known:
+        raise InputError(f"nothing in the plan is about {atom}{did_you_mean(str(atom), known)}", place)
+    return Disturbance(_time(time, place), Literal(atom, negated is None))
 
 
 def _time(text: str, place: Location) -> Fraction:

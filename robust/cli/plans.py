@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from itertools import count
+from typing import TYPE_CHECKING
 
 from robust.cli.build import action
 from robust.files import atomic_write
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
     from robust.api import Search
     from robust.cli.guard import Run
-    from robust.execute.controllability.assess import ControllabilityReport
+    from robust.execute.controllability import ControllabilityReport
     from robust.irr.check import CheckResult, Counterexample
     from robust.irr.compare import Comparison
     from robust.irr.search import EnvelopeResult
@@ -45,39 +46,32 @@ def load(options: PlanCommand) -> ParametrizedPlan:
 @action(CheckCommand)
 def check(options: CheckCommand, run: Run) -> int:
     """Is the plan valid for every schedule that its network allows? If not, show one that fails."""
-    from robust.show import text
+    from robust.api import searching_check
+    from robust.show import documents, text
 
     def begin() -> Search[CheckResult]:
-        from robust.api import searching_check
-
         plan = load(options)
         run.display.say("encoding")
         return searching_check(plan, options.changed(timeout=run.remaining, on_obligation=run.display.obligation))
 
-    def show(result: CheckResult) -> None:
-        def document() -> dict[str, Any]:
-            from robust.show import documents
-
-            return documents.check(result, options)
-
-        run.answer(document, lambda out: text.print_check(out, result, every=options.every, quiet=options.quiet))
-
-    result = run.best(begin, show)
-    show(result)
+    result = run.reply(
+        begin,
+        lambda found: documents.check(found, options),
+        lambda out, found: text.print_check(out, found, every=options.every, quiet=options.quiet),
+    )
     return CODES[result.answer.value]
 
 
 @action(EnvelopeCommand)
 def envelope(options: EnvelopeCommand, run: Run) -> int:
     """How far may parameters deviate, all at once, before the plan can fail? Ctrl-C prints the best box so far."""
-    from robust.show import text
+    from robust.api import searching_envelope
+    from robust.show import documents, text
 
     plan: ParametrizedPlan | None = None
 
     def begin() -> Search[EnvelopeResult]:
         nonlocal plan
-        from robust.api import searching_envelope
-
         plan = load(options)
         run.display.say("encoding, then checking the nominal values")
         return searching_envelope(plan, options.changed(timeout=run.remaining, on_step=run.display.step))
@@ -95,13 +89,8 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
 
                 print_controllability(out, report, quiet=quiet)
 
-        def document() -> dict[str, Any]:
-            from robust.show import documents
-
-            wanted = options.controllability is not None
-            return documents.envelope(result, counterexample, report, controllability=wanted)
-
-        run.answer(document, tell)
+        wanted = options.controllability is not None
+        run.answer(lambda: documents.envelope(result, counterexample, report, controllability=wanted), tell)
 
     result = run.best(begin, show)
     counterexample = report = None
@@ -132,16 +121,11 @@ def _counterexample(options: EnvelopeCommand, run: Run, plan: ParametrizedPlan) 
     """What happens at the nominal point of an invalid plan; None if there is no schedule, or no time left."""
     from robust.api import check as ask
 
-    def again() -> CheckResult:
-        return ask(
-            plan,
-            epsilon=options.epsilon,
-            encoding=options.encoding,
-            solver=options.solver,
-            timeout=run.remaining,
-        )
-
-    checked = run.also("looking for a schedule that fails", again)
+    epsilon, encoding, solver = options.epsilon, options.encoding, options.solver
+    checked = run.also(
+        "looking for a schedule that fails",
+        lambda: ask(plan, epsilon=epsilon, encoding=encoding, solver=solver, timeout=run.remaining),
+    )
     if checked is None or checked.answer.value != "refuted":
         return None
     return next(iter(checked.counterexamples.values()), None)
@@ -151,7 +135,7 @@ def _controllability(
     options: EnvelopeCommand, run: Run, plan: ParametrizedPlan, result: EnvelopeResult
 ) -> ControllabilityReport | None:
     """What a dispatcher may not know; None if that was interrupted."""
-    from robust.execute.controllability.assess import assess
+    from robust.execute.controllability import assess
 
     kind, solver = options.controllability or "", options.solver
     return run.also(
@@ -163,20 +147,17 @@ def _controllability(
 @action(RegionCommand)
 def region(options: RegionCommand, run: Run) -> int:
     """For exactly which parameter values is the plan valid? Out of time, an outer bound is printed."""
-    from robust.show import regions
+    from robust.api import searching_region
+    from robust.show import documents, regions
 
     plan: ParametrizedPlan | None = None
-    pieces = 0
+    pieces = count(1)
 
     def on_piece(_piece: object) -> None:
-        nonlocal pieces
-        pieces += 1
-        run.display.say(f"polyhedra of bad values: {pieces}")
+        run.display.say(f"polyhedra of bad values: {next(pieces)}")
 
     def begin() -> Search[RegionResult]:
         nonlocal plan
-        from robust.api import searching_region
-
         plan = load(options)
         if options.plot is not None:
             regions.shown_axes(plan, options.axes or ())
@@ -190,12 +171,7 @@ def region(options: RegionCommand, run: Run) -> int:
             else:
                 regions.print_region(out, result, quiet=options.quiet)
 
-        def document() -> dict[str, Any]:
-            from robust.show import documents
-
-            return documents.region(result, options.separation)
-
-        run.answer(document, tell)
+        run.answer(lambda: documents.region(result, options.separation), tell)
 
     found = run.best(begin, show)
     result = found
@@ -211,26 +187,18 @@ def region(options: RegionCommand, run: Run) -> int:
 @action(CompareCommand)
 def compare(options: CompareCommand, run: Run) -> int:
     """How much of the exact region does each box cover, and what breaks just outside each of its faces?"""
-    from robust.show import regions
+    from robust.api import searching_compare
+    from robust.show import documents, regions
 
     def begin() -> Search[Comparison]:
-        from robust.api import searching_compare
-
         plan = load(options)
         if options.plot is not None:
             regions.shown_axes(plan, options.axes or ())
         return searching_compare(plan, options.changed(timeout=run.remaining, on_stage=run.display.say))
 
-    def show(result: Comparison) -> None:
-        def document() -> dict[str, Any]:
-            from robust.show import documents
-
-            return documents.compare(result)
-
-        run.answer(document, lambda out: regions.print_comparison(out, result, quiet=options.quiet))
-
-    result = run.best(begin, show)
-    show(result)
+    result = run.reply(
+        begin, documents.compare, lambda out, found: regions.print_comparison(out, found, quiet=options.quiet)
+    )
     if options.plot is not None and result.region is not None:
         regions.plot_comparison(result, options.plot, options.axes or ())
     if options.html is not None:

@@ -2,74 +2,65 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
+import queue
 import select
 import sys
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from math import floor
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Run
+from robust.cli.guard import UNDECIDED, Cause, Run
 from robust.cli.output import drop_output
-from robust.cli.pike_options import PikeRunCommand, check_backend
 from robust.errors import InputError, Location
 from robust.smt.limits import GLANCE, NEVER, Deadline, OutOfTimeError, has_input
 
 if TYPE_CHECKING:
     from robust.execute.drive import WallClock
     from robust.pike_bridge.model import TeamPlan
-    from robust.pike_bridge.online.journal import Journal
-    from robust.pike_bridge.online.service import Request, Service
+    from robust.pike_bridge.online.service import Request
 
-REAL = "real"
+    Inbox = queue.SimpleQueue[tuple[Fraction, Request] | OSError | None]
+
 _TOLERANCE = Fraction(1)
 """Seconds by which decisions in real time may be late, for thinking and writing, and still count as on time."""
 _LOOK = 0.05
 """Seconds between two looks for signals and the deadline, in real time."""
 
 
-def serve(options: PikeRunCommand, run: Run) -> int:
+def serve(
+    run: Run, load: Callable[[], TeamPlan], *, backend: str, solver: str, journal: Path | None, rate: Fraction | None
+) -> int:
     """Serve until the input ends; the exit code says how the execution ended.
+
+    Args:
+        load: reads the plan.
+        rate: seconds that a unit of time lasts, in real time; None: messages give the time.
 
     Raises:
         RobustError: wrong options or files, or a journal that does not fit or cannot be written.
         GivenUpError: if interrupted or out of time before the plan was read.
     """
-    server = _Server(options, run, Fraction(options.rate or 1), Deadline.after(run.remaining))
-    try:
-        run.only(server.prepare)
-    except OutOfTimeError:
-        run.guard.cause = run.guard.cause or Cause.TIMEOUT
-        raise GivenUpError from None
+    server = _Server(run, rate)
+    run.only(lambda: server.prepare(load, backend, solver, journal))
     try:
         return server.serve()
     finally:
         server.close()
 
 
-@dataclass
 class _Server:
-    options: PikeRunCommand
-    run: Run
-    rate: Fraction
-    deadline: Deadline
-    service: Service = field(init=False)
-    plan: TeamPlan = field(init=False)
-    journal: Journal | None = field(init=False, default=None)
-    closed: bool = field(init=False, default=False)
-    """Whether no more requests will come, in real time."""
-    failure: OSError | None = field(init=False, default=None)
-    """Why the input could not be read, in real time."""
+    def __init__(self, run: Run, rate: Fraction | None) -> None:
+        self._run = run
+        self._rate = rate
+        self._deadline = Deadline.after(run.remaining)
 
-    def prepare(self) -> None:
+    def prepare(self, load: Callable[[], TeamPlan], backend: str, solver: str, journal: Path | None) -> None:
         """Read the plan and the journal, and make what decides."""
-        check_backend(self.options.backend)
         from robust.pike_bridge.online.executive import PlanExecutive
         from robust.pike_bridge.online.journal import Journal
         from robust.pike_bridge.online.reasoners import make_reasoner
@@ -77,183 +68,133 @@ class _Server:
 
         if sys.stdin is None:  # closed by the caller, as in `robust ... <&-`
             raise InputError("found no standard input, expected lines of JSON", Location("--stdio"))
-        self.reader = LineReader(sys.stdin.fileno())
+        self._reader = LineReader(sys.stdin.fileno())
         sys.stdout.flush()
-        self.writer = LineWriter(sys.stdout.fileno(), lambda: self.run.guard.cause is not None, self.deadline)
-        self.plan = self.options.load()
-        if self.options.journal is not None:
-            self.journal = Journal(self.options.journal, self.plan)
-        reasoner = make_reasoner(self.options.backend, solver=self.options.solver, deadline=self.deadline)
-        self.service = Service(
-            PlanExecutive(self.plan, reasoner, deadline=self.deadline),
-            self.journal,
-            solver=self.options.solver,
-            deadline=self.deadline,
-            thinking=self.thinking,
-            tolerance=_TOLERANCE / self.rate if self.options.clock == REAL else Fraction(0),
+        self._writer = LineWriter(sys.stdout.fileno(), lambda: self._run.guard.cause is not None, self._deadline)
+        plan = load()
+        self._journal = None if journal is None else Journal(journal, plan)
+        reasoner = make_reasoner(backend, solver=solver, deadline=self._deadline)
+        self._service = Service(
+            PlanExecutive(plan, reasoner, deadline=self._deadline),
+            self._journal,
+            solver=solver,
+            deadline=self._deadline,
+            # Signals and the time limit interrupt there; elsewhere they wait until what is written is written.
+            thinking=lambda: self._run.working(self._on_stuck),
+            tolerance=Fraction(0) if self._rate is None else _TOLERANCE / self._rate,
         )
 
     def close(self) -> None:
         """Let others have the journal."""
-        if self.journal is not None:
-            self.journal.close()
-
-    def thinking(self) -> AbstractContextManager[None]:
-        """Where signals and the time limit interrupt; everywhere else they wait until what is written is written."""
-        return self.run.working(self._on_stuck)
+        if self._journal is not None:
+            self._journal.close()
 
     def serve(self) -> int:
         """Until the input ends, or something else ends it; returns the exit code."""
+        from robust.pike_bridge.online.progress import Succeeded
+
         try:
-            self.announce(self.service.greet())
-            if self.options.clock == REAL:
-                asyncio.run(self._serve_real_time())
-            else:
+            self._announce(self._service.greet())
+            if self._rate is None:
                 self._serve_given_time()
+            else:
+                self._serve_real_time(self._rate)
         except BrokenPipeError:
             drop_output()
         except InputError as error:
-            self.writer.write_last({"kind": "error", "line": None, "message": str(error)})
+            self._writer.write_last({"kind": "error", "line": None, "message": str(error)})
             raise
         except OutOfTimeError:
             self._end("timeout")
         except KeyboardInterrupt:
-            self._end("timeout" if self.run.guard.cause is Cause.TIMEOUT else "interrupted")
+            self._end("timeout" if self._run.timed_out else "interrupted")
         else:
             self._end("waiting")
-        return self._code()
+        if not self._service.ended:
+            return UNDECIDED
+        return 0 if isinstance(self._service.executive.outcome, Succeeded) else 1
 
-    def announce(self, answers: Iterable[dict[str, Any]]) -> None:
+    def _announce(self, answers: Iterable[dict[str, Any]]) -> None:
         """Write an answer, object by object as it becomes known."""
         for answer in answers:
-            self.writer.write(answer)
+            self._writer.write(answer)
 
-    def read(self, *, timed: bool) -> Request | None:
+    def _read(self) -> Request | None:
         """The next request that is not an empty line; None at the end of the input."""
-        from robust.pike_bridge.online.service import INPUT, Wrong, read_request
+        from robust.pike_bridge.online.service import INPUT, Request, read_request
 
+        timed = self._rate is None
         while True:
             try:
-                text = self.reader.read(self.deadline if timed else NEVER)
+                text = self._reader.read(self._deadline if timed else NEVER)
             except InputError as error:
-                number = self.reader.number
-                return Wrong(number, f"{Location(INPUT, number)}: {error}")
+                number = self._reader.number
+                return Request(number, f"{Location(INPUT, number)}: {error}")
             if text is None:
                 return None
             if text.strip():
-                return read_request(text, self.reader.number, self.plan, timed=timed)
+                return read_request(text, self._reader.number, self._service.executive.plan, timed=timed)
 
     def _serve_given_time(self) -> None:
         while True:
-            with self.run.working():
-                request = self.read(timed=True)
+            with self._run.working():
+                request = self._read()
             if request is None:
                 return
-            self.announce(self.service.answer(request))
+            self._announce(self._service.answer(request))
 
-    async def _serve_real_time(self) -> None:
-        from robust.execute.drive import WallClock, drive
+    def _serve_real_time(self, rate: Fraction) -> None:
+        """What has come is heard, as of when it came, before what is due is done."""
+        from robust.execute.drive import WallClock
 
-        clock = WallClock(self.rate, self.service.time)
-        inbox: asyncio.Queue[_Arrived | None] = asyncio.Queue()
-        loop = asyncio.get_running_loop()
-        threading.Thread(target=self._listen, args=(loop, inbox, clock), daemon=True).start()
-        watching = asyncio.create_task(self._watch(inbox))
-        try:
-            await drive(_RealTime(self), inbox, lambda _now, _decisions: None, clock)
-            while self.service.ended and not (self.closed and inbox.empty()):
-                arrived = await inbox.get()
-                if arrived is not None:  # a question about how it ended
-                    self.announce(self.service.answer(arrived.request))
-        finally:
-            watching.cancel()
-        self._raise_if_stopped()
+        grid, clock = self._service.executive.progress.grid, WallClock(rate, self._service.time)
 
-    def _listen(self, loop: asyncio.AbstractEventLoop, inbox: asyncio.Queue[_Arrived | None], clock: WallClock) -> None:
-        """Note when each request arrives, in a thread: not every input can be waited for otherwise."""
-        with suppress(RuntimeError):  # the loop is closed: all is over
+        def on_grid(time: Fraction) -> Fraction:
+            """Rounded down: what is due at a time on the grid is late by less than a step then, not early."""
+            return floor(time / grid) * grid
+
+        inbox: Inbox = queue.SimpleQueue()
+        threading.Thread(target=self._listen, args=(inbox, clock), daemon=True).start()
+        closed = False
+        while not closed:
+            if self._run.guard.cause is not None:
+                raise KeyboardInterrupt
+            if self._deadline.passed:
+                raise OutOfTimeError
+            wake = self._service.wake
             try:
-                while (request := self.read(timed=False)) is not None:
-                    loop.call_soon_threadsafe(inbox.put_nowait, _Arrived(clock.now(), request))
-            except OSError as error:
-                self.failure = error
-            loop.call_soon_threadsafe(self._close, inbox)
+                arrived = inbox.get(timeout=_LOOK if wake is None else min(_LOOK, max(0, clock.seconds_until(wake))))
+            except queue.Empty:
+                self._announce(self._service.due(on_grid(clock.now())))
+                continue
+            match arrived:
+                case OSError():
+                    raise arrived
+                case None:
+                    self._announce(self._service.due(on_grid(clock.now())))
+                    closed = True
+                case (time, request):
+                    self._announce(self._service.due(on_grid(time)))
+                    self._announce(self._service.answer(request, on_grid(time)))
 
-    def _close(self, inbox: asyncio.Queue[_Arrived | None]) -> None:
-        self.closed = True
-        inbox.put_nowait(None)
-
-    async def _watch(self, inbox: asyncio.Queue[_Arrived | None]) -> None:
-        """Close the inbox when a signal or the deadline comes."""
-        while self.run.guard.cause is None and not self.deadline.passed:
-            await asyncio.sleep(_LOOK)
-        self._close(inbox)
-
-    def _raise_if_stopped(self) -> None:
-        if self.failure is not None:
-            raise self.failure
-        if self.run.guard.cause is not None:
-            raise KeyboardInterrupt
-        if self.deadline.passed:
-            raise OutOfTimeError
+    def _listen(self, inbox: Inbox, clock: WallClock) -> None:
+        """Note when each request arrives, in a thread: not every input can be waited for otherwise."""
+        try:
+            while (request := self._read()) is not None:
+                inbox.put((clock.now(), request))
+            inbox.put(None)
+        except OSError as error:
+            inbox.put(error)
 
     def _end(self, outcome: str) -> None:
         """The last line; where the execution has ended it has been written before."""
-        if not self.service.ended:
-            self.writer.write_last(self.service.end(outcome))
-
-    def _code(self) -> int:
-        from robust.pike_bridge.online.progress import Failed, Succeeded
-
-        match self.service.executive.outcome:
-            case Succeeded():
-                return 0
-            case Failed():
-                return 1
-            case None:
-                return UNDECIDED
+        if not self._service.ended:
+            self._writer.write_last(self._service.end(outcome))
 
     def _on_stuck(self) -> bool:
         """A solver does not heed the signal: the answer comes from another thread, and the process ends."""
-        self._end((self.run.guard.cause or Cause.INTERRUPTED).value)
+        self._end((self._run.guard.cause or Cause.INTERRUPTED).value)
         return True
-
-
-@dataclass(frozen=True, slots=True)
-class _Arrived:
-    """A request, and when it arrived."""
-
-    time: Fraction
-    request: Request
-
-
-class _RealTime:
-    """A service for :func:`robust.execute.drive.drive`; it announces by itself. Times are on the grid of the plan."""
-
-    def __init__(self, server: _Server) -> None:
-        self._server = server
-        self._service = server.service
-        self._grid = server.service.executive.progress.grid
-
-    def step(self, now: Fraction, messages: Sequence[_Arrived]) -> Sequence[None]:
-        for arrived in messages:
-            moment = self._on_grid(arrived.time)
-            self._server.announce(self._service.due(moment))
-            self._server.announce(self._service.answer(arrived.request, moment))
-        self._server.announce(self._service.due(self._on_grid(now)))
-        return ()
-
-    @property
-    def wake(self) -> Fraction | None:
-        return self._service.wake
-
-    @property
-    def ended(self) -> bool:
-        return self._service.ended
-
-    def _on_grid(self, time: Fraction) -> Fraction:
-        """Rounded down: what is due at a time on the grid is late by less than a step then, not early."""
-        return floor(time / self._grid) * self._grid
 
 
 # -- lines -------------------------------------------------------------------------------------------------------------

@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from fractions import Fraction
 from functools import cache
 
-from robust.encode.conditions import OverAll, duration_rules
+from robust.encode.effects import Writes, mutex_pairs
 from robust.encode.interface import EPSILON, Encoding, Obligation, Stage
-from robust.encode.mutex import MutexPair, mutex_pairs
-from robust.encode.network import Difference, Orders, Slices, TemporalNetwork, common_scale
+from robust.encode.network import Difference, Orders, Slices, TemporalNetwork, duration_rules
+from robust.encode.overall import OverAll
 from robust.encode.state import FINALLY, Clock, States, before
 from robust.encode.validity import Validity
-from robust.encode.variables import Linear, constant
+from robust.encode.variables import Linear
 from robust.errors import UnsupportedError
 from robust.plan.model import ZERO, ActionInstance, ParametrizedPlan, TimePoint, Timing
 from robust.smt.terms import Formula, Terms
@@ -40,12 +40,13 @@ class RelationalEncoding(Encoding):
         self.epsilon = epsilon
         self.terms = Terms()
         self.network = TemporalNetwork(plan)
-        self.places = self.network.positions
-        self._rules = tuple(duration_rules(plan))
+        self.places = self.network.places
+        writes = Writes(plan)
+        self._rules = tuple(duration_rules(plan, writes))
         self.validity = Validity(self.network, self._rules, self.terms)
         self._mutex = mutex_pairs(plan)
         self._orders = self._known_orders()
-        self._states = States(plan, Clock(self.network, self._orders, self.terms))
+        self._states = States(plan, writes, Clock(self.network, self._orders, self.terms))
         self._overall = OverAll(plan, self._states)
         self._assumed: dict[Stage, list[Linear]] = {Stage.DURATION: []}
         # Each stage's obligations are built before the orders learn them, and after they learnt the earlier stages'.
@@ -64,14 +65,14 @@ class RelationalEncoding(Encoding):
         Only the part of the network that the violation touches: the rest has a schedule whenever enc_valid holds. For
         the same reason a violation over parameters alone needs no network.
         """
-        formulas = [obligation.violation, *self._states.definitions_of([obligation.violation])]
+        formulas = [obligation.violation, *self._states.definitions.needed_by([obligation.violation])]
         if len(formulas) == 1 and len(self.parameters_in(formulas)) == len(self.terms.variables(obligation.violation)):
             return formulas
         return [*self._slices(obligation.stage).touching(formulas), *formulas]
 
     def full_query(self, obligation: Obligation) -> list[Formula]:
         """As :meth:`query` over the whole network: a model gives a time to every time point."""
-        formulas = [obligation.violation, *self._states.definitions_of([obligation.violation])]
+        formulas = [obligation.violation, *self._states.definitions.needed_by([obligation.violation])]
         return [*self.network_formulas(), *map(self.terms.at_least, self._assumed[obligation.stage]), *formulas]
 
     def network_formulas(self) -> list[Formula]:
@@ -90,13 +91,13 @@ class RelationalEncoding(Encoding):
             yield Obligation(rule.name, Stage.DURATION, violation)
 
     def _separation_obligations(self) -> Iterator[Obligation]:
-        for pair in self._mutex:
+        for first, second in self._mutex:
             violation = self.terms.false
-            if not self._is_separated(pair):
-                gap = self.network.position(pair.second) - self.network.position(pair.first)
+            if not self._is_separated(first, second):
+                gap = self.network.distance(first, second)
                 near = (self.terms.greater(-gap + self.epsilon), self.terms.greater(gap + self.epsilon))
                 violation = self.terms.conjunction(near)
-            yield Obligation(pair.label, Stage.SEPARATION, violation)
+            yield Obligation(f"separation: {first}, {second}", Stage.SEPARATION, violation)
 
     def _condition_obligations(self) -> Iterator[Obligation]:
         for instance in self.plan.instances:
@@ -128,52 +129,32 @@ class RelationalEncoding(Encoding):
     # -- what is known of the order, and what a stage assumes -----------------------------------------------------
 
     def _known_orders(self) -> Orders:
-        edges = [
-            (difference.source, difference.target, weight)
-            for difference in self.network.differences
-            if (weight := self.network.surely_at_least(difference.weight)) is not None
-        ]
-        learnt = [self.network.surely_at_least(bound.weight) for rule in self._rules for bound in rule.bounds]
-        numbers = [
-            self.epsilon,
-            *(weight for _, _, weight in edges),
-            *(weight for weight in learnt if weight is not None),
-        ]
-        return Orders(self.plan.time_points, edges, common_scale(numbers))
+        learnt = [weight for rule in self._rules for _, _, weight in self.network.bounds(rule.bounds)]
+        bounds = self.network.bounds(self.network.differences)
+        return Orders(self.plan.time_points, bounds, [self.epsilon, *learnt])
 
     def _is_known(self, bound: Difference) -> bool:
         """Whether the network alone keeps a bound, whatever the parameters are."""
         known = self._orders.least(bound.source, bound.target)
         return bound.weight.is_constant and known is not None and known >= bound.weight.constant_term
 
-    def _is_separated(self, pair: MutexPair) -> bool:
-        bounds = (self._orders.least(pair.first, pair.second), self._orders.least(pair.second, pair.first))
+    def _is_separated(self, first: TimePoint, second: TimePoint) -> bool:
+        bounds = (self._orders.least(first, second), self._orders.least(second, first))
         return any(bound is not None and bound >= self.epsilon for bound in bounds)
 
     def _learn_durations(self) -> Iterator[Linear]:
         """All bounds are assumed, also those that the network implies: its slices may leave out what implies them."""
         for rule in self._rules:
-            for bound in rule.bounds:
-                weight = self.network.surely_at_least(bound.weight)
-                if weight is not None:
-                    self._orders.learn(bound.source, bound.target, weight)
-                distance = self.network.distance(bound)
-                if not distance.is_constant or distance.constant_term < 0:
-                    yield distance
+            for learnt in self.network.bounds(rule.bounds):
+                self._orders.learn(*learnt)
+            for slack in map(self.network.slack, rule.bounds):
+                if not slack.is_constant or slack.constant_term < 0:
+                    yield slack
 
     def _learn_separations(self) -> Iterator[Linear]:
-        """A mutex pair whose order is known up to less than ε is ε apart in that order; repeat until nothing is new."""
-        pairs = [pair for pair in self._mutex if not self._is_separated(pair)]
-        learning = True
-        while learning:
-            learning = False
-            for pair in pairs:
-                for first, second in ((pair.first, pair.second), (pair.second, pair.first)):
-                    known = self._orders.least(first, second)
-                    if known is not None and -self.epsilon < known < self.epsilon:
-                        learning |= self._orders.learn(first, second, self.epsilon)
-                        yield self.network.distance(Difference(first, second, constant(self.epsilon), pair.label))
-            pairs = [pair for pair in pairs if not self._is_separated(pair)]
+        """A mutex pair whose order is known up to less than ε is ε apart in that order."""
+        for first, second in self._orders.separate(self._mutex, self.epsilon):
+            yield self.network.distance(first, second) - self.epsilon
 
     def _make_slices(self, stage: Stage) -> Slices:
         """enc_tn with what the stage assumes; `t ≥ 0` is left out where an earlier time point implies it."""
@@ -187,11 +168,9 @@ class RelationalEncoding(Encoding):
         Ties are counted in the plan's order only, so that no two points support each other in a circle.
         """
         rank = {point: index for index, point in enumerate(self.plan.time_points)}
-        bounds = [*self.network.differences, *(bound for rule in self._rules for bound in rule.bounds)]
+        differences = [*self.network.differences, *(bound for rule in self._rules for bound in rule.bounds)]
         return {
-            bound.target
-            for bound in bounds
-            if bound.source != ZERO
-            and (weight := self.network.surely_at_least(bound.weight)) is not None
-            and (weight > 0 or (weight == 0 and rank[bound.source] < rank[bound.target]))
+            target
+            for source, target, weight in self.network.bounds(differences)
+            if source != ZERO and (weight > 0 or (weight == 0 and rank[source] < rank[target]))
         }

@@ -1,7 +1,8 @@
 """What an encoding is to those who ask: named obligations with queries, and a decision of enc_valid [IRR §2, §4].
 
-Two encodings implement it: `relational` and `positions` [docs/semantics.md]. They share this page, the unknowns of
-:mod:`robust.encode.variables` and the plan model, and otherwise no code, so that each is a check of the other.
+Two encodings implement it: `relational` and `positions` [docs/semantics.md]. They share what is about times alone
+(:mod:`robust.encode.network`) and the list of effects. What holds when, mutex pairs, over-all conditions and the
+decision of enc_valid they say without code in common, so that each is a check of the other.
 """
 
 from __future__ import annotations

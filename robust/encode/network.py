@@ -1,8 +1,8 @@
-"""enc_tn: the temporal network of a parametrized STN plan, and what is known of the order of its time points [IRR §2].
+"""Times: enc_tn, the durations that no state decides, and what is known of the order of time points [IRR §2].
 
-Equalities of the network are solved instead of asserted: each time point is a linear expression over the parameters
-and the few time points that nothing ties down. In plans whose schedule is fixed up to the parameters no time variable
-is left at all.
+Both encodings start from here: what depends on times and parameters alone is said once. Equalities of the network are
+solved instead of asserted: each time point is a linear expression over the parameters and the few time points that
+nothing ties down. In plans whose schedule is fixed up to the parameters no time variable is left at all.
 """
 
 from __future__ import annotations
@@ -13,20 +13,41 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.encode.variables import Linear, Range, TimeVariable, constant, least, over_parameters, variable
+from robust.encode.effects import Writes
+from robust.encode.variables import (
+    Auxiliary,
+    Linear,
+    Range,
+    TimeVariable,
+    constant,
+    initial_value,
+    least,
+    over_parameters,
+    variable,
+)
 from robust.plan.model import (
     ZERO,
+    ActionInstance,
+    Comparison,
+    Duration,
+    Fluent,
+    NumericVariable,
     ParameterReference,
     ParametrizedPlan,
+    Relation,
     TimePoint,
-    TimePointKind,
+    fluents_in,
 )
+from robust.plan.polynomial import Polynomial
 from robust.smt.terms import Formula, Terms
+
+Bound = tuple[TimePoint, TimePoint, Fraction]
+"""(a, b, w): t_b − t_a ≥ w."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """`t_target − t_source ≥ weight`, weight over parameters; `origin` is the statement that it comes from.
+    """`t_target − t_source ≥ weight`, weight over parameters, with the statements that it is the sum of.
 
     `is_default` marks `t_τ ≥ 0`, which holds for every time point unsaid.
     """
@@ -34,7 +55,7 @@ class Difference:
     source: TimePoint
     target: TimePoint
     weight: Linear
-    origin: str
+    origins: tuple[str, ...]
     is_default: bool = False
 
 
@@ -43,46 +64,58 @@ class Inequality:
     """`expression ≥ 0` with the statement that it comes from; for `t_τ ≥ 0`, which τ."""
 
     expression: Linear
-    origin: str
+    origins: tuple[str, ...]
     not_before_zero: TimePoint | None = None
+
+    def as_difference(self) -> Difference:
+        """Between the free time points that it mentions, at most two and of opposite sign, or one of them and zero."""
+        source = target = ZERO
+        weight = constant(-self.expression.constant_term)
+        for unknown, factor in self.expression.coefficients():
+            if not isinstance(unknown, TimeVariable):
+                weight -= variable(unknown).scaled(factor)
+            elif factor < 0:
+                source = unknown.point
+            else:
+                target = unknown.point
+        return Difference(source, target, weight, self.origins)
 
 
 class TemporalNetwork:
     """The network of a plan, with its rigid part solved.
 
-    `positions` gives every time point as a linear expression; `differences` is the whole network as lower bounds;
-    `inequalities` is what remains to be asserted: together with the definitions in `positions` it is enc_tn.
+    `places` gives every time point as a linear expression; `differences` is the whole network as lower bounds;
+    `inequalities` is what remains to be asserted: together with the definitions in `places` it is enc_tn.
     """
 
     def __init__(self, plan: ParametrizedPlan) -> None:
         self.plan = plan
         self.ranges: dict[str, Range] = {p.name: (p.lower, p.upper) for p in plan.parameters}
         self.differences = tuple(_differences(plan))
-        self.positions, equations = _solve_equalities(plan)
-        self.inequalities = tuple(self._inequalities(equations))
+        self.places = _places(plan)
+        self.inequalities = tuple(self._inequalities())
 
-    def position(self, point: TimePoint) -> Linear:
-        """t_τ."""
-        return self.positions[point]
+    def distance(self, source: TimePoint, target: TimePoint) -> Linear:
+        """t_target − t_source."""
+        return self.places[target] - self.places[source]
 
-    def distance(self, difference: Difference) -> Linear:
+    def slack(self, difference: Difference) -> Linear:
         """What must be at least zero for the difference to hold."""
-        return self.positions[difference.target] - self.positions[difference.source] - difference.weight
+        return self.distance(difference.source, difference.target) - difference.weight
 
-    def surely_at_least(self, weight: Linear) -> Fraction | None:
-        """The least value of a weight over all declared parameter values; None if it has none."""
-        return least(weight, self.ranges)
+    def bounds(self, differences: Iterable[Difference]) -> Iterator[Bound]:
+        """What the differences say for all declared parameter values, where they say anything."""
+        for difference in differences:
+            weight = least(difference.weight, self.ranges)
+            if weight is not None:
+                yield difference.source, difference.target, weight
 
-    def _inequalities(self, equations: list[Inequality]) -> Iterator[Inequality]:
+    def _inequalities(self) -> Iterator[Inequality]:
+        # Said before unsaid: what is left out as implied must not be a statement of the plan.
+        said = [Inequality(self.slack(d), d.origins) for d in self.differences if not d.is_default]
+        unsaid = [Inequality(self.slack(d), d.origins, d.target) for d in self.differences if d.is_default]
         seen: set[Linear] = set()
-        candidates = [
-            *equations,
-            # Said before unsaid: what is left out as implied must not be a statement of the plan.
-            *(Inequality(self.distance(d), d.origin) for d in self.differences if not d.is_default),
-            *(Inequality(self.distance(d), d.origin, d.target) for d in self.differences if d.is_default),
-            *self.bounds_of_parameters(),
-        ]
-        for inequality in candidates:
+        for inequality in (*said, *unsaid, *self.bounds_of_parameters()):
             expression = inequality.expression
             trivial = expression.is_constant and expression.constant_term >= 0
             if not trivial and expression not in seen:
@@ -94,103 +127,143 @@ class TemporalNetwork:
         for parameter in self.plan.parameters:
             value = variable(ParameterReference(parameter.name))
             if parameter.lower is not None:
-                yield Inequality(value - parameter.lower, f"parameter {parameter.name} lb {parameter.lower}")
+                yield Inequality(value - parameter.lower, (f"parameter {parameter.name} lb {parameter.lower}",))
             if parameter.upper is not None:
-                yield Inequality(-value + parameter.upper, f"parameter {parameter.name} ub {parameter.upper}")
+                yield Inequality(-value + parameter.upper, (f"parameter {parameter.name} ub {parameter.upper}",))
 
 
 def _differences(plan: ParametrizedPlan) -> Iterator[Difference]:
     for point in plan.time_points[1:]:
-        yield Difference(ZERO, point, constant(0), f"{point} ≥ 0", is_default=True)
-        if point.kind is TimePointKind.TIMED_LITERAL:
-            time = constant(point.time or Fraction(0))
-            yield Difference(ZERO, point, time, f"timed initial literal {point}")
-            yield Difference(point, ZERO, -time, f"timed initial literal {point}")
+        yield Difference(ZERO, point, constant(0), (f"{point} ≥ 0",), is_default=True)
+        if point.time is not None:
+            time, origins = constant(point.time), (f"timed initial literal {point}",)
+            yield Difference(ZERO, point, time, origins)
+            yield Difference(point, ZERO, -time, origins)
     for item in plan.constraints:
-        origin = str(item)
+        origins = (str(item),)
         if item.lower is not None:
-            yield Difference(item.source, item.target, over_parameters(item.lower), origin)
+            yield Difference(item.source, item.target, over_parameters(item.lower), origins)
         if item.upper is not None:
-            yield Difference(item.target, item.source, -over_parameters(item.upper), origin)
+            yield Difference(item.target, item.source, -over_parameters(item.upper), origins)
 
 
-def _solve_equalities(plan: ParametrizedPlan) -> tuple[dict[TimePoint, Linear], list[Inequality]]:
-    """Tie time points together along equalities, breadth first from zero, then from each point not reached yet.
-
-    A second equality between points that are tied already is an equation over the parameters.
-    """
-    ties: dict[TimePoint, list[tuple[TimePoint, Linear, str]]] = {point: [] for point in plan.time_points}
-    for source, target, length, origin in _equalities(plan):
-        ties[source].append((target, length, origin))
-        ties[target].append((source, -length, origin))
-    positions: dict[TimePoint, Linear] = {}
-    equations: list[Inequality] = []
-    for root in plan.time_points:
-        if root in positions:
-            continue
-        positions[root] = constant(0) if root == ZERO else variable(TimeVariable(root))
-        queue = [root]
-        for point in queue:
-            for neighbour, length, origin in ties[point]:
-                place = positions[point] + length
-                if neighbour not in positions:
-                    positions[neighbour] = place
-                    queue.append(neighbour)
-                elif positions[neighbour] != place:
-                    gap = place - positions[neighbour]
-                    equations += [Inequality(gap, origin), Inequality(-gap, origin)]
-    return positions, equations
-
-
-def _equalities(plan: ParametrizedPlan) -> Iterator[tuple[TimePoint, TimePoint, Linear, str]]:
-    for point in plan.time_points:
-        if point.kind is TimePointKind.TIMED_LITERAL:
-            yield ZERO, point, constant(point.time or Fraction(0)), f"timed initial literal {point}"
+def _places(plan: ParametrizedPlan) -> dict[TimePoint, Linear]:
+    """Tie time points together along equalities, breadth first from zero, then from each point not reached yet."""
+    ties: dict[TimePoint, list[tuple[TimePoint, Linear]]] = {point: [] for point in plan.time_points}
+    equalities = [(ZERO, point, constant(point.time)) for point in plan.time_points if point.time is not None]
     for item in plan.constraints:
         if item.lower is not None and item.lower == item.upper:
-            yield item.source, item.target, over_parameters(item.lower), str(item)
+            equalities.append((item.source, item.target, over_parameters(item.lower)))
+    for source, target, length in equalities:
+        ties[source].append((target, length))
+        ties[target].append((source, -length))
+    places: dict[TimePoint, Linear] = {}
+    for root in plan.time_points:
+        if root not in places:
+            places[root] = constant(0) if root == ZERO else variable(TimeVariable(root))
+            component = [root]
+            for point in component:
+                for neighbour, length in ties[point]:
+                    if neighbour not in places:
+                        places[neighbour] = places[point] + length
+                        component.append(neighbour)
+    return places
 
+
+# -- durations that depend on no state --------------------------------------------------------------------------------
+
+_LENGTH = Auxiliary("duration", 0)
+
+
+@dataclass(frozen=True, slots=True)
+class DurationRule:
+    """A duration constraint that does not depend on the state.
+
+    `bounds` are the lower bounds between start and end that follow from it; together they say all of it if `exact`.
+    """
+
+    name: str
+    instance: ActionInstance
+    condition: Comparison
+    bounds: tuple[Difference, ...]
+    exact: bool
+
+
+def duration_rules(plan: ParametrizedPlan, writes: Writes) -> Iterator[DurationRule]:
+    """The rules of all durative instances: not negative, and what the domain says of `?duration`."""
+    positive = Comparison(Polynomial.variable(Duration()), Relation.AT_LEAST)
+    for instance in plan.instances:
+        if instance.durative:
+            yield _rule(plan, f"{instance.identifier} {instance.action}: non-negative duration", instance, positive)
+            for duration in instance.durations:
+                if not any(map(writes.changes, fluents_in(duration.condition.expression))):
+                    yield _rule(plan, instance.label(duration), instance, duration.condition)
+
+
+def _rule(plan: ParametrizedPlan, name: str, instance: ActionInstance, condition: Comparison) -> DurationRule:
+    def value(unknown: NumericVariable) -> Linear:
+        match unknown:
+            case Duration():
+                return variable(_LENGTH)
+            case ParameterReference():
+                return variable(unknown)
+            case Fluent():
+                return initial_value(plan, unknown)
+
+    expression = condition.expression.substitute(value)
+    factor, relation = expression.terms.get((_LENGTH,), Fraction(0)), condition.relation
+    if not factor or not expression.is_linear or relation is Relation.DIFFERENT:
+        return DurationRule(name, instance, condition, (), False)
+    limit = variable(_LENGTH) - expression.scaled(1 / factor)
+    bounds = []
+    if factor > 0 or relation is Relation.EQUAL:
+        bounds.append(Difference(instance.start, instance.end, limit, (name,)))
+    if factor < 0 or relation is Relation.EQUAL:
+        bounds.append(Difference(instance.end, instance.start, -limit, (name,)))
+    return DurationRule(name, instance, condition, tuple(bounds), relation is not Relation.GREATER)
+
+
+# -- what is known of the order ----------------------------------------------------------------------------------------
 
 # Only ever compared and added: Python compares integers with infinities exactly.
 NO_BOUND = -math.inf
 
-Edge = tuple[TimePoint, TimePoint, Fraction]
-"""(a, b, w): t_b − t_a ≥ w."""
-
 
 class Orders:
-    """Greatest known lower bounds between time points; more edges may be learnt.
+    """Greatest known lower bounds between time points; more bounds may be learnt.
 
-    `consistent` is False if the edges contradict each other; the bounds mean nothing then.
+    `consistent` is False if the bounds contradict each other; they mean nothing then.
     """
 
-    def __init__(self, points: Sequence[TimePoint], edges: Iterable[Edge], scale: int) -> None:
-        """`scale` must make every weight, of these edges and of later ones, an integer."""
+    def __init__(self, points: Sequence[TimePoint], bounds: Iterable[Bound], later: Iterable[Fraction] = ()) -> None:
+        """`later` are the weights of bounds that will be learnt."""
+        bounds = list(bounds)
         self._index = {point: index for index, point in enumerate(points)}
-        self._scale = scale
+        # All weights become integers.
+        self._scale = math.lcm(*(weight.denominator for weight in (*(weight for _, _, weight in bounds), *later)))
         size = len(points)
         self._least: list[list[int | float]] = [[NO_BOUND] * size for _ in range(size)]
         for index in range(size):
             self._least[index][index] = 0
-        for source, target, weight in edges:
+        for source, target, weight in bounds:
             row, column = self._least[self._index[source]], self._index[target]
             row[column] = max(row[column], self._scaled(weight))
-        self._close()
+        for middle in range(size):
+            self._join(middle, middle, 0)
         self.consistent = all(self._least[index][index] == 0 for index in range(size))
 
     def _scaled(self, weight: Fraction) -> int:
-        scaled = weight * self._scale
-        return scaled.numerator // scaled.denominator
+        return int(weight * self._scale)
 
-    def _close(self) -> None:
-        least = self._least
-        for middle, via in enumerate(least):
-            for index, row in enumerate(least):
-                first = row[middle]
-                if first != NO_BOUND and index != middle:
-                    least[index] = [
-                        known if known >= first + rest else first + rest for known, rest in zip(row, via, strict=True)
-                    ]
+    def _join(self, source: int, target: int, weight: int) -> None:
+        """Extend every path that ends in `source` by an edge of `weight` and a path that begins in `target`."""
+        tail = self._least[target]
+        for index, row in enumerate(self._least):
+            first = row[source] + weight
+            if first != NO_BOUND and first >= row[target]:
+                self._least[index] = [
+                    known if known >= first + rest else first + rest for known, rest in zip(row, tail, strict=True)
+                ]
 
     def least(self, source: TimePoint, target: TimePoint) -> Fraction | None:
         """The greatest known w with t_target − t_source ≥ w; None if nothing is known."""
@@ -205,15 +278,25 @@ class Orders:
         a, b, scaled = self._index[source], self._index[target], self._scaled(weight)
         if self._least[a][b] >= scaled or self._least[b][a] + scaled > 0:
             return False
-        tail = list(self._least[b])
-        for index, row in enumerate(self._least):
-            first = row[a]
-            if first != NO_BOUND and first + scaled > row[b]:
-                first += scaled
-                self._least[index] = [
-                    known if known >= first + rest else first + rest for known, rest in zip(row, tail, strict=True)
-                ]
+        self._join(a, b, scaled)
         return True
+
+    def separate(
+        self, pairs: Iterable[tuple[TimePoint, TimePoint]], epsilon: Fraction
+    ) -> Iterator[tuple[TimePoint, TimePoint]]:
+        """Learn that pairs are `epsilon` apart where their order is known up to less; repeat until nothing is new.
+
+        Yields the earlier and the later of such a pair.
+        """
+        ordered = [pair for first, second in pairs for pair in ((first, second), (second, first))]
+        learning = True
+        while learning:
+            learning = False
+            for first, second in ordered:
+                known = self.least(first, second)
+                if known is not None and -epsilon < known < epsilon:
+                    learning |= self.learn(first, second, epsilon)
+                    yield first, second
 
     def surely_before(self, first: TimePoint, second: TimePoint) -> bool:
         """Whether t_first < t_second in every schedule."""
@@ -222,11 +305,6 @@ class Orders:
     def surely_not_after(self, first: TimePoint, second: TimePoint) -> bool:
         """Whether t_first ≤ t_second in every schedule."""
         return self._least[self._index[first]][self._index[second]] >= 0
-
-
-def common_scale(numbers: Iterable[Fraction]) -> int:
-    """The least integer that makes every number an integer."""
-    return math.lcm(*(number.denominator for number in numbers))
 
 
 class Slices:

@@ -6,23 +6,19 @@ atoms. All knowledge about the order of time points in the relational encoding c
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
-from fractions import Fraction
 
+from robust.encode.effects import AtomWrite, Flow, FluentWrite, Writes
 from robust.encode.network import Orders, TemporalNetwork
-from robust.encode.variables import Auxiliary, Linear, constant, variable
-from robust.errors import InputError, UnsupportedError
+from robust.encode.variables import Auxiliary, Definitions, Linear, constant, initial_value, variable
+from robust.errors import UnsupportedError
 from robust.plan.model import (
     ActionInstance,
     And,
-    Assignment,
     Atom,
     Comparison,
     Condition,
-    ContinuousEffect,
     Duration,
     Expression,
     Fluent,
@@ -33,8 +29,8 @@ from robust.plan.model import (
     ParametrizedPlan,
     TimePoint,
     Truth,
+    fluents_in,
 )
-from robust.plan.polynomial import Polynomial
 from robust.smt.terms import Formula, Terms
 
 
@@ -85,7 +81,7 @@ class Clock:
             return variable(moment.instant)
         if moment.point is None:
             raise ValueError("the very end has no time")
-        return self.network.position(moment.point)
+        return self.network.places[moment.point]
 
     def earlier(self, first: TimePoint, second: TimePoint) -> Formula:
         """t_first < t_second."""
@@ -93,7 +89,7 @@ class Clock:
             return self.terms.true
         if self.orders.surely_not_after(second, first):
             return self.terms.false
-        return self.terms.greater(self.network.position(second) - self.network.position(first))
+        return self.terms.greater(self.network.distance(first, second))
 
     def not_later(self, first: TimePoint, second: TimePoint) -> Formula:
         """t_first ≤ t_second."""
@@ -102,7 +98,7 @@ class Clock:
     def passed(self, point: TimePoint, moment: Moment) -> Formula:
         """Whether what happens at `point` belongs to the past of `moment`."""
         if moment.instant is not None:
-            gap = variable(moment.instant) - self.network.position(point)
+            gap = variable(moment.instant) - self.network.places[point]
             return self.terms.greater(gap) if moment.side is Side.BEFORE else self.terms.at_least(gap)
         if moment.point is None:
             return self.terms.true
@@ -111,56 +107,22 @@ class Clock:
         return self.not_later(point, moment.point)
 
 
-@dataclass(frozen=True, slots=True)
-class AtomWrite:
-    """An atom gets a truth value at `point` if `condition` held just before."""
-
-    point: TimePoint
-    value: bool
-    condition: Condition
-    instance: ActionInstance | None
-
-
-@dataclass(frozen=True, slots=True)
-class NumericWrite:
-    """A fluent is assigned or increased at `point` if `condition` held just before."""
-
-    point: TimePoint
-    operator: Assignment
-    expression: Expression
-    condition: Condition
-    instance: ActionInstance | None
-
-
-@dataclass(frozen=True, slots=True)
-class Flow:
-    """A continuous effect of an instance."""
-
-    instance: ActionInstance
-    effect: ContinuousEffect
-
-
 class States:
     """Truth of conditions and values of fluents at any moment.
 
-    `definition` maps the name of an auxiliary symbol to the formula that fixes it; whoever asserts a formula from here
-    must assert the definitions of its symbols too (see :meth:`definitions_of`).
+    Whoever asserts a formula from here must assert what it needs of `definitions` too.
     """
 
-    def __init__(self, plan: ParametrizedPlan, clock: Clock) -> None:
+    def __init__(self, plan: ParametrizedPlan, writes: Writes, clock: Clock) -> None:
         self.plan = plan
         self.clock = clock
         self.terms = clock.terms
-        self.definition: dict[str, Formula] = {}
-        self.atom_writes: dict[Atom, list[AtomWrite]] = defaultdict(list)
-        self.numeric_writes: dict[Fluent, list[NumericWrite]] = defaultdict(list)
-        self.flows: dict[Fluent, list[Flow]] = defaultdict(list)
+        self.writes = writes
+        self.definitions = Definitions(self.terms)
         self._values: dict[tuple[Fluent, Moment], Linear] = {}
         self._truths: dict[tuple[Atom, Moment], Formula] = {}
-        self._open_values: dict[tuple[Fluent, Moment], Linear | None] = {}
+        self._open_values: dict[tuple[Fluent, Moment], Auxiliary | None] = {}
         self._open_truths: dict[tuple[Atom, Moment], Formula | None] = {}
-        self._count = 0
-        self._collect_writes()
 
     # -- conditions ----------------------------------------------------------------------------------------------
 
@@ -196,7 +158,7 @@ class States:
     def duration(self, instance: ActionInstance | None) -> Linear:
         if instance is None:
             raise UnsupportedError("?duration has no meaning outside a durative action")
-        return self.clock.network.position(instance.end) - self.clock.network.position(instance.start)
+        return self.clock.network.distance(instance.start, instance.end)
 
     # -- atoms ---------------------------------------------------------------------------------------------------
 
@@ -214,13 +176,13 @@ class States:
         truth = self._atom(atom, moment)
         name = self._open_truths.pop(key)
         if name is not None:
-            self.definition[name.symbol_name()] = self.terms.equivalence(name, truth)
+            self.definitions.define(name, self.terms.equivalence(name, truth))
             truth = name
         self._truths[key] = truth
         return truth
 
     def _atom(self, atom: Atom, moment: Moment) -> Formula:
-        writes = [(write, self._happened(write, moment)) for write in self.atom_writes.get(atom, ())]
+        writes = [(write, self._happened(write, moment)) for write in self.writes.of_atom.get(atom, ())]
         deletes = [(write.point, done) for write, done in writes if not write.value and done is not self.terms.false]
         cases = []
         if atom in self.plan.initial_atoms:
@@ -234,7 +196,7 @@ class States:
                 cases.append(self.terms.conjunction((done, self.terms.negation(undone))))
         return self.terms.disjunction(cases)
 
-    def _happened(self, write: AtomWrite | NumericWrite, moment: Moment) -> Formula:
+    def _happened(self, write: AtomWrite | FluentWrite, moment: Moment) -> Formula:
         """Whether a write lies in the past of a moment and took effect."""
         passed = self.clock.passed(write.point, moment)
         if passed is self.terms.false or write.condition == Truth(True):
@@ -249,30 +211,28 @@ class States:
         if key in self._values:
             return self._values[key]
         if key in self._open_values:
-            opened = self._open_values[key] or variable(self._auxiliary(f"{fluent} {moment}"))
+            opened = self._open_values[key] or self.definitions.auxiliary(f"{fluent} {moment}")
             self._open_values[key] = opened
-            return opened
+            return variable(opened)
         self._open_values[key] = None
         value = self._fluent(fluent, moment)
         name = self._open_values.pop(key)
         if name is not None:
-            self._define(name, self.terms.equal(name - value))
-            value = name
+            self.definitions.define(self.terms.real(name), self.terms.equal(variable(name) - value))
+            value = variable(name)
         self._values[key] = value
         return value
 
     def _fluent(self, fluent: Fluent, moment: Moment) -> Linear:
-        if fluent not in self.plan.initial_fluents:
-            raise InputError(f"{fluent} has no initial value; expected (= {fluent} NUMBER) in the problem's :init")
+        initial = initial_value(self.plan, fluent)
         assignments = [
             (write, done)
-            for write in self.numeric_writes.get(fluent, ())
-            if write.operator is Assignment.ASSIGN and (done := self._happened(write, moment)) is not self.terms.false
+            for write in self.writes.of_fluent.get(fluent, ())
+            if write.assigns and (done := self._happened(write, moment)) is not self.terms.false
         ]
         cases: list[tuple[Formula, Linear]] = []
         nothing_assigned = self.terms.negation(self.terms.disjunction(done for _, done in assignments))
         if nothing_assigned is not self.terms.false:
-            initial = self.expression(self.plan.initial_fluents[fluent], moment, None)
             cases.append((nothing_assigned, initial + self._change(fluent, None, moment)))
         for index, (write, done) in enumerate(assignments):
             overridden = self.terms.disjunction(
@@ -285,23 +245,23 @@ class States:
             )
             last = self.terms.conjunction((done, self.terms.negation(overridden)))
             if last is not self.terms.false:
-                assigned = self.expression(write.expression, before(write.point), write.instance)
+                assigned = self.expression(write.amount, before(write.point), write.instance)
                 cases.append((last, assigned + self._change(fluent, write, moment)))
-        return self._choose(f"{fluent} {moment}", cases)
+        return self.definitions.choice(f"{fluent} {moment}", cases)
 
-    def _change(self, fluent: Fluent, since: NumericWrite | None, moment: Moment) -> Linear:
+    def _change(self, fluent: Fluent, since: FluentWrite | None, moment: Moment) -> Linear:
         """What increases and continuous effects add between an assignment (or the beginning) and a moment."""
         total = constant(0)
-        for write in self.numeric_writes.get(fluent, ()):
-            if write.operator is Assignment.INCREASE:
+        for write in self.writes.of_fluent.get(fluent, ()):
+            if not write.assigns:
                 counts = self._happened(write, moment)
                 if since is not None:
                     # Simultaneous increases come after the assignment.
                     counts = self.terms.conjunction((counts, self.clock.not_later(since.point, write.point)))
                 if counts is not self.terms.false:
-                    amount = self.expression(write.expression, before(write.point), write.instance)
-                    total += self._choose(f"{write.point} {fluent}", [(counts, amount)], otherwise=constant(0))
-        for flow in self.flows.get(fluent, ()):
+                    amount = self.expression(write.amount, before(write.point), write.instance)
+                    total += self.definitions.choice(f"{write.point} {fluent}", [(counts, amount)], constant(0))
+        for flow in self.writes.flows.get(fluent, ()):
             total += self._flowed(flow, moment)
             if since is not None:
                 total -= self._flowed(flow, before(since.point))
@@ -314,7 +274,7 @@ class States:
         running = self.terms.conjunction((started, self.terms.negation(ended)))
         cases = [(ended, rate * self.duration(instance))]
         if running is not self.terms.false:
-            cases.append((running, rate * (self.clock.time(moment) - self.clock.network.position(instance.start))))
+            cases.append((running, rate * (self.clock.time(moment) - self.clock.network.places[instance.start])))
         for condition, amount in cases:
             if condition is not self.terms.false and not amount.is_linear:
                 raise UnsupportedError(
@@ -323,10 +283,10 @@ class States:
                     "expected a constant rate, or a fixed schedule",
                     instance.location,
                 )
-        return self._choose(f"{instance.identifier} {flow.effect.fluent} {moment}", cases, otherwise=constant(0))
+        return self.definitions.choice(f"{instance.identifier} {flow.effect.fluent} {moment}", cases, constant(0))
 
     def _rate(self, flow: Flow) -> Linear:
-        changing = [name for name in flow.effect.rate.variables if isinstance(name, Fluent) and self.is_written(name)]
+        changing = [name for name in fluents_in(flow.effect.rate) if self.writes.changes(name)]
         if changing:
             raise UnsupportedError(
                 f"{flow.instance.identifier} {flow.instance.action}: non-linear continuous effect on "
@@ -334,74 +294,3 @@ class States:
                 flow.instance.location,
             )
         return self.expression(flow.effect.rate, before(flow.instance.start), None)
-
-    # -- bookkeeping ---------------------------------------------------------------------------------------------
-
-    def is_written(self, fluent: Fluent) -> bool:
-        """Whether anything in the plan changes the fluent."""
-        return bool(self.numeric_writes.get(fluent) or self.flows.get(fluent))
-
-    def definitions_of(self, formulas: Iterable[Formula]) -> list[Formula]:
-        """The definitions that the formulas need, transitively."""
-        needed: dict[str, Formula] = {}
-        queue = list(formulas)
-        while queue:
-            for symbol in self.terms.variables(queue.pop()):
-                name = symbol.symbol_name()
-                if name in self.definition and name not in needed:
-                    needed[name] = self.definition[name]
-                    queue.append(self.definition[name])
-        return list(needed.values())
-
-    def _choose(self, name: str, cases: list[tuple[Formula, Linear]], otherwise: Linear | None = None) -> Linear:
-        """The value of the case that applies (exactly one does); a new auxiliary unless that is known."""
-        cases = [(condition, value) for condition, value in cases if condition is not self.terms.false]
-        for condition, value in cases:
-            if condition is self.terms.true:
-                return value
-        if otherwise is not None:
-            cases.append((self.terms.negation(self.terms.disjunction(c for c, _ in cases)), otherwise))
-        values = {value for _, value in cases}
-        if len(values) == 1:
-            return values.pop()
-        result = variable(self._auxiliary(name))
-        self._define(result, *(self.terms.implication(c, self.terms.equal(result - value)) for c, value in cases))
-        return result
-
-    def _auxiliary(self, name: str) -> Auxiliary:
-        self._count += 1
-        return Auxiliary(name, self._count)
-
-    def _define(self, name: Linear, *formulas: Formula) -> None:
-        self.definition[str(name)] = self.terms.conjunction(formulas)
-
-    def _collect_writes(self) -> None:
-        for instance in self.plan.instances:
-            for effect in instance.atom_effects:
-                write = AtomWrite(instance.at(effect.timing), effect.value, effect.condition, instance)
-                self.atom_writes[effect.atom].append(write)
-            for numeric in instance.numeric_effects:
-                self.numeric_writes[numeric.fluent].append(
-                    NumericWrite(
-                        instance.at(numeric.timing),
-                        numeric.operator,
-                        numeric.expression,
-                        numeric.condition,
-                        instance,
-                    )
-                )
-            for continuous in instance.continuous_effects:
-                if continuous.rate != Polynomial.constant(0):
-                    self.flows[continuous.fluent].append(Flow(instance, continuous))
-        for literal in self.plan.timed_literals:
-            match literal.target:
-                case Atom():
-                    timed = AtomWrite(literal.point, bool(literal.value), Truth(True), None)
-                    self.atom_writes[literal.target].append(timed)
-                case Fluent():
-                    amount: Expression = Polynomial.constant(Fraction(literal.value))
-                    assigned = NumericWrite(literal.point, Assignment.ASSIGN, amount, Truth(True), None)
-                    self.numeric_writes[literal.target].append(assigned)
-        rank = {point: index for index, point in enumerate(self.plan.time_points)}
-        for writes in self.numeric_writes.values():
-            writes.sort(key=lambda write: rank[write.point])

@@ -7,18 +7,15 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from robust.encode.conditions import DurationRule
 from robust.encode.interface import Facet
-from robust.encode.network import Difference, TemporalNetwork
+from robust.encode.network import Difference, DurationRule, TemporalNetwork
 from robust.encode.variables import (
     Auxiliary,
     Linear,
     Range,
-    TimeVariable,
     constant,
     is_over_parameters,
     least,
@@ -29,47 +26,21 @@ from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
 
-Node = TimeVariable | None
-"""A free time point; None is the zero point."""
 
-
-@dataclass(frozen=True, slots=True)
-class Edge:
-    """`t_target − t_source ≥ weight` between free time points, with the statement that it comes from."""
-
-    source: Node
-    target: Node
-    weight: Linear
-    origin: str
-
-
-def edge(expression: Linear, origin: str) -> Edge:
-    """`expression ≥ 0` with at most two time variables, of opposite sign, as an edge."""
-    source: Node = None
-    target: Node = None
-    weight = constant(-expression.constant_term)
-    for unknown, factor in expression.coefficients():
-        match unknown:
-            case TimeVariable():
-                source, target = (unknown, target) if factor < 0 else (source, unknown)
-            case ParameterReference() | Auxiliary():
-                weight -= variable(unknown).scaled(factor)
-    return Edge(source, target, weight, origin)
-
-
-def facet_of(cycle: Iterable[Edge]) -> Facet:
+def facet_of(cycle: Iterable[Difference]) -> Facet:
     """The inequality that a cycle stands for."""
     edges = list(cycle)
-    return Facet(-sum((e.weight for e in edges), constant(0)), tuple(dict.fromkeys(e.origin for e in edges)))
+    origins = dict.fromkeys(origin for edge in edges for origin in edge.origins)
+    return Facet(-sum((edge.weight for edge in edges), constant(0)), tuple(origins))
 
 
-def suspicious_cycle(edges: Sequence[Edge], ranges: Mapping[str, Range]) -> list[Edge] | None:
+def suspicious_cycle(edges: Sequence[Difference], ranges: Mapping[str, Range]) -> list[Difference] | None:
     """A cycle with a positive sum when every edge has its worst weight in the box; None if there is none.
 
     None proves that every point of the box has a schedule. A cycle need not be positive at any single point, since its
     edges may be at their worst at different ones.
     """
-    worst: list[tuple[Edge, Fraction]] = []
+    worst: list[tuple[Difference, Fraction]] = []
     for candidate in edges:
         floor = least(-candidate.weight, ranges)
         if floor is not None:
@@ -79,12 +50,12 @@ def suspicious_cycle(edges: Sequence[Edge], ranges: Mapping[str, Range]) -> list
     return _positive_cycle(worst)
 
 
-def _positive_cycle(edges: Sequence[tuple[Edge, Fraction]]) -> list[Edge] | None:
+def _positive_cycle(edges: Sequence[tuple[Difference, Fraction]]) -> list[Difference] | None:
     """Bellman–Ford from a virtual source to all nodes."""
     nodes = dict.fromkeys(node for e, _ in edges for node in (e.source, e.target))
     distance = dict.fromkeys(nodes, Fraction(0))
-    arrival: dict[Node, Edge] = {}
-    last: Node = None
+    arrival: dict[TimePoint, Difference] = {}
+    last = ZERO
     for _ in range(len(nodes) + 1):
         changed = False
         for candidate, weight in edges:
@@ -104,12 +75,12 @@ def _positive_cycle(edges: Sequence[tuple[Edge, Fraction]]) -> list[Edge] | None
     return cycle
 
 
-def _path(edges: Sequence[Edge], start: Node, goal: Node) -> list[Edge] | None:
+def _path(edges: Sequence[Difference], start: TimePoint, goal: TimePoint) -> list[Difference] | None:
     """Edges from `start` to `goal`, breadth first; empty if they are the same."""
-    outgoing: dict[Node, list[Edge]] = defaultdict(list)
+    outgoing: dict[TimePoint, list[Difference]] = defaultdict(list)
     for candidate in edges:
         outgoing[candidate.source].append(candidate)
-    arrival: dict[Node, Edge | None] = {start: None}
+    arrival: dict[TimePoint, Difference | None] = {start: None}
     queue = [start]
     for node in queue:
         for candidate in outgoing[node]:
@@ -125,12 +96,12 @@ def _path(edges: Sequence[Edge], start: Node, goal: Node) -> list[Edge] | None:
     return path
 
 
-def simple_cycles(edges: Sequence[Edge], flows: Sequence[Fraction]) -> Iterator[list[Edge]]:
+def simple_cycles(edges: Sequence[Difference], flows: Sequence[Fraction]) -> Iterator[list[Difference]]:
     """Split a circulation into simple cycles."""
     remaining = dict(enumerate(flows))
     while outgoing := {edges[index].source: index for index, flow in remaining.items() if flow > 0}:
         path: list[int] = []
-        visited: dict[Node, int] = {}
+        visited: dict[TimePoint, int] = {}
         node = next(iter(outgoing))
         while node not in visited:
             visited[node] = len(path)
@@ -143,76 +114,26 @@ def simple_cycles(edges: Sequence[Edge], flows: Sequence[Fraction]) -> Iterator[
         yield [edges[index] for index in cycle]
 
 
-def without_implied(
-    differences: Sequence[Difference], facts: Sequence[Difference], weight: Mapping[Difference, Fraction | None]
-) -> list[Difference]:
-    """Leave out differences of constant weight that a path of the others implies.
-
-    `facts` may support a path but are not part of the result; `weight` is the least value of each difference's weight,
-    None if it has none.
-    """
-    outgoing: dict[TimePoint, dict[Difference, Fraction]] = defaultdict(dict)
-    for difference in (*differences, *facts):
-        known = weight[difference]
-        if known is not None:
-            outgoing[difference.source][difference] = known
-    kept = []
-    for difference in differences:
-        if difference.weight.is_constant:
-            own = outgoing[difference.source].pop(difference, None)
-            if own is None or _is_implied(difference, own, outgoing):
-                continue
-            outgoing[difference.source][difference] = own
-        kept.append(difference)
-    return kept
-
-
-def _is_implied(
-    difference: Difference, weight: Fraction, outgoing: Mapping[TimePoint, Mapping[Difference, Fraction]]
-) -> bool:
-    """Whether some path from source to target is at least as long; gives up on graphs with positive cycles."""
-    if difference.source == difference.target:
-        return weight <= 0
-    distance = {difference.source: Fraction(0)}
-    queue = [difference.source]
-    for _ in range(8 * len(outgoing) + 8):
-        if not queue:
-            break
-        node = queue.pop(0)
-        for step, length in outgoing.get(node, {}).items():
-            reached = distance[node] + length
-            if step.target not in distance or reached > distance[step.target]:
-                if step.target == difference.target and reached >= weight:
-                    return True
-                distance[step.target] = reached
-                if step.target not in queue:
-                    queue.append(step.target)
-    return False
-
-
 class Validity:
     """Decides boxes against enc_valid; facets found are kept and tried first.
 
-    Duration obligations over parameters alone are facets as well: they are necessary for membership in the envelope,
-    and what they say makes most of the network's edges redundant.
+    Duration obligations over parameters alone are facets as well: they are necessary for membership in the envelope.
     """
 
     def __init__(self, network: TemporalNetwork, rules: Iterable[DurationRule], terms: Terms) -> None:
         self._network = network
         self._terms = terms
-        self._facts: list[Difference] = []
         self.facets: list[Facet] = [
-            Facet(inequality.expression, (inequality.origin,))
+            Facet(inequality.expression, inequality.origins)
             for inequality in network.inequalities
-            if is_over_parameters([inequality.expression])
+            if is_over_parameters(inequality.expression)
         ]
         for rule in rules:
             for bound in rule.bounds:
-                expression = network.distance(bound)
-                if is_over_parameters([expression]):
-                    self._facts.append(bound)
-                    if not (expression.is_constant and expression.constant_term >= 0):
-                        self.facets.append(Facet(expression, (rule.name,), rule.name))
+                expression = network.slack(bound)
+                trivial = expression.is_constant and expression.constant_term >= 0
+                if is_over_parameters(expression) and not trivial:
+                    self.facets.append(Facet(expression, (rule.name,), rule.name))
 
     def broken_facet(
         self, ranges: Mapping[str, Range], make_session: Callable[[], Session], deadline: Deadline
@@ -237,22 +158,18 @@ class Validity:
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
         ranges: dict[str, Range] = {name: (value, value) for name, value in values.items()}
         for bound in self._network.bounds_of_parameters():
-            facet = Facet(bound.expression, (bound.origin,))
+            facet = Facet(bound.expression, bound.origins)
             if facet.breaks_in(ranges):
                 return facet
         # All time points, also those that equalities tie together: the equalities may be what contradicts.
-        edges = [Edge(_node(d.source), _node(d.target), d.weight, d.origin) for d in self._network.differences]
-        cycle = suspicious_cycle(edges, ranges)
+        cycle = suspicious_cycle(self._network.differences, ranges)
         return None if cycle is None else facet_of(cycle)
 
     @cached_property
-    def _edges(self) -> list[Edge]:
-        """The network between free time points, without what the rest and the facts imply."""
-        network = self._network
-        weights = {d: network.surely_at_least(d.weight) for d in (*network.differences, *self._facts)}
-        kept = without_implied(network.differences, self._facts, weights)
-        expressions = {network.distance(difference): difference.origin for difference in kept}
-        return [edge(e, origin) for e, origin in expressions.items() if not is_over_parameters([e])]
+    def _edges(self) -> list[Difference]:
+        """The network between free time points."""
+        inequalities = self._network.inequalities
+        return [one.as_difference() for one in inequalities if not is_over_parameters(one.expression)]
 
     def _broken_by_some_circulation(
         self, ranges: Mapping[str, Range], session: Session, deadline: Deadline
@@ -280,7 +197,7 @@ class Validity:
         parameter, so its worst point is known from the signs of its coefficients.
         """
         terms = self._terms
-        slack, balance = constant(0), defaultdict[Node, Linear](lambda: constant(0))
+        slack, balance = constant(0), defaultdict[TimePoint, Linear](lambda: constant(0))
         slopes = defaultdict[str, Linear](lambda: constant(0))
         for candidate, flow in zip(self._edges, flows, strict=True):
             balance[candidate.source] += flow
@@ -300,7 +217,3 @@ class Validity:
                 share = worst if extreme is None else worst - slope.scaled(extreme)
                 conditions.append(terms.implication(terms.at_least(side), terms.at_least(share)))
         return terms.conjunction((*conditions, terms.disjunction((*escapes, terms.greater(-slack)))))
-
-
-def _node(point: TimePoint) -> Node:
-    return None if point == ZERO else TimeVariable(point)

@@ -1,13 +1,16 @@
-"""The unknowns of the encodings' formulas, and linear expressions over them."""
+"""The unknowns of the encodings' formulas, linear expressions over them, and symbols that formulas define."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.plan.model import Expression, NumericVariable, ParameterReference, TimePoint
+from robust.errors import InputError
+from robust.plan.model import Expression, Fluent, NumericVariable, ParameterReference, ParametrizedPlan, TimePoint
 from robust.plan.polynomial import Polynomial
+from robust.smt.limits import NEVER, Deadline
+from robust.smt.terms import Formula, Terms
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,14 +61,20 @@ def _parameter(name: NumericVariable) -> Linear:
     return variable(name)
 
 
-def parameters_in(expression: Linear) -> frozenset[str]:
-    """Names of the parameters that occur."""
-    return frozenset(unknown.name for unknown in expression.variables if isinstance(unknown, ParameterReference))
+def initial_value(plan: ParametrizedPlan, fluent: Fluent) -> Linear:
+    """The value of a fluent at time zero.
+
+    Raises:
+        InputError: if it has none.
+    """
+    if fluent not in plan.initial_fluents:
+        raise InputError(f"{fluent} has no initial value; expected (= {fluent} NUMBER) in the problem's :init")
+    return over_parameters(plan.initial_fluents[fluent])
 
 
-def is_over_parameters(expressions: Iterable[Linear]) -> bool:
+def is_over_parameters(expression: Linear) -> bool:
     """Whether nothing but parameters occurs."""
-    return all(isinstance(unknown, ParameterReference) for e in expressions for unknown in e.variables)
+    return all(isinstance(unknown, ParameterReference) for unknown in expression.variables)
 
 
 def least(expression: Linear, ranges: Mapping[str, Range]) -> Fraction | None:
@@ -81,3 +90,70 @@ def least(expression: Linear, ranges: Mapping[str, Range]) -> Fraction | None:
             return None
         total += factor * extreme
     return total
+
+
+Case = tuple[Formula, Linear]
+"""A value, and when it applies."""
+
+
+class Definitions:
+    """Symbols with the formulas that fix them; whoever asserts a symbol asserts :meth:`needed_by` as well."""
+
+    def __init__(self, terms: Terms) -> None:
+        self.terms = terms
+        self._definition: dict[Formula, Formula] = {}
+        self._count = 0
+
+    def truth(self, name: str, formula: Formula) -> Formula:
+        """A Boolean symbol for the formula, unless it is a literal or constant already."""
+        atom = self.terms.negation(formula) if formula.is_not() else formula
+        if atom.is_symbol() or atom.is_bool_constant():
+            return formula
+        symbol = self.terms.fresh_boolean(f"[{name}] ")
+        self.define(symbol, self.terms.equivalence(symbol, formula))
+        return symbol
+
+    def auxiliary(self, name: str) -> Auxiliary:
+        """A new symbol of that name and a number; whoever asks for it defines it."""
+        self._count += 1
+        return Auxiliary(name, self._count)
+
+    def define(self, symbol: Formula, formula: Formula) -> None:
+        self._definition[symbol] = formula
+
+    def choice(self, name: str, cases: Iterable[Case], otherwise: Linear | None = None) -> Linear:
+        """The value of the case that applies: exactly one does, or none and it is `otherwise`.
+
+        A new symbol unless the value is known.
+        """
+        open_cases = [(condition, value) for condition, value in cases if condition is not self.terms.false]
+        for condition, value in open_cases:
+            if condition is self.terms.true:
+                return value
+        if otherwise is not None:
+            none = self.terms.negation(self.terms.disjunction(condition for condition, _ in open_cases))
+            open_cases.append((none, otherwise))
+        values = {value for _, value in open_cases}
+        return values.pop() if len(values) == 1 else self.partial(name, open_cases)
+
+    def partial(self, name: str, cases: Iterable[Case]) -> Linear:
+        """A new symbol that has the value of each case that applies."""
+        symbol = self.auxiliary(name)
+        equations = (self.terms.implication(c, self.terms.equal(variable(symbol) - value)) for c, value in cases)
+        self.define(self.terms.real(symbol), self.terms.conjunction(equations))
+        return variable(symbol)
+
+    def needed_by(self, formulas: Iterable[Formula], deadline: Deadline = NEVER) -> Iterator[Formula]:
+        """The definitions of all symbols in the formulas, and of those in the definitions, each once.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        queue, seen = list(formulas), set[Formula]()
+        while queue:
+            deadline.enforce()
+            for symbol in self.terms.variables(queue.pop()):
+                if symbol in self._definition and symbol not in seen:
+                    seen.add(symbol)
+                    queue.append(self._definition[symbol])
+                    yield self._definition[symbol]

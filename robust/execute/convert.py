@@ -41,7 +41,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
-from functools import partial
 from itertools import pairwise
 
 from robust.encode import create_encoding
@@ -69,7 +68,7 @@ from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
-from robust.qe.box import Box, Interval
+from robust.qe.box import Box
 from robust.smt.limits import Deadline, noticing_interrupts
 
 
@@ -92,7 +91,7 @@ class CausalNetwork:
 def causal_network(original: distances.Original, pinned: Collection[str] = ()) -> CausalNetwork:
     """The network that keeps conditions over atoms true; instances in `pinned` keep the durations of the plan.
 
-    It need not keep conditions over numbers: see :func:`robust.execute.convert.tighten`.
+    It need not keep conditions over numbers: see :class:`Tightener`.
     """
     durative = [instance for instance in original.plan.instances if instance.durative]
     points = tuple(point for point in original.plan.time_points if point.time is None)
@@ -113,21 +112,13 @@ def causal_network(original: distances.Original, pinned: Collection[str] = ()) -
 def _over_all_edges(
     original: distances.Original, instance: model.ActionInstance, paths: distances.Paths
 ) -> Iterator[distances.Edge]:
+    def protection(literals: Iterable[model.Holds]) -> list[distances.Edge]:
+        return [one for literal in literals for one in _protection(original, instance, literal, paths)]
+
     for part in instance.conditions:
         if part.timing is model.Timing.OVER_ALL:
-            cost = partial(_cost, original, instance, paths)
-            for literal in _kept(original, instance, part.condition, cost) or ():
-                yield from _protection(original, instance, literal, paths)
-
-
-def _cost(
-    original: distances.Original,
-    instance: model.ActionInstance,
-    paths: distances.Paths,
-    literals: tuple[model.Holds, ...],
-) -> int:
-    """How many edges it takes to protect literals."""
-    return sum(len(list(_protection(original, instance, literal, paths))) for literal in literals)
+            kept = _kept(original, instance, part.condition, lambda literals: len(protection(literals)))
+            yield from protection(kept or ())
 
 
 def _kept(
@@ -180,19 +171,13 @@ def _protection(
     if broken is not None or not initially:
         supports = [one for one in writes if one.value is literal.value and one.time <= start]
         achievers = [one for one in supports if broken is None or broken < one.time]
-        yield from _after_achiever(instance.start, achievers, paths)
+        # one of them, unless one comes before the start anyway
+        links = [edge(one.point, instance.start, Fraction(0)) for one in achievers]
+        if links and not any(_is_implied(link, paths) for link in links):
+            yield links[-1]
     for one in contrary:
         if one.time >= end and one.point != instance.end:
             yield edge(instance.end, one.point, Fraction(0))
-
-
-def _after_achiever(
-    start: model.TimePoint, achievers: Sequence[distances.Write], paths: distances.Paths
-) -> Iterator[distances.Edge]:
-    """The edge from one of the achievers, by time, to the start; none if one of them is not after it anyway."""
-    links = [edge(one.point, start, Fraction(0)) for one in achievers]
-    if links and not any(_is_implied(link, paths) for link in links):
-        yield links[-1]
 
 
 def _is_implied(link: distances.Edge, paths: distances.Paths) -> bool:
@@ -239,9 +224,11 @@ class Tightener:
         found = self._forced(edges)
         if not found:
             return ()
-        less = replace(self, deadline=self._half())
+        less = self.in_less_time
         self.say("dropping bounds")
-        found = less._without_needless(edges, found)
+        bounds = [one.edge for one in found]
+        needed = less.without_removable(edges, bounds, bounds)
+        found = [one for one in found if one.edge in needed]
         self.say("loosening bounds")
         return tuple(less._loosened(edges, found))
 
@@ -252,19 +239,15 @@ class Tightener:
 
         Together with the `fixed` edges they are valid.
         """
-        less = replace(self, deadline=self._half())
         kept = list(edges)
         for one in reversed(edges):
             if one in candidates:
-                self.say("dropping edges")
                 rest = [other for other in kept if other != one]
                 every = (*fixed, *rest)
-                if distances.is_implied(one, every) or less._is_needless(one, every):
+                implied = distances.is_implied(one, every)
+                if implied or (not self._breaks_without(one, every) and self.check(every).answer is Answer.PROVED):
                     kept = rest
         return kept
-
-    def _is_needless(self, one: distances.Edge, others: Sequence[distances.Edge]) -> bool:
-        return not self._breaks_without(one, others) and self.check(others).answer is Answer.PROVED
 
     def _breaks_without(self, one: distances.Edge, others: Sequence[distances.Edge]) -> bool:
         """Whether one of two schedules that break this edge only breaks an obligation: mostly, and without a solver."""
@@ -277,10 +260,11 @@ class Tightener:
                 return True
         return False
 
-    def _half(self) -> Deadline:
-        """Half of the time that is left: what is loosened has to be proved once more afterwards."""
+    @property
+    def in_less_time(self) -> Tightener:
+        """With half of the time that is left: what is loosened has to be proved once more afterwards."""
         remaining = self.deadline.remaining
-        return self.deadline if remaining is None else Deadline.after(remaining / 2)
+        return self if remaining is None else replace(self, deadline=Deadline.after(remaining / 2))
 
     def check(self, edges: Iterable[distances.Edge]) -> CheckResult:
         """Whether the plan is valid for every schedule that satisfies the edges."""
@@ -326,22 +310,16 @@ class Tightener:
 
     # -- less of it --------------------------------------------------------------------------------------------------
 
-    def _without_needless(self, edges: Sequence[distances.Edge], found: list[Tightening]) -> list[Tightening]:
-        """The bounds without those, latest first, that the proof does not need."""
-        kept = list(found)
-        for one in reversed(found):
-            rest = [other for other in kept if other is not one]
-            if self.check((*edges, *(other.edge for other in rest))).answer is Answer.PROVED:
-                kept = rest
-        return kept
-
     def _loosened(self, edges: Sequence[distances.Edge], found: Sequence[Tightening]) -> Iterable[Tightening]:
         """The bounds at the ends of the widest box of bounds; those without end are dropped."""
         box = self._widened(edges, found)
         for name, one in zip(_names(found), found, strict=True):
-            weight = _loosest(box.intervals[name], one.edge.weight, self.original.epsilon)
+            interval = box[name]
+            weight = interval.lower
             if weight is not None:
-                yield replace(one, edge=replace(one.edge, weight=weight))
+                # where the end does not belong to it, one ε above or the plan's own
+                least = weight if interval.lower_closed else min(weight + self.original.epsilon, one.edge.weight)
+                yield replace(one, edge=replace(one.edge, weight=least))
 
     def _widened(self, edges: Sequence[distances.Edge], found: Sequence[Tightening]) -> Box:
         """How far all bounds can be lowered at once; as they are, where widening cannot tell in time."""
@@ -384,13 +362,6 @@ def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, dea
 
 def _names(found: Sequence[Tightening]) -> list[str]:
     return [f"bound {i}" for i in range(len(found))]
-
-
-def _loosest(interval: Interval, own: Fraction, epsilon: Fraction) -> Fraction | None:
-    """The least value of an interval; where its end does not belong to it, one ε above or the plan's own."""
-    if interval.lower is None or interval.lower_closed:
-        return interval.lower
-    return min(interval.lower + epsilon, own)
 
 
 def _undecided(result: CheckResult) -> str:
@@ -481,7 +452,9 @@ def convert(
     result = check_plan(plan, epsilon, solver, deadline)
     _assert_allowed(plan, original, timed)
     if mode is Mode.CAUSAL and result.answer is not Answer.PROVED:
-        raise _not_proved(result)
+        broken = next(iter(result.counterexamples), None)
+        what = f"{broken!r} broken" if broken else "obligations undecided"
+        raise SolverError(f"found {what} in the converted plan, expected a proof; allow more time or another solver")
     return Conversion(mode, stn, plan, chosen.beside, original.times, result, network.tightened, network.redundant)
 
 
@@ -505,7 +478,8 @@ def _causal(original: distances.Original, chosen: Parametrization, tightener: Ti
     every = list(dict.fromkeys((*causal.edges, *bounds)))
     kept = every
     if not (chosen.parameters or chosen.beside):
-        kept = tightener.without_removable(fixed, every, {*causal.links, *bounds})
+        tightener.say("dropping edges")
+        kept = tightener.in_less_time.without_removable(fixed, every, {*causal.links, *bounds})
     edges = distances.irredundant(causal.points, causal.certain, kept)
     if not (chosen.parameters or chosen.beside):
         fixed = _without_implied_ranges(fixed, edges)
@@ -546,9 +520,3 @@ def _assert_allowed(plan: model.ParametrizedPlan, original: distances.Original, 
             "please report this plan as a bug",
             Location(timed.file),
         )
-
-
-def _not_proved(result: CheckResult) -> SolverError:
-    broken = next(iter(result.counterexamples), None)
-    what = f"{broken!r} broken" if broken else "obligations undecided"
-    return SolverError(f"found {what} in the converted plan, expected a proof; allow more time or another solver")

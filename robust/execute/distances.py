@@ -7,15 +7,14 @@ their edges become edges of zero.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from math import lcm
 
 from robust.errors import InputError, Location, RefutedError
-from robust.execute.controllability.dynamic import shortest_paths
+from robust.execute.stnu import ShortestPaths
 from robust.numbers import format_number
 from robust.plan.model import ZERO, ActionInstance, Atom, ParametrizedPlan, TimePoint
 from robust.plan.pddl.syntax import Domain
@@ -32,10 +31,6 @@ class Edge:
     source: TimePoint
     target: TimePoint
     weight: Fraction
-
-    def holds(self, times: Mapping[TimePoint, Fraction]) -> bool:
-        """Whether a schedule satisfies it."""
-        return times[self.target] - times[self.source] >= self.weight
 
     def __str__(self) -> str:
         return f"{self.target} - {self.source} >= {self.weight}"
@@ -71,26 +66,22 @@ def constraints_of(edges: Iterable[Edge], position: Mapping[TimePoint, int]) -> 
 
 
 class Paths:
-    """Longest paths between all pairs of time points; weights are integers in units of a common denominator."""
+    """Longest paths between all pairs of time points."""
 
     def __init__(self, points: Sequence[TimePoint], edges: Iterable[Edge]) -> None:
-        edges = tuple(edges)
-        self._index = {point: i for i, point in enumerate(points)}
-        self._scale = lcm(*(one.weight.denominator for one in edges))
-        weights = ((self._index[one.source], self._index[one.target], -int(one.weight * self._scale)) for one in edges)
-        self._shortest = shortest_paths(len(points), weights)
+        self._index = index = {point: i for i, point in enumerate(points)}
+        weights = ((index[one.source], index[one.target], -one.weight) for one in edges)
+        self._shortest = ShortestPaths(len(points), weights)
 
     def implied(self, source: TimePoint, target: TimePoint) -> Fraction | None:
         """The greatest lower bound of t_target − t_source; None if there is none."""
-        found = self._shortest[self._index[source]][self._index[target]]
-        return None if found is None else Fraction(-found, self._scale)
+        found = self._shortest.length(self._index[source], self._index[target])
+        return None if found is None else -found
 
 
 def earliest(points: Sequence[TimePoint], edges: Iterable[Edge]) -> dict[TimePoint, Fraction] | None:
     """The earliest schedule from zero that satisfies the edges; None if there is none."""
-    outgoing: dict[TimePoint, list[Edge]] = {point: [] for point in points}
-    for one in edges:
-        outgoing[one.source].append(one)
+    outgoing = _adjacency(edges)
     times = dict.fromkeys(points, Fraction(0))
     queue, waiting = deque(points), set(points)
     rounds = dict.fromkeys(points, 0)
@@ -120,27 +111,26 @@ def irredundant(points: Sequence[TimePoint], given: Sequence[Edge], edges: Seque
     # A longer path than the edge itself cannot contain it, or there would be no schedule: all these go at once.
     tight = [one for one in dict.fromkeys(edges) if paths.implied(one.source, one.target) == one.weight]
     tight = [one for one in tight if one.source != one.target]
-    kept = set(tight)
-    adjacency: dict[TimePoint, list[Edge]] = {point: [] for point in points}
-    for one in (*given, *tight):
-        adjacency[one.source].append(one)
-    always = frozenset(given)
+    adjacency = _adjacency((*given, *tight))
+    always, dropped = frozenset(given), set()
     for one in tight:
         if one in always or _reaches(one, adjacency):
             adjacency[one.source].remove(one)
-            kept.discard(one)
-    return [one for one in tight if one in kept]
+            dropped.add(one)
+    return [one for one in tight if one not in dropped]
 
 
 def is_implied(one: Edge, others: Iterable[Edge]) -> bool:
     """Whether every schedule of the other edges satisfies the edge; they must have a schedule."""
-    adjacency: dict[TimePoint, list[Edge]] = {}
-    for other in others:
-        if other == one:
-            return True
-        adjacency.setdefault(other.source, []).append(other)
-        adjacency.setdefault(other.target, [])
-    return one.source in adjacency and _reaches(one, adjacency)
+    others = tuple(others)
+    return one in others or _reaches(one, _adjacency(others))
+
+
+def _adjacency(edges: Iterable[Edge]) -> Mapping[TimePoint, list[Edge]]:
+    outgoing: defaultdict[TimePoint, list[Edge]] = defaultdict(list)
+    for one in edges:
+        outgoing[one.source].append(one)
+    return outgoing
 
 
 def _reaches(skipped: Edge, adjacency: Mapping[TimePoint, Sequence[Edge]]) -> bool:
@@ -193,12 +183,9 @@ class Original:
         return Execution(self.plan, self.plan.nominal, self.times)
 
     @cached_property
-    def _before(self) -> Mapping[TimePoint, State]:
-        return {point: happening.before for happening in self.execution.happenings for point in happening.points}
-
-    def before(self, point: TimePoint) -> State:
+    def before(self) -> Mapping[TimePoint, State]:
         """The state that conditions at a time point read."""
-        return self._before[point]
+        return {point: happening.before for happening in self.execution.happenings for point in happening.points}
 
     def distance(self, source: TimePoint, target: TimePoint) -> Fraction:
         """t_target − t_source."""
@@ -230,7 +217,7 @@ class Original:
         for instance in self.plan.instances:
             for effect in instance.atom_effects:
                 point = instance.at(effect.timing)
-                if self.execution.reading(self.before(point), instance).holds(effect.condition):
+                if self.execution.reading(self.before[point], instance).holds(effect.condition):
                     yield effect.atom, point, effect.value
 
     def _literals(self) -> Iterator[tuple[Atom, TimePoint, bool]]:

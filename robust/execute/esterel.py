@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.execute.distances import Edge, Original, edge
+from robust.execute.distances import Edge, Original, Write, edge
 from robust.plan import model
 
 
@@ -63,20 +63,12 @@ class _Transformer:
     # -- supporters ------------------------------------------------------------------------------------------------
 
     def _supporters(self, node: _Node) -> Iterator[Edge]:
-        for leaf, over_all in self._literals(node):
-            supporter = self._most_recent(leaf, node.point, over_all)
-            if supporter is None or supporter == node.point:
-                continue
-            yield self._after(supporter, node.point)
-
-    def _literals(self, node: _Node) -> Iterator[tuple[model.Leaf, bool]]:
-        """What the node needs, and whether from then on: over-all conditions belong to the start."""
-        for part in node.instance.conditions:
-            over_all = part.timing is model.Timing.OVER_ALL
-            if (node.instance.start if over_all else node.instance.at(part.timing)) != node.point:
-                continue
+        """From what a node needs; conditions over all count from its start on."""
+        for part in _parts(node, node.instance.start):
             for leaf in self._holding(node, part):
-                yield leaf, over_all
+                supporter = self._most_recent(leaf, node.point, part.timing is model.Timing.OVER_ALL)
+                if supporter is not None and supporter != node.point:
+                    yield self._after(supporter, node.point)
 
     def _holding(self, node: _Node, part: model.TimedCondition) -> Iterator[model.Leaf]:
         """The literals of a condition that hold when the node happens, or right after it."""
@@ -89,32 +81,23 @@ class _Transformer:
 
     def _most_recent(self, leaf: model.Leaf, point: model.TimePoint, over_all: bool) -> model.TimePoint | None:
         """The last change before the time point that makes the literal true; for over-all ones also at its time."""
-        limit = self.original.times[point]
+        times, limit = self.original.times, self.original.times[point]
+        changes: list[model.TimePoint] = []
         if isinstance(leaf, model.Holds):
-            changes = [(one.time, one.point) for one in self.original.writes(leaf.atom) if one.value is leaf.value]
+            changes = [one.point for one in self.original.writes(leaf.atom) if one.value is leaf.value]
         elif isinstance(leaf, model.Comparison):
             changes = [change for fluent in _fluents(leaf) for change in self._changes(fluent)]
-        else:
-            changes = []
-        past = [(time, one) for time, one in changes if time < limit or (over_all and time == limit)]
-        if not past:
-            return None
-        latest = max(time for time, _ in past)
-        candidates = [one for time, one in past if time == latest]
-        return point if point in candidates else candidates[0]
+        past = [one for one in changes if times[one] < limit or (over_all and times[one] == limit)]
+        latest = max((times[one] for one in past), default=limit)
+        candidates = [one for one in past if times[one] == latest]
+        return point if point in candidates else next(iter(candidates), None)
 
-    def _changes(self, fluent: model.Fluent) -> Iterator[tuple[Fraction, model.TimePoint]]:
-        times = self.original.times
+    def _changes(self, fluent: model.Fluent) -> Iterator[model.TimePoint]:
         for instance in self.original.plan.instances:
-            for effect in instance.numeric_effects:
-                if effect.fluent == fluent:
-                    yield times[instance.at(effect.timing)], instance.at(effect.timing)
+            yield from (instance.at(one.timing) for one in instance.numeric_effects if one.fluent == fluent)
             if any(effect.fluent == fluent for effect in instance.continuous_effects):
-                yield times[instance.start], instance.start
-                yield times[instance.end], instance.end
-        for literal in self.original.plan.timed_literals:
-            if literal.target == fluent:
-                yield literal.time, literal.point
+                yield from (instance.start, instance.end)
+        yield from (one.point for one in self.original.plan.timed_literals if one.target == fluent)
 
     # -- contradictions --------------------------------------------------------------------------------------------
 
@@ -139,7 +122,8 @@ class _Transformer:
         written, _ = self._effects(other)
         if any(atoms.get(atom, value) is not value for atom, value in written.items()):
             return True
-        for leaf in _conditions(other):
+        parts = _parts(other, other.instance.end)
+        for leaf in (leaf for part in parts for leaf in model.leaves(part.condition)):
             if isinstance(leaf, model.Holds) and atoms.get(leaf.atom, leaf.value) is not leaf.value:
                 return True
             if isinstance(leaf, model.Comparison) and not fluents.isdisjoint(_fluents(leaf)):
@@ -150,36 +134,28 @@ class _Transformer:
 
     def _deadlines(self, node: _Node) -> Iterator[Edge]:
         """Later timed literals that would break a condition: those of over-all conditions are for the end to meet."""
-        for part in node.instance.conditions:
-            point = node.instance.end if part.timing is model.Timing.OVER_ALL else node.instance.at(part.timing)
-            if point != node.point:
-                continue
+        time = self.original.times[node.point]
+        for part in _parts(node, node.instance.end):
+            over_all = part.timing is model.Timing.OVER_ALL
             for leaf in model.leaves(part.condition):
-                breaking = self._breaking(leaf, point, part.timing is model.Timing.OVER_ALL)
-                if breaking:
-                    separation = Fraction(0) if part.timing is model.Timing.OVER_ALL else self.original.epsilon
-                    yield edge(point, min(breaking, key=self.original.times.__getitem__), separation)
-                    yield self._after(model.ZERO, point)
+                writes = self.original.writes(leaf.atom) if isinstance(leaf, model.Holds) else ()
+                breaking = next((one for one in writes if self._breaks(one, leaf, time, over_all)), None)
+                if breaking is not None:
+                    yield edge(node.point, breaking.point, Fraction(0) if over_all else self.original.epsilon)
+                    yield self._after(model.ZERO, node.point)
 
-    def _breaking(self, leaf: model.Leaf, point: model.TimePoint, over_all: bool) -> list[model.TimePoint]:
-        if not isinstance(leaf, model.Holds):
-            return []
-        time = self.original.times[point]
-        return [
-            one.point
-            for one in self.original.writes(leaf.atom)
-            if one.point.time is not None
-            and one.value is not leaf.value
-            and (one.time > time or (over_all and one.time == time))
-        ]
+    def _breaks(self, write: Write, leaf: model.Leaf, time: Fraction, over_all: bool) -> bool:
+        contrary = isinstance(leaf, model.Holds) and write.value is not leaf.value
+        later = write.time > time or (over_all and write.time == time)
+        return write.point.time is not None and contrary and later
 
 
-def _conditions(node: _Node) -> Iterator[model.Leaf]:
-    """The literals of the conditions that belong to a node; for an end, the over-all ones too."""
+def _parts(node: _Node, over_all: model.TimePoint) -> Iterator[model.TimedCondition]:
+    """The conditions that belong to a node; those over all belong to `over_all`, the start or the end."""
     for part in node.instance.conditions:
-        over_all = part.timing is model.Timing.OVER_ALL
-        if node.is_end if over_all else node.instance.at(part.timing) == node.point:
-            yield from model.leaves(part.condition)
+        point = over_all if part.timing is model.Timing.OVER_ALL else node.instance.at(part.timing)
+        if point == node.point:
+            yield part
 
 
 def _fluents(condition: model.Condition) -> set[model.Fluent]:

@@ -11,12 +11,12 @@ time points an obligation depends on, its own and those of all changes that what
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from robust.errors import InputError, Location
-from robust.execute.dispatch.network import written_fluents
+from robust.execute.dispatchable import written_fluents
 from robust.execute.distances import Edge, Original
 from robust.numbers import format_number
 from robust.plan import model
@@ -24,6 +24,7 @@ from robust.plan.load import domain_parameters
 from robust.plan.parameters import ParameterSpec, Target, wire
 from robust.plan.pddl.grounding import initial_fluents
 from robust.plan.pddl.syntax import Comparator, Domain, Problem
+from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs
 from robust.plan.stn import InstanceDeclaration, ParameterDeclaration, STNConstraint, STNPlan
 
@@ -168,16 +169,15 @@ def _in_duration(
 ) -> tuple[Fraction, Fraction]:
     """The constraint's expression as `value + slope · ?duration`; the slope is 0 if it is not of this form."""
     expression = constraint.condition.expression
-    reading = original.execution.reading(original.before(instance.at(constraint.timing)), instance)
-    value, slope = Fraction(0), Fraction(0)
-    for monomial, factor in expression.terms.items():
-        degree = sum(1 for variable in monomial if isinstance(variable, model.Duration))
-        if degree > 1:
-            return Fraction(0), Fraction(0)
-        for variable in monomial:
-            factor *= 1 if isinstance(variable, model.Duration) else reading.variable(variable)  # noqa: PLW2901 - a product
-        value, slope = (value, slope + factor) if degree else (value + factor, slope)
-    return value, slope
+    reading = original.execution.reading(original.before[instance.at(constraint.timing)], instance)
+
+    def value(variable: model.NumericVariable) -> model.Expression:
+        length = isinstance(variable, model.Duration)
+        return Polynomial.variable(variable) if length else Polynomial.constant(reading.variable(variable))
+
+    found = expression.substitute(value)
+    slope = found.terms.get((model.Duration(),), Fraction(0)) if found.is_linear else Fraction(0)
+    return found.constant_term, slope
 
 
 @dataclass(frozen=True)
@@ -233,7 +233,13 @@ def parametrization(
         InputError: for a specification that does not fit the plan, or a nominal value that is not the plan's own.
     """
     declared = domain_parameters(domain, plan)
-    rigid = replace(plan, constraints=_rigid(plan.instances, times))
+    pairs = [(model.ZERO, one.start) for one in plan.instances]
+    pairs += [(one.start, one.end) for one in plan.instances if one.durative]
+    lengths = ((target, source, times[target] - times[source]) for source, target in pairs)
+    # constraints that leave the schedule as the only one
+    rigid = replace(
+        plan, constraints=tuple(STNConstraint(target, source, length, length) for target, source, length in lengths)
+    )
     wiring = wire(rigid, specs, initial_fluents(domain, problem), declared)
     known = {parameter.name: parameter for parameter in wiring.parameters}
     parametric = tuple(one for one in wiring.constraints if isinstance(one.lower, model.ParameterReference))
@@ -244,23 +250,15 @@ def parametrization(
         bare=replace(plan, parameters=tuple(one for one in wiring.parameters if one.name in declared)),
         parameters=tuple(one for one in wiring.parameters if one.name not in in_problem),
         constraints=parametric,
-        fluents=tuple(_fluent_spec(str(fluent), known[name]) for fluent, name in wiring.fluents.items()),
+        fluents=tuple(
+            ParameterSpec(Target.FLUENT, str(fluent), name, {word: getattr(known[name], word) for word in _WORDS})
+            for fluent, name in wiring.fluents.items()
+        ),
         durations=tuple(
             ParameterSpec(Target.DURATION, one.identifier, wiring.durations[one.identifier])
             for one in plan.instances
             if one.identifier in wiring.durations and _is_fixed(domain, one)
         ),
-    )
-
-
-def _rigid(
-    instances: Sequence[InstanceDeclaration], times: Mapping[model.TimePoint, Fraction]
-) -> tuple[STNConstraint, ...]:
-    """Constraints that leave the schedule as the only one."""
-    pairs = [(model.ZERO, one.start) for one in instances] + [(one.start, one.end) for one in instances if one.durative]
-    return tuple(
-        STNConstraint(target, source, times[target] - times[source], times[target] - times[source])
-        for source, target in pairs
     )
 
 
@@ -284,9 +282,7 @@ def _is_fixed(domain: Domain, instance: InstanceDeclaration) -> bool:
     return schema is not None and any(bound.comparator is Comparator.EQUAL for bound in schema.durations)
 
 
-def _fluent_spec(fluent: str, parameter: ParameterDeclaration) -> ParameterSpec:
-    attributes = {word: getattr(parameter, word) for word in ("weight", "default", "lower", "upper")}
-    return ParameterSpec(Target.FLUENT, fluent, parameter.name, attributes)
+_WORDS = ("weight", "default", "lower", "upper")
 
 
 def write_specs(specs: Iterable[ParameterSpec]) -> str:
@@ -294,7 +290,7 @@ def write_specs(specs: Iterable[ParameterSpec]) -> str:
     tables = []
     for spec in specs:
         lines = [f"[parameters.{json.dumps(spec.name)}]", f"{spec.target.value} = {json.dumps(spec.subject)}"]
-        given = ((word, spec.attributes.get(word)) for word in ("weight", "default", "lower", "upper"))
+        given = ((word, spec.attributes.get(word)) for word in _WORDS)
         lines += [f'{word} = "{format_number(value)}"' for word, value in given if value is not None]
         tables.append("\n".join(lines) + "\n")
     return "\n".join(tables)

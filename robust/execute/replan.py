@@ -11,7 +11,7 @@ shares nothing with the world that simulated the run but the values that were dr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
@@ -20,18 +20,17 @@ from time import monotonic
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RefutedError, RobustError, SolverError
-from robust.execute.controllability.assess import Kind, shrink
+from robust.execute.controllability import Kind, shrink
 from robust.execute.convert import convert
-from robust.execute.dispatch.dispatcher import Dispatcher, Ending, LeftBox, Observation, Rejected
-from robust.execute.dispatch.network import Dispatchable, Dreex, Executor, Guarantee, make_dispatchable
+from robust.execute.dispatchable import Dispatchable, Dreex, Executor, Guarantee, make_dispatchable
+from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, Observation, Rejected
 from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
-from robust.execute.worlds.rules import Luck, Rules
-from robust.execute.worlds.world import Executed, Outcome, Setting, SimulatedWorld, condition_with
+from robust.execute.worlds import Executed, Luck, Outcome, Rules, SimulatedWorld, condition_with
 from robust.irr.containment import Containment
 from robust.irr.exact import ExactSearch
 from robust.irr.irr import IncrementalRobustification
-from robust.irr.search import EnvelopeResult, Status
+from robust.irr.search import Status
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.parameters import ParameterSpec, Target
@@ -146,7 +145,6 @@ class Prepared:
     """A plan ready to be executed, in any number of simulated runs; `seconds` is what it took to get there."""
 
     dispatchable: Dispatchable
-    setting: Setting
     seconds: float
 
 
@@ -181,35 +179,29 @@ def prepare_plan(
     if box is None and isinstance(options.executor, Dreex):
         box = computed_box(plan, options)
     dispatchable = make_dispatchable(plan, box, options.executor, epsilon=options.epsilon)
-    return Prepared(dispatchable, Setting(dispatchable), monotonic() - begun)
-
-
-def computed_box(plan: model.ParametrizedPlan, options: Options) -> Box:
-    """The box of a plan; errors as for :func:`prepare_plan`."""
-    found = _search(plan, options)
-    if found.status is Status.INVALID:
-        raise RefutedError(f"invalid plan: {found.reason}")
-    if not found.verified:
-        raise SolverError("no box was proved in time; expected one, allow more time")
-    return found.box if options.controllability is None else _shrunk(plan, found.box, options)
+    return Prepared(dispatchable, monotonic() - begun)
 
 
 @noticing_interrupts()
-def _search(plan: model.ParametrizedPlan, options: Options) -> EnvelopeResult:
+def computed_box(plan: model.ParametrizedPlan, options: Options) -> Box:
+    """The box of a plan; errors as for :func:`prepare_plan`."""
     deadline = Deadline.after(options.timeout)
     formulas = create_encoding("relational", plan, options.epsilon, deadline)
     if options.method == "irr":
         containment = Containment(formulas, solver=options.solver)
-        return IncrementalRobustification(containment, deadline=deadline).run()
-    return ExactSearch(
-        formulas, method=options.method, contain_nominal=True, solver=options.solver, deadline=deadline
-    ).run()
-
-
-def _shrunk(plan: model.ParametrizedPlan, box: Box, options: Options) -> Box:
-    """The part of a box in which a strategy is certain to find the schedules that the box promises."""
-    try:
-        return shrink(plan, box, Kind(options.controllability), deadline=Deadline.after(options.timeout))
+        found = IncrementalRobustification(containment, deadline=deadline).run()
+    else:
+        found = ExactSearch(
+            formulas, method=options.method, contain_nominal=True, solver=options.solver, deadline=deadline
+        ).run()
+    if found.status is Status.INVALID:
+        raise RefutedError(f"invalid plan: {found.reason}")
+    if not found.verified:
+        raise SolverError("no box was proved in time; expected one, allow more time")
+    if options.controllability is None:
+        return found.box
+    try:  # the part in which a strategy is certain to find the schedules that the box promises
+        return shrink(plan, found.box, Kind(options.controllability), deadline=Deadline.after(options.timeout))
     except OutOfTimeError:
         raise SolverError("no controllable part of the box was found in time; expected one, allow more time") from None
 
@@ -221,18 +213,8 @@ def fitting(specs: Iterable[ParameterSpec], timed: TimedPlan) -> tuple[Parameter
     return tuple(spec for spec in specs if spec.target not in durations or spec.subject in known)
 
 
-@dataclass(frozen=True)
-class Beginning:
-    """Where a run began, and what it was for."""
-
-    atoms: frozenset[model.Atom]
-    fluents: Mapping[model.Fluent, Fraction]
-    literals: tuple[model.TimedLiteral, ...]
-    goal: tuple[model.GoalCondition, ...]
-
-
-def judged(beginning: Beginning, executed: Sequence[Executed], epsilon: Fraction) -> Simulation:
-    """The execution of everything that was executed, at the times at which it was.
+def judged(start: model.ParametrizedPlan, executed: Sequence[Executed], epsilon: Fraction) -> Simulation:
+    """The execution of everything that was executed, at the times at which it was; `start` is the :func:`beginning`.
 
     Durations that were not the dispatcher's to choose are facts, and break no duration constraint. An instance that
     failed or was stopped has its effects at the start, and continuous ones until it ended, and no conditions.
@@ -245,32 +227,19 @@ def judged(beginning: Beginning, executed: Sequence[Executed], epsilon: Fraction
         schedule[instance.start] = one.start
         if instance.durative:
             schedule[instance.end] = one.start if one.end is None else one.end
-    plan = model.ParametrizedPlan(
-        name="execution",
-        parameters=(),
-        instances=tuple(instances),
-        constraints=(),
-        initial_atoms=beginning.atoms,
-        initial_fluents={fluent: Polynomial.constant(value) for fluent, value in beginning.fluents.items()},
-        timed_literals=beginning.literals,
-        goal=beginning.goal,
-    )
-    return simulate(plan, {}, schedule, epsilon=epsilon)
+    return simulate(replace(start, instances=tuple(instances)), {}, schedule, epsilon=epsilon)
 
 
 def _as_it_was(one: Executed, identifier: str) -> model.ActionInstance:
+    done = one.outcome is Outcome.DONE
     instance = replace(one.instance, identifier=identifier)
-    if one.natural:
+    if one.natural or not done:
         instance = replace(instance, durations=())
-    if one.outcome is Outcome.DONE:
+    if done:
         return instance
-    return replace(
-        instance,
-        durations=(),
-        conditions=(),
-        atom_effects=tuple(effect for effect in instance.atom_effects if effect.timing is model.Timing.AT_START),
-        numeric_effects=tuple(effect for effect in instance.numeric_effects if effect.timing is model.Timing.AT_START),
-    )
+    atoms = tuple(effect for effect in instance.atom_effects if effect.timing is model.Timing.AT_START)
+    numbers = tuple(effect for effect in instance.numeric_effects if effect.timing is model.Timing.AT_START)
+    return replace(instance, conditions=(), atom_effects=atoms, numeric_effects=numbers)
 
 
 REPLANS = 10
@@ -355,7 +324,7 @@ class _Running:
         self._on_segment = on_segment
         self._begun = monotonic()
         self._segments: list[Segment] = []
-        self._beginning: Beginning | None = None
+        self._beginning: model.ParametrizedPlan | None = None
 
     def run(self, prepared: Prepared | None) -> Run:
         problem, origin = self._mission.problem, Fraction(0)
@@ -368,13 +337,14 @@ class _Running:
                 return self._result(RunStatus.FAILED, self._because(str(error)))
             check_rules(prepared, self._mission.rules)
             dispatcher = Dispatcher(prepared.dispatchable, drain=self._mission.drain)
-            world = SimulatedWorld(prepared.setting, self._luck, levels_known=bool(self._segments))
-            self._begin(prepared, world)
+            world = SimulatedWorld(prepared.dispatchable, self._luck, levels_known=bool(self._segments))
+            if self._beginning is None:
+                self._beginning = beginning(prepared.dispatchable.plan, world)
             last = run_in_world(dispatcher, world)
             if not self._mission.drain:
                 world.stop(last)
-            spent = (planner_seconds, prepared.seconds)
-            self._note(dispatcher, world, origin, last, spent)
+            self._segments.append(_segment(dispatcher, world, origin, last, (planner_seconds, prepared.seconds)))
+            self._on_segment(self._segments[-1])
             if dispatcher.ending is None or not dispatcher.ended:
                 return self._finished(dispatcher)
             if self._achieved(world):
@@ -388,43 +358,6 @@ class _Running:
             origin += begin
             prepared = None
 
-    def _begin(self, prepared: Prepared, world: SimulatedWorld) -> None:
-        """Remember where the run began, for the judge."""
-        if self._beginning is None:
-            plan = prepared.dispatchable.plan
-            goal = tuple(
-                model.GoalCondition(condition_with(one.condition, world.values), one.text) for one in plan.goal
-            )
-            self._beginning = Beginning(plan.initial_atoms, world.initial, plan.timed_literals, goal)
-
-    def _note(
-        self,
-        dispatcher: Dispatcher,
-        world: SimulatedWorld,
-        origin: Fraction,
-        last: Fraction,
-        spent: tuple[float, float],
-    ) -> None:
-        """Keep what became of a plan; `spent` are seconds of the planner, and of making the plan ready."""
-        dispatchable = dispatcher.dispatchable
-        ending = dispatcher.ending
-        segment = Segment(
-            plan=dispatchable.plan,
-            box=dispatchable.box,
-            guarantee=dispatchable.guarantee,
-            start=origin,
-            end=origin + last,
-            executed=tuple(_moved(one, origin) for one in world.executed.values()),
-            observations=tuple(replace(one, time=one.time + origin) for one in dispatcher.observations),
-            rejected=tuple(replace(one, time=one.time + origin) for one in dispatcher.rejected),
-            ending=ending,
-            given_up=None if ending is None else origin + ending.time,
-            planner_seconds=spent[0],
-            preparation_seconds=spent[1],
-        )
-        self._segments.append(segment)
-        self._on_segment(segment)
-
     def _finished(self, dispatcher: Dispatcher) -> Run:
         if not dispatcher.ended:
             waiting = ", ".join(dispatcher.running) or "an observation"
@@ -435,7 +368,7 @@ class _Running:
     def _achieved(self, world: SimulatedWorld) -> bool:
         """Whether a plan was given up when all had been done: the goal is reached [IRR, Alg. 2, line 16]."""
         reading = Reading(world.state.snapshot(), {})
-        goal = self._beginning.goal if self._beginning is not None else ()
+        goal = () if self._beginning is None else self._beginning.goal
         return all(reading.holds(one.condition) for one in goal) and self._fault() is None
 
     def _fault(self) -> str | None:
@@ -469,8 +402,42 @@ def check_rules(prepared: Prepared, rules: Rules) -> None:
             raise InputError(message)
 
 
-def _moved(one: Executed, origin: Fraction) -> Executed:
-    return replace(one, start=one.start + origin, end=None if one.end is None else one.end + origin)
+def beginning(plan: model.ParametrizedPlan, world: SimulatedWorld) -> model.ParametrizedPlan:
+    """Where a run begins, as things really are, and what it is for: a plan without actions."""
+    return model.ParametrizedPlan(
+        name="execution",
+        parameters=(),
+        instances=(),
+        constraints=(),
+        initial_atoms=plan.initial_atoms,
+        initial_fluents={fluent: Polynomial.constant(value) for fluent, value in world.initial.items()},
+        timed_literals=plan.timed_literals,
+        goal=tuple(replace(one, condition=condition_with(one.condition, world.values)) for one in plan.goal),
+    )
+
+
+def _segment(
+    dispatcher: Dispatcher, world: SimulatedWorld, origin: Fraction, last: Fraction, spent: tuple[float, float]
+) -> Segment:
+    """What became of a plan; `spent` are seconds of the planner, and of making the plan ready."""
+    executed = world.executed.values()
+    return Segment(
+        plan=dispatcher.dispatchable.plan,
+        box=dispatcher.dispatchable.box,
+        guarantee=dispatcher.dispatchable.guarantee,
+        start=origin,
+        end=origin + last,
+        executed=tuple(
+            replace(one, start=origin + one.start, end=None if one.end is None else origin + one.end)
+            for one in executed
+        ),
+        observations=tuple(replace(one, time=one.time + origin) for one in dispatcher.observations),
+        rejected=tuple(replace(one, time=one.time + origin) for one in dispatcher.rejected),
+        ending=dispatcher.ending,
+        given_up=None if dispatcher.ending is None else origin + dispatcher.ending.time,
+        planner_seconds=spent[0],
+        preparation_seconds=spent[1],
+    )
 
 
 def _planned(mission: Mission, problem: Problem) -> tuple[Prepared, float]:

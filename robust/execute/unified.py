@@ -156,7 +156,9 @@ def _check_supported(problem: up.Problem) -> None:
         "trajectory constraints": problem.trajectory_constraints,
         "processes": problem.processes,
         "events": problem.events,
-        "simulated effects": [one for one in problem.actions if _simulated(one)],
+        "simulated effects": [
+            one for one in problem.actions for kind in ("", "s") if getattr(one, f"simulated_effect{kind}", None)
+        ],
     }
     for what, found in present.items():
         if found:
@@ -171,10 +173,6 @@ def _check_supported(problem: up.Problem) -> None:
         twice = next((one for one in lowered if lowered.count(one) > 1), None)
         if twice is not None:
             raise InputError(f"found two names of {what}s that are both {twice!r} in lower case, expected one")
-
-
-def _simulated(action: up.Action) -> bool:
-    return bool(getattr(action, "simulated_effect", None) or getattr(action, "simulated_effects", None))
 
 
 # -- the domain --------------------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 
@@ -65,6 +65,7 @@ class CheckResult:
         return self.interrupted or self.timed_out or self.answer is Answer.UNKNOWN
 
 
+@dataclass(eq=False)
 class Checker:
     """Examines the obligations of a plan over a box of parameter values.
 
@@ -79,24 +80,16 @@ class Checker:
         on_obligation: called with the number examined so far, of how many, and the obligation's name.
     """
 
-    def __init__(
-        self,
-        encoding: Encoding,
-        box: Box,
-        *,
-        solver: str = "z3",
-        every: bool = False,
-        deadline: Deadline = NEVER,
-        exporter: Exporter | None = None,
-        on_obligation: Callable[[int, int, str], None] | None = None,
-    ) -> None:
-        self._encoding = encoding
-        self._box = box
-        self._solver = solver
-        self._every = every
-        self._deadline = deadline
-        self._exporter = exporter
-        self._on_obligation = on_obligation
+    encoding: Encoding
+    box: Box
+    _: KW_ONLY
+    solver: str = "z3"
+    every: bool = False
+    deadline: Deadline = NEVER
+    exporter: Exporter | None = None
+    on_obligation: Callable[[int, int, str], None] | None = None
+
+    def __post_init__(self) -> None:
         self._statistics = Statistics()
         self._answers: dict[str, Answer] = {}
         self._counterexamples: dict[str, Counterexample] = {}
@@ -119,7 +112,7 @@ class Checker:
         except KeyboardInterrupt:
             interrupted = True
         found = self._found()
-        late = found.answer is Answer.UNKNOWN and self._deadline.moment is not None
+        late = found.answer is Answer.UNKNOWN and self.deadline.moment is not None
         return replace(found, interrupted=interrupted, timed_out=late and not interrupted)
 
     def so_far(self, *, timed_out: bool) -> CheckResult:
@@ -127,10 +120,10 @@ class Checker:
         return replace(self._found(), interrupted=not timed_out, timed_out=timed_out)
 
     def _found(self) -> CheckResult:
-        answers = {o.name: self._answers.get(o.name, Answer.UNKNOWN) for o in self._encoding.obligations}
+        answers = {o.name: self._answers.get(o.name, Answer.UNKNOWN) for o in self.encoding.obligations}
         return CheckResult(
             self._overall(answers),
-            self._box,
+            self.box,
             answers,
             self._counterexamples,
             time.perf_counter() - self._started,
@@ -146,13 +139,13 @@ class Checker:
 
     def _has_schedule(self) -> bool:
         """Whether obligations can be examined: enc_valid holds throughout the box, or one of them breaks."""
-        found = self._encoding.validity.broken_facet(self._box.ranges, self._session, self._deadline)
+        found = self.encoding.validity.broken_facet(self.box.ranges, self._session, self.deadline)
         match found:
             case None:
                 self._existence_known = True
             case Facet(obligation=None):
-                require_some_schedule(self._encoding, self._session(), self._deadline)
-                self._reason = no_schedule(found, worst_point(found, self._box))
+                require_some_schedule(self.encoding, self._session(), self.deadline)
+                self._reason = no_schedule(found, worst_point(found, self.box))
                 return False
             case Facet():
                 self._broken = found
@@ -161,44 +154,44 @@ class Checker:
         return True
 
     def _examine(self) -> None:
-        obligations = self._encoding.obligations
+        obligations = self.encoding.obligations
         for index, obligation in enumerate(obligations):
-            if self._on_obligation is not None:
-                self._on_obligation(index, len(obligations), obligation.name)
+            if self.on_obligation is not None:
+                self.on_obligation(index, len(obligations), obligation.name)
             try:
                 answer = self._decide(obligation)
             except OutOfTimeError:
                 # Formulas can take longer to build than the time that is left.
                 answer = Answer.UNKNOWN
             self._answers[obligation.name] = answer
-            if answer is Answer.REFUTED and not self._every:
+            if answer is Answer.REFUTED and not self.every:
                 return
         if self._broken is not None and not self._counterexamples:
             # It breaks for parameter values that leave no schedule to show it with.
-            require_some_schedule(self._encoding, self._session(), self._deadline)
-            values = worst_point(self._broken, self._box)
+            require_some_schedule(self.encoding, self._session(), self.deadline)
+            values = worst_point(self._broken, self.box)
             listed = ", ".join(f"{name} = {value}" for name, value in values.items())
             self._reason = f"no schedule keeps {self._broken.obligation!r} with {listed}"
 
     def _decide(self, obligation: Obligation) -> Answer:
-        if obligation.violation is self._encoding.terms.false:
+        if obligation.violation is self.encoding.terms.false:
             return Answer.PROVED
         if not self._counterexamples:
             # Earlier stages hold throughout the box, so the part of the network that matters is enough for a proof.
-            quick = self._within_box(self._encoding.query(obligation))
-            verdict = quick.check(obligation.name, self._deadline)
+            quick = self._within_box(self.encoding.query(obligation))
+            verdict = quick.check(obligation.name, self.deadline)
             if verdict is not Verdict.SATISFIABLE:
                 return _ANSWERS[verdict]
-        full = self._within_box(self._encoding.full_query(obligation))
-        verdict = full.check(f"{obligation.name}: counterexample", self._deadline)
+        full = self._within_box(self.encoding.full_query(obligation))
+        verdict = full.check(f"{obligation.name}: counterexample", self.deadline)
         if verdict is Verdict.SATISFIABLE:
             self._counterexamples[obligation.name] = self._counterexample(obligation, full)
         return _ANSWERS[verdict]
 
     def _counterexample(self, obligation: Obligation, session: Session) -> Counterexample:
-        encoding = self._encoding
+        encoding = self.encoding
         values = {name: Fraction(value) for name, value in session.values(encoding.unknowns()).items()}
-        parameters = {name: values.get(name, self._box[name].some_value()) for name in self._box.intervals}
+        parameters = {name: values.get(name, self.box[name].some_value()) for name in self.box.intervals}
         schedule = encoding.schedule({**values, **parameters})
         simulation = simulate(encoding.plan, parameters, schedule, epsilon=encoding.epsilon)
         broken = {violation.obligation for violation in simulation.violations}
@@ -211,12 +204,12 @@ class Checker:
 
     def _within_box(self, query: Sequence[Formula]) -> Session:
         session = self._session()
-        session.add_all(query, self._deadline)
-        session.add(*within(self._encoding, self._box.intervals))
+        session.add_all(query, self.deadline)
+        session.add(*within(self.encoding, self.box.intervals))
         return session
 
     def _session(self) -> Session:
-        return Session(self._encoding.terms, solver=self._solver, statistics=self._statistics, exporter=self._exporter)
+        return Session(self.encoding.terms, solver=self.solver, statistics=self._statistics, exporter=self.exporter)
 
 
 _ANSWERS = {

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction
 from functools import partial
 from math import prod
+from operator import itemgetter
 
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding
@@ -16,11 +17,11 @@ from robust.irr.containment import Containment
 from robust.irr.exact import ExactSearch
 from robust.irr.irr import IncrementalRobustification
 from robust.irr.search import EnvelopeResult, Status
-from robust.irr.widen import Limit, faces_of, least_stretch
+from robust.irr.widen import faces_of, least_stretch
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Face, Side
 from robust.qe.compute import RegionResult, RegionSearch, RegionStatus
-from robust.qe.estimate import VolumeBounds
+from robust.qe.estimate import VolumeBounds, bounding_cell
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -81,9 +82,9 @@ class Entry:
 
     method: str
     result: EnvelopeResult
-    volume_share: Share | None
-    width_share: Share | None
-    faces: tuple[FaceGap, ...]
+    volume_share: Share | None = None
+    width_share: Share | None = None
+    faces: tuple[FaceGap, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,7 @@ class Comparison:
         return self.status in {Status.TIMEOUT, Status.INTERRUPTED}
 
 
+@dataclass(eq=False)
 class Comparing:
     """One comparison; `so_far` is what it has found at any moment.
 
@@ -131,24 +133,16 @@ class Comparing:
         on_stage: called with the name of each stage that begins.
     """
 
-    def __init__(
-        self,
-        plan: ParametrizedPlan,
-        *,
-        beta: Fraction = Fraction(1),
-        epsilon: Fraction = EPSILON,
-        encoding: str = "relational",
-        solver: str = "z3",
-        timeout: float | None = None,
-        on_stage: Callable[[str], None] | None = None,
-    ) -> None:
-        self._plan = plan
-        self._beta = beta
-        self._epsilon = epsilon
-        self._encoding = encoding
-        self._solver = solver
-        self._timeout = timeout
-        self._on_stage = on_stage
+    plan: ParametrizedPlan
+    _: KW_ONLY
+    beta: Fraction = Fraction(1)
+    epsilon: Fraction = EPSILON
+    encoding: str = "relational"
+    solver: str = "z3"
+    timeout: float | None = None
+    on_stage: Callable[[str], None] | None = None
+
+    def __post_init__(self) -> None:
         self._started = time.perf_counter()
         self._stages = len(METHODS) + 2
         self._region: RegionResult | None = None
@@ -178,13 +172,13 @@ class Comparing:
                 result = self._search(method, limit)
             except OutOfTimeError:
                 continue  # not even encoded: there is no box
-            self._entries[method] = Entry(method, result, None, None, ())
+            self._entries[method] = Entry(method, result)
             if result.status is Status.INTERRUPTED:
                 self._interrupted = True
                 return
         limit = self._begin("region")
         self._region = RegionSearch(
-            self._plan, epsilon=self._epsilon, solver=self._solver, encoding=self._encoding, timeout=limit
+            self.plan, epsilon=self.epsilon, solver=self.solver, encoding=self.encoding, timeout=limit
         ).run()
         if self._region.status is RegionStatus.INTERRUPTED:
             self._interrupted = True
@@ -198,8 +192,8 @@ class Comparing:
 
     def _found(self) -> Comparison:
         return Comparison(
-            self._plan,
-            self._beta,
+            self.plan,
+            self.beta,
             self._region,
             self._volume,
             tuple(self._entries.values()),
@@ -209,34 +203,34 @@ class Comparing:
 
     def _begin(self, stage: str) -> float | None:
         """The seconds that the stage may take."""
-        if self._on_stage is not None:
-            self._on_stage(stage)
+        if self.on_stage is not None:
+            self.on_stage(stage)
         self._stages -= 1
-        if self._timeout is None:
+        if self.timeout is None:
             return None
-        left = self._timeout - (time.perf_counter() - self._started)
+        left = self.timeout - (time.perf_counter() - self._started)
         return max(1e-3, left / (self._stages + 1))
 
     def _search(self, method: str, limit: float | None) -> EnvelopeResult:
         deadline = Deadline.after(limit)
-        encoding = create_encoding(self._encoding, self._plan, self._epsilon, deadline)
+        encoding = create_encoding(self.encoding, self.plan, self.epsilon, deadline)
         if method == "irr":
-            containment = Containment(encoding, solver=self._solver)
-            return IncrementalRobustification(containment, beta=self._beta, deadline=deadline).run()
+            containment = Containment(encoding, solver=self.solver)
+            return IncrementalRobustification(containment, beta=self.beta, deadline=deadline).run()
         kind, _, around = method.partition("-")
         return ExactSearch(
-            encoding, method=kind, contain_nominal=bool(around), solver=self._solver, deadline=deadline
+            encoding, method=kind, contain_nominal=bool(around), solver=self.solver, deadline=deadline
         ).run()
 
     # -- measures ----------------------------------------------------------------------------------------------------
 
     def _measure(self, found: RegionResult, deadline: Deadline) -> None:
         region = found.region
-        short = taken_apart(region)
+        short = region.short_union(MANY)
         self._volume = volume_of(region, short)
         width = bounding_width(short)
         bad = region.complement().as_union().pieces
-        formulas = create_encoding(self._encoding, self._plan, self._epsilon, deadline)
+        formulas = create_encoding(self.encoding, self.plan, self.epsilon, deadline)
         confirm = partial(self._witness, encoding=formulas, deadline=deadline)
         for method, entry in self._entries.items():
             if not entry.result.verified:
@@ -249,7 +243,7 @@ class Comparing:
                 width_share(box, width, exact=found.is_exact),
                 tuple(
                     face_gap(box, (name, side), end, bad, confirm)
-                    for name, side in faces_of(self._plan.parameters)
+                    for name, side in faces_of(self.plan.parameters)
                     if (end := box[name].end(side)) is not None
                 ),
             )
@@ -257,9 +251,11 @@ class Comparing:
     def _witness(self, values: Values, encoding: Encoding, deadline: Deadline) -> Witness | None:
         """The point with what breaks there; None if there is no time to confirm it."""
         try:
-            result = Checker(encoding, Box.point(values), solver=self._solver, deadline=deadline).run()
+            result = Checker(encoding, Box.point(values), solver=self.solver, deadline=deadline).run()
         except OutOfTimeError:
             return None
+        if result.interrupted:
+            raise KeyboardInterrupt
         match result.answer:
             case Answer.REFUTED:
                 broken = [name for name, answer in result.obligations.items() if answer is Answer.REFUTED]
@@ -275,44 +271,16 @@ def face_gap(
 ) -> FaceGap:
     """How far the face could move, and a point beyond that the box would hold if it were moved a little more."""
     name, side = face
-    gap, piece = gap_of(box, face, end, bad)
-    witness = None
-    if gap is not None and piece is not None:
-        moved = box.moved(face, end + side.sign * (gap + JUST))
-        point = piece.restricted(moved.constraints()).some_point()
-        if point is None:
-            raise ValueError("the piece is met within the gap")
-        witness = confirm(point)
-    return FaceGap(name, side, end, box[name].is_closed_at(side), gap, witness)
-
-
-def gap_of(box: Box, face: Face, end: Fraction, bad: Sequence[Polyhedron]) -> tuple[Fraction | None, Polyhedron | None]:
-    """How far one face can move outwards before a bad polyhedron meets the box, and which one does."""
-    fixed = {
-        (name, side): Limit(interval.end(side), interval.is_closed_at(side))
-        for name, interval in box.intervals.items()
-        for side in Side
-        if (name, side) != face
-    }
-    best: tuple[Fraction | None, Polyhedron | None] = None, None
-    for piece in bad:
-        least = least_stretch(piece, fixed, {face: (end, Fraction(1))})
-        if least is not None and (best[0] is None or least.value < best[0]):
-            best = least.value, piece
-    return best
-
-
-def taken_apart(region: Region) -> Region | None:
-    """The region as a union; None if that would take too many polyhedra."""
-    if len(region.pieces) > MANY:
-        return None
-    current = list(region.pieces) if region.base is None else [region.base]
-    if region.base is not None:
-        for piece in region.pieces:
-            current = [part for old in current for part in Region.difference(old, (piece,)).as_union().pieces]
-            if len(current) > MANY:
-                return None
-    return Region.union_of(region.parameters, current).simplified()
+    met = ((least_stretch(piece, box, {face: (end, Fraction(1))}), piece) for piece in bad)
+    nearest = min(((least.value, piece) for least, piece in met if least is not None), key=itemgetter(0), default=None)
+    if nearest is None:
+        return FaceGap(name, side, end, box[name].is_closed_at(side), None, None)
+    gap, piece = nearest
+    moved = box.moved(face, end + side.sign * (gap + JUST))
+    point = piece.restricted(moved.constraints()).some_point()
+    if point is None:
+        raise ValueError("the piece is met within the gap")
+    return FaceGap(name, side, end, box[name].is_closed_at(side), gap, confirm(point))
 
 
 def volume_of(region: Region, short: Region | None) -> VolumeBounds:
@@ -325,16 +293,8 @@ def volume_of(region: Region, short: Region | None) -> VolumeBounds:
 
 def bounding_width(short: Region | None) -> Fraction | None:
     """The total width of the region's bounding box; None if not finite or not known."""
-    boxes = [box for piece in short.pieces if (box := piece.bounding_box()) is not None] if short is not None else []
-    if short is None or not boxes:
-        return None
-    total = Fraction(0)
-    for name in short.parameters:
-        lower, upper = ([box[name].end(side) for box in boxes] for side in Side)
-        if None in lower or None in upper:
-            return None
-        total += max(u for u in upper if u is not None) - min(low for low in lower if low is not None)
-    return total
+    cell = None if short is None or not short.pieces else bounding_cell(short.pieces)
+    return None if cell is None else sum((upper - lower for _, lower, upper in cell), Fraction(0))
 
 
 def box_volume(box: Box) -> Fraction | None:

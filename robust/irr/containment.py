@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Generic, TypeVar
 
 from robust.encode.interface import Encoding, Facet, Obligation
@@ -13,6 +14,7 @@ from robust.encode.variables import variable
 from robust.errors import InputError, Location
 from robust.plan.model import ParameterReference
 from robust.qe.box import Box, Interval
+from robust.qe.eliminate.enumerate import satisfiable
 from robust.smt.export import Exporter
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Statistics, Verdict
@@ -98,10 +100,7 @@ class Questions(ABC, Generic[Found]):
         ):
             return None
         with session.frame(*(formula for name in question.parameters for formula in self._bounds(name, box[name]))):
-            verdict = session.check(question.obligation.name, deadline)
-            if verdict is Verdict.UNKNOWN:
-                raise OutOfTimeError
-            if verdict is Verdict.SATISFIABLE:
+            if satisfiable(session, question.obligation.name, deadline):
                 return self._of_model(question, session, box)
         question.proved_for = box.intervals
         return None
@@ -139,16 +138,9 @@ class Refutation:
 class Containment(Questions[Refutation]):
     """Decides boxes; what was refuted at a point is not asked again for a box that contains the point."""
 
-    def __init__(
-        self,
-        encoding: Encoding,
-        *,
-        solver: str = "z3",
-        statistics: Statistics | None = None,
-        exporter: Exporter | None = None,
-    ) -> None:
-        super().__init__(encoding, solver=solver, statistics=statistics, exporter=exporter)
-        self._refuted: list[Refutation] = []
+    @cached_property
+    def _refuted(self) -> list[Refutation]:
+        return []
 
     def refute(self, box: Box, deadline: Deadline) -> Refutation | None:
         """Why the box is not inside the envelope; None if it is.

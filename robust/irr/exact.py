@@ -9,26 +9,28 @@ better.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Unpack
 
 from robust.encode.interface import Encoding
 from robust.encode.variables import Linear, variable
 from robust.irr.containment import require_some_schedule
 from robust.irr.irr import ordered
-from robust.irr.search import OutsideError, Search, Step
+from robust.irr.search import Conduct, OutsideError, Search
 from robust.irr.widen import DiscoveredBadSet, Widening, faces_of
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Interval, Side
 from robust.qe.compute import RegionSearch, RegionStatus
 from robust.qe.constraint import LinearConstraint
+from robust.qe.eliminate.enumerate import satisfiable
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import feasible_point, maximize
 from robust.smt.export import Exporter
-from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session, Verdict
+from robust.smt.limits import Deadline
+from robust.smt.session import Session
 from robust.smt.terms import Terms
 
 ENUMERATION = 20.0
@@ -52,8 +54,7 @@ class ExactSearch(Search):
         contain_nominal: for `optimal`, only boxes that contain the nominal point.
         solver: `z3` or `cvc5`.
         exporter: where queries are written, if anywhere.
-        deadline: when to stop with the best box so far.
-        on_step: called with every box that is known to be inside.
+        conduct: see :class:`Conduct`; `on_step` is called with every box that is known to be inside.
 
     Raises:
         InputError: if `order` names unknown or repeated parameters.
@@ -68,8 +69,7 @@ class ExactSearch(Search):
         contain_nominal: bool = False,
         solver: str = "z3",
         exporter: Exporter | None = None,
-        deadline: Deadline = NEVER,
-        on_step: Callable[[Step], None] | None = None,
+        **conduct: Unpack[Conduct],
     ) -> None:
         self._bad = DiscoveredBadSet(encoding, solver=solver, exporter=exporter)
         self._best: OptimalBox | None = None
@@ -82,8 +82,7 @@ class ExactSearch(Search):
             method=method,
             solver=solver,
             statistics=self._bad.statistics,
-            deadline=deadline,
-            on_step=on_step,
+            **conduct,
         )
 
     @property
@@ -103,7 +102,9 @@ class ExactSearch(Search):
             # A good box at once, and the pieces that shape it.
             self._widen(pieces)
         pieces += self._enumerated()
-        self._best = OptimalBox(self._bad, pieces, contain_nominal=self._contain_nominal, deadline=self.deadline)
+        self._best = OptimalBox(
+            bad=self._bad, pieces=pieces, contain_nominal=self._contain_nominal, deadline=self.deadline
+        )
         self._keep(self._best.run())
 
     def _widen(self, pieces: list[Polyhedron]) -> None:
@@ -114,8 +115,14 @@ class ExactSearch(Search):
                 require_some_schedule(self.encoding, self._bad.open_session(), self.deadline)
             raise OutsideError(self._bad.reasons[piece], self.encoding.plan.nominal)
         self.verified = True
-        parameters = self.encoding.plan.parameters
-        Widening(self._bad, parameters, pieces, groups=self._groups, deadline=self.deadline, on_box=self._keep).run()
+        Widening(
+            bad=self._bad,
+            parameters=self.encoding.plan.parameters,
+            pieces=pieces,
+            groups=self._groups,
+            deadline=self.deadline,
+            on_box=self._keep,
+        ).run()
 
     def _enumerated(self) -> list[Polyhedron]:
         """Bad polyhedra by enumeration, for a while: they are larger than what single boxes run into."""
@@ -149,6 +156,7 @@ class Candidate:
     chosen: Sequence[LinearConstraint]
 
 
+@dataclass(eq=False, kw_only=True)
 class OptimalBox:
     """One search for the widest box.
 
@@ -159,19 +167,18 @@ class OptimalBox:
         deadline: when to stop.
     """
 
-    def __init__(
-        self, bad: DiscoveredBadSet, pieces: Iterable[Polyhedron], *, contain_nominal: bool, deadline: Deadline
-    ) -> None:
-        self._bad = bad
-        self._parameters = bad.encoding.plan.parameters
-        self._contain_nominal = contain_nominal
-        self._deadline = deadline
+    bad: DiscoveredBadSet
+    pieces: list[Polyhedron]
+    contain_nominal: bool
+    deadline: Deadline
+
+    def __post_init__(self) -> None:
+        self._parameters = self.bad.encoding.plan.parameters
         self._faces = faces_of(self._parameters)
         self._ends = [_end(face) for face in self._faces]
         self._reach = REACH * max([Fraction(1), *(abs(parameter.nominal) for parameter in self._parameters)])
-        self.pieces = list(pieces)
         self._terms = Terms()
-        self._session = Session(self._terms, solver=bad.solver)
+        self._session = Session(self._terms, solver=self.bad.solver)
         self._clauses: list[tuple[LinearConstraint, ...]] = []
         """What a box must satisfy to miss each known piece."""
         self.bound: Fraction | None = None
@@ -182,6 +189,7 @@ class OptimalBox:
         Raises:
             OutOfTimeError: if the deadline passes first; no box is wider than `bound`.
             OutsideError: if no parameter values are inside.
+            InputError: if no parameter values even leave a schedule.
         """
         while True:
             candidate = self._best_candidate()
@@ -209,7 +217,7 @@ class OptimalBox:
         return [face for face in self._faces if abs(candidate.ends[_end(face)]) == self._reach]
 
     def _bad_piece(self, box: Box) -> Polyhedron | None:
-        return self._bad.piece_in(box, self._deadline)
+        return self.bad.piece_in(box, self.deadline)
 
     # -- the best box that misses the known pieces --------------------------------------------------------------------
 
@@ -225,18 +233,16 @@ class OptimalBox:
         while best is None or best.width != self.bound:
             better = [] if best is None else [terms.greater(width - best.width)]
             with self._session.frame(*(c.to_formula(terms) for c in self._always()), *better):
-                verdict = self._session.check("a wider box that misses what is known", self._deadline)
-                if verdict is Verdict.UNKNOWN:
-                    raise OutOfTimeError
-                if verdict is Verdict.UNSATISFIABLE:
+                if not satisfiable(self._session, "a wider box that misses what is known", self.deadline):
                     break
                 values = self._session.values(symbols)
             point = {name: Fraction(values.get(name, 0)) for name in self._ends}
             chosen = [next(c for c in clause if c.evaluate(point)) for clause in self._clauses]
             best = self._improved(chosen)
         if best is None:
+            require_some_schedule(self.bad.encoding, self.bad.open_session(), self.deadline)
             reason = "the envelope is empty: no parameter values are inside"
-            raise OutsideError(reason, self._bad.encoding.plan.nominal)
+            raise OutsideError(reason, self.bad.encoding.plan.nominal)
         return best
 
     def _improved(self, chosen: Sequence[LinearConstraint]) -> Candidate:
@@ -263,7 +269,7 @@ class OptimalBox:
             yield LinearConstraint.of({low: 1, high: -1}, "<=", 0)
             yield LinearConstraint.of({low: 1}, ">=", -self._reach)
             yield LinearConstraint.of({high: 1}, "<=", self._reach)
-            if self._contain_nominal:
+            if self.contain_nominal:
                 yield LinearConstraint.of({low: 1}, "<=", parameter.nominal)
                 yield LinearConstraint.of({high: 1}, ">=", parameter.nominal)
 
@@ -274,13 +280,17 @@ class OptimalBox:
     # -- from ends to boxes --------------------------------------------------------------------------------------------
 
     def _box_at(self, candidate: Candidate) -> Box:
-        """The box at the ends; if its width is only approached, without the ends of sides that have any width."""
+        """The box at the ends; if its width is only approached, without the ends of sides that have any width.
+
+        Ends at the nominal point stay where the box is to contain it.
+        """
         intervals = {}
         for parameter in self._parameters:
             low = candidate.ends[_end((parameter.name, Side.LOWER))]
             high = candidate.ends[_end((parameter.name, Side.UPPER))]
             closed = candidate.attained or low == high
-            intervals[parameter.name] = Interval(low, high, closed, closed)
+            kept = parameter.nominal if self.contain_nominal else None
+            intervals[parameter.name] = Interval(low, high, closed or low == kept, closed or high == kept)
         return Box(intervals)
 
     def _with_ends_closed(self, box: Box) -> Box:

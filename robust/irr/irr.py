@@ -11,17 +11,17 @@ Two schedules of the same algorithm:
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import cycle
+from typing import Unpack
 
 from robust.errors import InputError, did_you_mean
 from robust.irr.containment import Containment, require_some_schedule
-from robust.irr.search import OutsideError, Search, Step
+from robust.irr.search import Conduct, OutsideError, Search
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Side
-from robust.smt.limits import NEVER, Deadline
 
 log = logging.getLogger(__name__)
 
@@ -54,11 +54,10 @@ class IncrementalRobustification(Search):
         beta: the precision β > 0, in the parameters' units.
         doubling: use the schedule of the recorded runs.
         order: the turn order of the parameters; names left out follow in the plan's order.
-        deadline: when to stop with the best box so far.
-        on_step: called after each check, also the failed ones.
+        conduct: see :class:`Conduct`; `on_step` is called after each check, also the failed ones.
 
     Raises:
-        InputError: if β is not positive or `order` names unknown or repeated parameters.
+        InputError: if `order` names unknown or repeated parameters.
     """
 
     def __init__(
@@ -68,18 +67,14 @@ class IncrementalRobustification(Search):
         beta: Fraction = Fraction(1),
         doubling: bool = False,
         order: Sequence[str] = (),
-        deadline: Deadline = NEVER,
-        on_step: Callable[[Step], None] | None = None,
+        **conduct: Unpack[Conduct],
     ) -> None:
-        if beta <= 0:
-            raise InputError(f"beta is {beta}; expected a positive number")
         super().__init__(
             containment.encoding,
             method="irr",
             solver=containment.solver,
             statistics=containment.statistics,
-            deadline=deadline,
-            on_step=on_step,
+            **conduct,
         )
         self.beta = self._beta = beta
         self._containment = containment

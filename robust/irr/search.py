@@ -8,11 +8,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
+from typing import TypedDict, Unpack
 
 from robust.encode.interface import Encoding
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Face, Side
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Statistics
 
 
@@ -96,6 +97,15 @@ class OutsideError(Exception):
         self.values = values
 
 
+class Conduct(TypedDict, total=False):
+    """What every search can be given, whatever it searches for; subclasses of :class:`Search` hand it on as it is."""
+
+    deadline: Deadline
+    """When to stop with the best box so far."""
+    on_step: Callable[[Step], None] | None
+    """Called with each step."""
+
+
 class Search(ABC):
     """One search from the nominal point outwards; subclasses accept boxes, record steps, and say how to search.
 
@@ -104,8 +114,7 @@ class Search(ABC):
         method: the name of the search.
         solver: the name of the solver that is asked.
         statistics: where its queries are counted.
-        deadline: when to stop with the best box so far.
-        on_step: called with each step.
+        conduct: see :class:`Conduct`.
     """
 
     def __init__(
@@ -115,19 +124,18 @@ class Search(ABC):
         method: str,
         solver: str,
         statistics: Statistics,
-        deadline: Deadline,
-        on_step: Callable[[Step], None] | None,
+        **conduct: Unpack[Conduct],
     ) -> None:
         self.encoding = encoding
         self.method = method
-        self.deadline = deadline
+        self.deadline = conduct.get("deadline", NEVER)
         self.beta: Fraction | None = None
         self.unbounded_checks = 0
         self.box = Box.nominal(encoding.plan.parameters)
         self.verified = False
         self._solver = solver
         self._statistics = statistics
-        self._on_step = on_step
+        self._on_step = conduct.get("on_step")
         self._started = time.perf_counter()
         self._first_widening: float | None = None
         self._trace: list[Step] = []

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
 
 from robust.encode.interface import Encoding, Facet
 from robust.irr.containment import Question, Questions
 from robust.plan.model import Parameter, Relation
-from robust.qe.box import Box, Face, Interval, Side
+from robust.qe.box import Box, Face, Side
 from robust.qe.conjunctions import project
 from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import Leaf, Nnf, Reader, conjunction, implicant, names_in
@@ -22,14 +23,6 @@ from robust.qe.simplex import feasible_point, maximize
 from robust.smt.export import Exporter
 from robust.smt.limits import Deadline
 from robust.smt.session import Session
-
-
-@dataclass(frozen=True, slots=True)
-class Limit:
-    """Where a face stands: None is infinitely far out; `closed` tells whether the value itself belongs to the box."""
-
-    value: Fraction | None
-    closed: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,39 +37,27 @@ STRETCH = "\u03bb"
 """The variable by which moving faces are scaled; no parameter can have this name."""
 
 
-def box_of(parameters: Sequence[Parameter], limits: Mapping[Face, Limit]) -> Box:
-    """The box whose faces stand at the limits."""
-    intervals = {}
-    for parameter in parameters:
-        low, high = limits[parameter.name, Side.LOWER], limits[parameter.name, Side.UPPER]
-        intervals[parameter.name] = Interval(low.value, high.value, low.closed, high.closed)
-    return Box(intervals)
-
-
-def least_stretch(
-    piece: Polyhedron,
-    fixed: Mapping[Face, Limit],
-    moving: Mapping[Face, tuple[Fraction, Fraction]],
-) -> Least | None:
+def least_stretch(piece: Polyhedron, box: Box, moving: Mapping[Face, tuple[Fraction, Fraction]]) -> Least | None:
     """The least λ ≥ 0 at which a box meets a bad polyhedron; None if it never does.
 
     Args:
         piece: bad parameter values.
-        fixed: faces that stand still.
+        box: where all other faces stand.
         moving: faces that stand at `base ± λ · speed`, as pairs (base, speed).
     """
     # Sides of other parameters leave room for every value: a box is nowhere empty.
-    used = {name for constraint in piece.constraints for name, _ in constraint.coefficients}
+    mentioned = {name for constraint in piece.constraints for name in constraint.parameters}
+    used = [name for name in piece.parameters if name in mentioned]
     constraints = [*piece.constraints, LinearConstraint.of({STRETCH: 1}, ">=", 0)]
-    for (name, side), limit in fixed.items():
-        if name in used and limit.value is not None:
-            relation = "<=" if limit.closed else "<"
-            constraints.append(LinearConstraint.of({name: side.sign}, relation, side.sign * limit.value))
-    for (name, side), (base, speed) in moving.items():
-        if name in used:
-            constraints.append(LinearConstraint.of({name: side.sign, STRETCH: -speed}, "<=", side.sign * base))
-    names = [*(name for name in piece.parameters if name in used), STRETCH]
-    best = maximize(names, constraints, {STRETCH: Fraction(-1)})
+    for name, side in product(used, Side):
+        end, sign = box[name].end(side), side.sign
+        if (name, side) in moving:
+            base, speed = moving[name, side]
+            constraints.append(LinearConstraint.of({name: sign, STRETCH: -speed}, "<=", sign * base))
+        elif end is not None:
+            relation = "<=" if box[name].is_closed_at(side) else "<"
+            constraints.append(LinearConstraint.of({name: sign}, relation, sign * end))
+    best = maximize([*used, STRETCH], constraints, {STRETCH: Fraction(-1)})
     if best is None:
         return None
     if best.value is None:
@@ -137,6 +118,7 @@ class DiscoveredBadSet(Questions[Polyhedron]):
         return piece
 
 
+@dataclass(eq=False, kw_only=True)
 class Widening:
     """One run of exact widening from the nominal point, which must be inside the envelope.
 
@@ -149,25 +131,17 @@ class Widening:
         on_box: called with every box that is known to be inside; each contains those before.
     """
 
-    def __init__(
-        self,
-        bad: DiscoveredBadSet,
-        parameters: Sequence[Parameter],
-        pieces: list[Polyhedron],
-        *,
-        groups: Sequence[Sequence[Face]],
-        deadline: Deadline,
-        on_box: Callable[[Box], None],
-    ) -> None:
-        self._bad = bad
-        self._parameters = parameters
-        self._groups = groups
-        self._deadline = deadline
-        self._on_box = on_box
-        self._nominal = {parameter.name: parameter.nominal for parameter in parameters}
-        self._weight = {parameter.name: parameter.weight for parameter in parameters}
-        self._limits = {face: Limit(self._nominal[face[0]]) for face in faces_of(parameters)}
-        self._pieces = pieces
+    bad: DiscoveredBadSet
+    parameters: Sequence[Parameter]
+    pieces: list[Polyhedron]
+    groups: Sequence[Sequence[Face]]
+    deadline: Deadline
+    on_box: Callable[[Box], None]
+
+    def __post_init__(self) -> None:
+        self._nominal = {parameter.name: parameter.nominal for parameter in self.parameters}
+        self._weight = {parameter.name: parameter.weight for parameter in self.parameters}
+        self._box = Box.nominal(self.parameters)
 
     def run(self) -> None:
         """Move all faces as far as they go.
@@ -175,7 +149,7 @@ class Widening:
         Raises:
             OutOfTimeError: if the deadline passes first.
         """
-        for group in self._groups:
+        for group in self.groups:
             moving = list(group)
             while moving:
                 moving = self._round(moving)
@@ -186,21 +160,17 @@ class Widening:
         """Move faces outwards together; returns those that may go on."""
         least = self._farthest(moving)
         if least is None:
-            self._limits.update({face: Limit(None) for face in moving})
+            self._box = self._stretched(moving, None)
             return []
         going, stuck = self._split(moving, least)
-        self._limits.update({face: self._at(face, least.value, closed=not least.attained) for face in stuck})
+        self._box = self._stretched(stuck, least)
         return going
 
     def _farthest(self, moving: list[Face]) -> Least | None:
         """The least stretch at which the box meets bad values, confirmed; None if it never does."""
         while True:
             least = self._least_stretch(moving)
-            if least is None:
-                limits = {face: Limit(None) for face in moving}
-            else:
-                limits = {face: self._at(face, least.value, closed=not least.attained) for face in moving}
-            if self._is_inside(self._with(limits)):
+            if self._is_inside(self._stretched(moving, least)):
                 return least
 
     def _split(self, moving: list[Face], least: Least) -> tuple[list[Face], list[Face]]:
@@ -212,14 +182,13 @@ class Widening:
             for face in moving:
                 if self._can_go([*going, face], moving, least, near):
                     going.append(face)
-            if self._is_inside(self._with(self._ahead(going, moving, least))):
+            if self._is_inside(self._ahead(going, moving, least)):
                 return going, [face for face in moving if face not in going]
 
     def _can_go(self, going: list[Face], moving: list[Face], least: Least, near: list[Polyhedron]) -> bool:
         if least.attained:
             # The value itself is bad for someone: who may include it?
-            box = self._with(self._ahead(going, moving, least))
-            bounds = list(box.constraints())
+            bounds = list(self._ahead(going, moving, least).constraints())
             return all(feasible_point(piece.parameters, [*piece.constraints, *bounds]) is None for piece in near)
         room = self._room(going, moving, least, near)
         return room is None or room > 0
@@ -228,28 +197,27 @@ class Widening:
         self, going: list[Face], moving: list[Face], least: Least, pieces: Iterable[Polyhedron]
     ) -> Fraction | None:
         """How much farther some faces can go, by what is known, while the others stay; None is without limit."""
-        limits = {face: limit for face, limit in self._limits.items() if face not in moving}
-        limits |= {face: self._at(face, least.value, closed=True) for face in moving if face not in going}
+        box = self._stretched([face for face in moving if face not in going], Least(least.value, attained=False))
         speeds = {face: (self._place(face, least.value), self._weight[face[0]]) for face in going}
-        found = [found.value for piece in pieces if (found := least_stretch(piece, limits, speeds)) is not None]
+        found = [found.value for piece in pieces if (found := least_stretch(piece, box, speeds)) is not None]
         return min(found, default=None)
 
-    def _ahead(self, going: list[Face], moving: list[Face], least: Least) -> dict[Face, Limit]:
-        """Limits with `going` a little farther than the other moving faces: by half the room that is known."""
-        if least.attained:
-            return {face: self._at(face, least.value, closed=face in going) for face in moving}
-        room = self._room(going, moving, least, self._pieces) if going else None
-        step = Fraction(1) if room is None else room / 2
-        return {face: self._at(face, least.value + (step if face in going else 0), closed=True) for face in moving}
+    def _ahead(self, going: list[Face], moving: list[Face], least: Least) -> Box:
+        """The box with `going` a little farther than the other moving faces: by half the room that is known."""
+        step = Fraction(0)
+        if not least.attained:
+            room = self._room(going, moving, least, self.pieces) if going else None
+            step = Fraction(1) if room is None else room / 2
+        stuck = self._stretched([face for face in moving if face not in going], least)
+        return self._stretched(going, Least(least.value + step, attained=False), stuck)
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
     def _stretches(self, moving: list[Face]) -> Iterator[tuple[Polyhedron, Least]]:
         """At which stretch each known piece meets the box, if ever."""
-        fixed = {face: limit for face, limit in self._limits.items() if face not in moving}
         speeds = {face: (self._nominal[face[0]], self._weight[face[0]]) for face in moving}
-        for piece in self._pieces:
-            least = least_stretch(piece, fixed, speeds)
+        for piece in self.pieces:
+            least = least_stretch(piece, self._box, speeds)
             if least is not None:
                 yield piece, least
 
@@ -261,19 +229,21 @@ class Widening:
         name, side = face
         return self._nominal[name] + side.sign * stretch * self._weight[name]
 
-    def _at(self, face: Face, stretch: Fraction, *, closed: bool) -> Limit:
-        return Limit(self._place(face, stretch), closed)
-
-    def _with(self, limits: dict[Face, Limit]) -> Box:
-        return box_of(self._parameters, {**self._limits, **limits})
+    def _stretched(self, faces: Iterable[Face], least: Least | None, box: Box | None = None) -> Box:
+        """The box with some faces at a stretch, without their ends if bad values attain it; None: infinitely far."""
+        box = box or self._box
+        for face in faces:
+            end = None if least is None else self._place(face, least.value)
+            box = box.moved(face, end, closed=least is None or not least.attained)
+        return box
 
     def _is_inside(self, box: Box) -> bool:
         """Ask; a box that is inside is reported, a bad polyhedron that meets it is remembered."""
-        piece = self._bad.piece_in(box, self._deadline)
+        piece = self.bad.piece_in(box, self.deadline)
         if piece is not None:
-            self._pieces.append(piece)
+            self.pieces.append(piece)
             return False
-        self._on_box(box)
+        self.on_box(box)
         return True
 
 

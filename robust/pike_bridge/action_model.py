@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Final, assert_never
+from typing import Final, TypeAlias, assert_never
 
 from robust.errors import InputError, UnsupportedError
 from robust.files import atomic_write
@@ -31,6 +31,7 @@ from robust.pike_bridge.model import (
     Literal,
     TeamPlan,
     Tpnu,
+    reachable,
 )
 from robust.pike_bridge.validate import NOWHERE, Places, validate
 from robust.plan.model import (
@@ -70,12 +71,10 @@ def with_ends(network: Tpnu, epsilon: Fraction) -> Tpnu:
     after = () if GOAL in names else (Event(GOAL),)
     complete = replace(network, events=(*before, *network.events, *after))
     for end in (GOAL, INITIAL):
-        added = [
-            Constraint(event.name, GOAL, epsilon, None, event.guard)
-            if end == GOAL
-            else Constraint(INITIAL, event.name, epsilon, None, event.guard)
+        added = (
+            Constraint(*((event.name, GOAL) if end == GOAL else (INITIAL, event.name)), epsilon, None, event.guard)
             for event in _unconnected(complete, end, epsilon)
-        ]
+        )
         complete = replace(complete, constraints=(*complete.constraints, *added))
     return complete
 
@@ -96,17 +95,7 @@ def _unconnected(network: Tpnu, end: str, epsilon: Fraction) -> list[Event]:
         certain = constraint.lower is not None and constraint.lower >= least and constraint.guard <= guards[far]
         if certain and near != far:
             following.setdefault(near, []).append(far)
-    reached: set[str] = set()
-
-    def reach(start: str) -> None:
-        pending = [start]
-        while pending:
-            event = pending.pop()
-            if event not in reached:
-                reached.add(event)
-                pending.extend(following.get(event, ()))
-
-    reach(end)
+    reached = reachable(following, end)
     entered = {far for fars in following.values() for far in fars}
     inner = [event for event in network.events if event.name not in {INITIAL, GOAL}]
     chosen = []
@@ -114,17 +103,12 @@ def _unconnected(network: Tpnu, end: str, epsilon: Fraction) -> list[Event]:
     for event in sorted([*inner, *([] if end == GOAL else [Event(GOAL)])], key=lambda each: each.name in entered):
         if event.name not in reached:
             chosen.append(event)
-            reach(event.name)
+            reached |= reachable(following, event.name)
     return chosen
 
 
-@dataclass(frozen=True, slots=True)
-class Durations:
-    """How long an action may take; None is no upper bound."""
-
-    lower: Fraction
-    upper: Fraction | None
-
+Durations: TypeAlias = tuple[Fraction, Fraction | None]
+"""How long an action may take: at least and at most; None is no upper bound."""
 
 _COMPARED: Final[Mapping[Relation, Callable[[Fraction, int], bool]]] = {
     Relation.AT_LEAST: operator.ge,
@@ -178,7 +162,7 @@ class StaticFacts:
                 lower = max(lower, limit)
             if slope < 0 or both:
                 upper = limit if upper is None else min(upper, limit)
-        return Durations(lower, upper)
+        return lower, upper
 
     def _limit(
         self, constraint: DurationConstraint, instance: ActionInstance, schema: ActionSchema
@@ -207,17 +191,6 @@ class StaticFacts:
             return Polynomial.variable(variable)
 
         return expression.substitute(value)
-
-
-def team_plan_of(network: Tpnu, domain: str, problem: str, *, epsilon: Fraction = EPSILON) -> TeamPlan:
-    """The plan of a network, such as one of :mod:`robust.pike_bridge.builder`, and the text of a domain and a problem.
-
-    Raises:
-        InputError: if network, domain or problem are wrong or do not fit together.
-        UnsupportedError: if the actions or the goal need more than conjunctions of literals.
-    """
-    parsed = parse_domain(domain)
-    return team_plan(network, parsed, parse_problem(problem, parsed), epsilon=epsilon)
 
 
 def team_plan(
@@ -256,12 +229,9 @@ class _Joining:
             first = self._problem.timed_literals[0]
             message = f"found a timed initial literal at {format_number(first.time)}"
             raise UnsupportedError(f"{message}, expected an initial state at time 0 only", self._problem.location)
-        durations = {
-            action: self._facts.durations(instance, self._schema(instance))
-            for action, instance in self._instances.items()
-        }
+        allowed = {name: self._facts.durations(one, self._schema(one)) for name, one in self._instances.items()}
         activities = tuple(
-            self._bounded(at, activity, durations[activity.action])
+            self._bounded(at, activity, allowed[activity.action])
             for at, activity in enumerate(self._network.activities)
         )
         network = with_ends(replace(self._network, activities=activities), self._epsilon)
@@ -287,12 +257,10 @@ class _Joining:
 
     def _bounded(self, at: int, activity: Activity, allowed: Durations) -> Activity:
         """The activity with those of its durations that the action allows."""
-        lower = max(activity.lower, allowed.lower)
-        upper = allowed.upper if activity.upper is None else activity.upper
-        if allowed.upper is not None and upper is not None:
-            upper = min(upper, allowed.upper)
+        lower = max(activity.lower, allowed[0])
+        upper = min((each for each in (activity.upper, allowed[1]) if each is not None), default=None)
         if upper is not None and lower > upper:
-            own, others = _interval(activity.lower, activity.upper), _interval(allowed.lower, allowed.upper)
+            own, others = _interval(activity.lower, activity.upper), _interval(*allowed)
             schema = self._schema(self._instances[activity.action])
             message = f"found activity {activity.action} with bounds {own}, expected some of the durations {others}"
             place = self._places.of("activities", at) or activity.location
@@ -412,8 +380,9 @@ class Instance:
         return self.network.name
 
     def plan(self, epsilon: Fraction = EPSILON) -> TeamPlan:
-        """The plan with the conditions and effects of its activities."""
-        return team_plan_of(self.network, self.domain, self.problem, epsilon=epsilon)
+        """The plan with the conditions and effects of its activities; errors as of :func:`team_plan`."""
+        domain = parse_domain(self.domain)
+        return team_plan(self.network, domain, parse_problem(self.problem, domain), epsilon=epsilon)
 
     def write(self, directory: str | os.PathLike[str], name: str = "plan") -> Path:
         """Write `NAME.tpnu.json`, `domain.pddl` and `problem.pddl`; the path of the first.
@@ -448,14 +417,3 @@ def load_team_plan(path: str | os.PathLike[str], *, epsilon: Fraction = EPSILON)
     domain = read_domain(document.beside(document.domain))
     problem = read_problem(document.beside(document.problem), domain)
     return team_plan(document.network, domain, problem, places=document.places, epsilon=epsilon)
-
-
-def load_network(path: str | os.PathLike[str]) -> Tpnu:
-    """Read only the network of a `.tpnu.json` file, for what needs no action model.
-
-    Raises:
-        InputError: with line and column, if the file cannot be read or its network is wrong.
-    """
-    document = read_tpnu(path)
-    validate(document.network, document.places)
-    return document.network

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from enum import Enum
-from typing import NamedTuple, TypeAlias
+from itertools import chain, count
+from typing import NamedTuple
 
 from robust.pike_bridge.model import (
     Assignment,
@@ -27,7 +27,7 @@ from robust.pike_bridge.model import (
     may_threaten,
 )
 from robust.pike_bridge.temporal.distance_graph import Precedence
-from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory, conjunction, implies
+from robust.pike_bridge.theory import Formula, Not, Some, Theory, conjunction
 
 
 class Happening(NamedTuple):
@@ -66,8 +66,7 @@ class LabeledCausalLink:
     consumer: OpenCondition
     producer: Happening
     selection: Guard
-    """What holds if the link is the supporting one: the assignment to the support variable, or nothing if there is no
-    such variable because there is no other link."""
+    """What holds if the link is the supporting one: the assignment to the support variable."""
 
     @property
     def label(self) -> Guard:
@@ -136,120 +135,46 @@ def _not_after(event: str, effects: Iterable[Effect], contexts: Contexts) -> tup
     )
 
 
-class Dominance(Enum):
-    """How much to drop."""
-
-    NOTHING = "nothing"
-    EXACT = "exact"
-    """What leaves every selected link unthreatened in every temporally consistent execution."""
-    ALGORITHM_5 = "algorithm 5"
-    """Threats that a producer dominates, too: fewer variables and constraints for the same correct executions."""
-
-
-def prune(question: OpenCondition, contexts: Contexts, dominance: Dominance) -> OpenCondition:
+def prune(question: OpenCondition, contexts: Contexts) -> OpenCondition:
     """The open condition without the candidates that are dominated."""
-    if dominance is Dominance.NOTHING:
-        return question
-    order = _Order(question, contexts)
+    producers, threats, first, last = question.producers, question.threats, question.first, question.last
+
+    def activated_with(one: Happening, others: tuple[Happening, ...]) -> Iterator[Happening]:
+        return (other for other in others if other != one and contexts.entails(one.guard, other.guard))
+
+    def between(one: Happening, other: Happening, event: str) -> bool:
+        """Whether the other, activated with the one, comes after it, and at the event or before."""
+        guards = one.guard, other.guard
+        in_time = other.event == event or contexts.precedes(other.event, event, *guards)
+        return in_time and contexts.precedes(one.event, other.event, *guards)
+
+    def replaces(other: Happening, one: Happening, among: tuple[Happening, ...]) -> bool:
+        """Of two at one event: whether the other is activated more often, or else comes first in the list."""
+        return not contexts.entails(other.guard, one.guard) or among.index(other) < among.index(one)
+
+    def dominated_producer(one: Happening) -> bool:
+        # What the consumer does at its own start comes after every other support.
+        return any(
+            replaces(other, one, producers)
+            if other.event == one.event
+            else other.event == first or between(one, other, first)
+            for other in activated_with(one, producers)
+        ) or any(
+            threat.event in {one.event, first, last} or between(one, threat, last)
+            for threat in activated_with(one, threats)
+        )
+
+    def dominated_threat(one: Happening) -> bool:
+        return any(
+            replaces(other, one, threats) if other.event == one.event else between(one, other, last)
+            for other in activated_with(one, threats)
+        ) or any(between(one, producer, first) for producer in activated_with(one, producers))
+
     return replace(
         question,
-        producers=tuple(each for each in question.producers if not any(order.producer_dominators(each))),
-        threats=tuple(
-            each
-            for each in question.threats
-            if not any(order.threat_dominators(each, by_producers=dominance is Dominance.ALGORITHM_5))
-        ),
+        producers=tuple(each for each in producers if not dominated_producer(each)),
+        threats=tuple(each for each in threats if not dominated_threat(each)),
     )
-
-
-class _Order:
-    """The relation of dominance among the candidates of one condition; dominators are found one by one."""
-
-    def __init__(self, question: OpenCondition, contexts: Contexts) -> None:
-        self._question = question
-        self._contexts = contexts
-
-    def producer_dominators(self, producer: Happening) -> Iterator[Happening]:
-        for other in self._activated_with(producer, self._question.producers):
-            if other.event == producer.event:
-                if self._more_general(other, producer, self._question.producers):
-                    yield other
-            # What the consumer does at its own start comes after every other support.
-            elif other.event == self._question.first or (
-                self._precedes(producer, other) and self._precedes_event(other, self._question.first, producer)
-            ):
-                yield other
-        for threat in self._activated_with(producer, self._question.threats):
-            inside = {producer.event, self._question.first, self._question.last}
-            if threat.event in inside or (
-                self._precedes(producer, threat) and self._precedes_event(threat, self._question.last, producer)
-            ):
-                yield threat
-
-    def threat_dominators(self, threat: Happening, *, by_producers: bool) -> Iterator[Happening]:
-        for other in self._activated_with(threat, self._question.threats):
-            if other.event == threat.event:
-                if self._more_general(other, threat, self._question.threats):
-                    yield other
-            elif self._precedes(threat, other) and self._in_time(other, self._question.last, threat):
-                yield other
-        if by_producers:
-            for producer in self._activated_with(threat, self._question.producers):
-                if self._precedes(threat, producer) and self._in_time(producer, self._question.first, threat):
-                    yield producer
-
-    def _activated_with(self, happening: Happening, others: tuple[Happening, ...]) -> Iterator[Happening]:
-        for other in others:
-            if other != happening and self._contexts.entails(happening.guard, other.guard):
-                yield other
-
-    def _more_general(self, other: Happening, happening: Happening, among: tuple[Happening, ...]) -> bool:
-        """Given that `other` is activated with `happening`: it is so more often, or else comes first in the list."""
-        if self._contexts.entails(other.guard, happening.guard):
-            return among.index(other) < among.index(happening)
-        return True
-
-    def _in_time(self, later: Happening, event: str, earlier: Happening) -> bool:
-        return later.event == event or self._precedes_event(later, event, earlier)
-
-    def _precedes(self, earlier: Happening, later: Happening) -> bool:
-        return self._contexts.precedes(earlier.event, later.event, earlier.guard, later.guard)
-
-    def _precedes_event(self, later: Happening, event: str, earlier: Happening) -> bool:
-        return self._contexts.precedes(later.event, event, earlier.guard, later.guard)
-
-
-class Resolution(Enum):
-    """What keeps a threat out of the interval from a producer to its consumer."""
-
-    NOTHING = "nothing required"
-    AVOID = "conflict"
-    BEFORE = "threat before producer"
-    AFTER = "threat after consumer"
-    EITHER = "threat before producer or after consumer"
-
-
-def resolve(question: OpenCondition, producer: Happening, threat: Happening, contexts: Contexts) -> Resolution:
-    """The case of Figure 12, in the context in which the producer, the threat and the consumer are all activated."""
-    if threat.event in {producer.event, question.first, question.last}:
-        return Resolution.AVOID
-
-    def precedes(first: str, second: str) -> bool:
-        return contexts.precedes(first, second, producer.guard, threat.guard)
-
-    if precedes(threat.event, producer.event) or precedes(question.last, threat.event):
-        return Resolution.NOTHING
-    after_producer = precedes(producer.event, threat.event)
-    before_consumer = precedes(threat.event, question.last)
-    match after_producer, before_consumer:
-        case True, True:
-            return Resolution.AVOID
-        case True, False:
-            return Resolution.AFTER
-        case False, True:
-            return Resolution.BEFORE
-        case _:
-            return Resolution.EITHER
 
 
 NO_SUPPORT = "none"
@@ -260,48 +185,6 @@ AFTER = "after"
 """The value of an order variable whose threat comes after the consumer, +1 in the paper."""
 
 
-EventOrder: TypeAlias = tuple[str, str]
-"""An event and a later one."""
-
-
-class AdditionReason(Enum):
-    """Why a constraint was added: the rows of [PIKE, Table 1] (temporal conflicts are found later)."""
-
-    SUPPORT = "at least one activated producer"
-    DEFINITE_THREAT = "avoid definite threat"
-    PRODUCER_FIRST = "producers precede consumers"
-    THREAT_AFTER = "force threat after consumer"
-    THREAT_BEFORE = "force threat before producer"
-    IDLE = "no support for a consumer that is not activated"
-    """Not in the paper; see :class:`LinkEncoding`."""
-
-
-AddedStatement: TypeAlias = Constraint | Formula | Guard
-"""A temporal constraint of the network, or a propositional one: a formula, or a conflict given by its environment."""
-
-
-@dataclass(frozen=True, slots=True)
-class Addition:
-    """A constraint that was added, and what for; rows about one link name its producer, those about a threat that."""
-
-    statement: AddedStatement
-    reason: AdditionReason
-    consumer: OpenCondition
-    producer: Happening | None = None
-    threat: Happening | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class LinkEncoding:
-    """How to augment; the default is as in the paper. The correct executions are the same for all."""
-
-    dominance: Dominance = Dominance.ALGORITHM_5
-    sole_supports: bool = True
-    """Whether a condition with a single candidate gets a support variable, too; else its support is simply required."""
-    idle_supports: bool = True
-    """Whether the support of a consumer that is not activated may have any value; else only `none`."""
-
-
 @dataclass(frozen=True, slots=True)
 class AugmentedPlan:
     """A plan, its augmented network T′, and the propositional constraints of KB without temporal conflicts."""
@@ -310,12 +193,10 @@ class AugmentedPlan:
     network: Tpnu
     theory: Theory
     links: tuple[LabeledCausalLink, ...]
-    additions: tuple[Addition, ...]
-    """What was added to the network and the theory, with reasons."""
 
 
-def augment(plan: TeamPlan, precedence: Precedence, encoding: LinkEncoding = LinkEncoding()) -> AugmentedPlan:
-    """The augmented plan and its theory [PIKE, Algorithm 5].
+def augment(plan: TeamPlan, precedence: Precedence) -> AugmentedPlan:
+    """The augmented plan and its theory [PIKE, Algorithm 5, Table 1].
 
     `precedence` is of the plan's own network. Three things differ from the letter of the algorithm: constraints are
     added to those that join the same events already, they do not replace them; threats at one event with a producer or
@@ -324,92 +205,81 @@ def augment(plan: TeamPlan, precedence: Precedence, encoding: LinkEncoding = Lin
     Raises:
         KeyError: if a guard mentions an assignment that the precedence's vocabulary does not have.
     """
-    augmentation = _Augmentation(plan.network, plan, encoding)
+    augmentation = _Augmentation(plan)
     for question in open_conditions(plan, precedence):
         contexts = Contexts(precedence, question.guard)
-        augmentation.close(prune(question, contexts, encoding.dominance), contexts)
+        augmentation.close(prune(question, contexts), contexts)
     return augmentation.result()
 
 
 @dataclass(slots=True)
 class _Augmentation:
-    network: Tpnu
     plan: TeamPlan
-    encoding: LinkEncoding
     choices: dict[str, Choice] = field(default_factory=dict)
     links: list[LabeledCausalLink] = field(default_factory=list)
-    additions: list[Addition] = field(default_factory=list)
+    constraints: list[Constraint] = field(default_factory=list)
+    formulas: list[Formula] = field(default_factory=list)
+    conflicts: list[Guard] = field(default_factory=list)
 
     def close(self, question: OpenCondition, contexts: Contexts) -> None:
         """Add what makes an open condition met wherever it is activated."""
         if not question.producers:
-            self.additions.append(Addition(question.guard, AdditionReason.SUPPORT, question))
+            self.conflicts.append(question.guard)
             return
-        links = self._links(question)
-        self.links += links
-        self.additions += (Addition(formula, AdditionReason.SUPPORT, question) for formula in _support(question, links))
-        if not self.encoding.idle_supports:
-            self.additions += (Addition(formula, AdditionReason.IDLE, question) for formula in _idle(question, links))
-        for link in links:
-            self.additions += self._producer_first(link, contexts)
-            for threat in question.threats:
-                self.additions += (replace(each, threat=threat) for each in self._away(link, threat, contexts))
-
-    def result(self) -> AugmentedPlan:
-        choices = (*self.network.choices, *self.choices.values())
-        constraints = [each.statement for each in self.additions if isinstance(each.statement, Constraint)]
-        conflicts = [each.statement for each in self.additions if isinstance(each.statement, frozenset)]
-        formulas = [each.statement for each in self.additions if isinstance(each.statement, Is | Not | All | Some)]
-        network = replace(self.network, choices=choices, constraints=(*self.network.constraints, *constraints))
-        theory = Theory(network.domains, tuple(dict.fromkeys(formulas)), tuple(dict.fromkeys(conflicts)))
-        return AugmentedPlan(self.plan, network, theory, tuple(self.links), tuple(self.additions))
-
-    def _links(self, question: OpenCondition) -> list[LabeledCausalLink]:
-        if len(question.producers) == 1 and not self.encoding.sole_supports:
-            return [LabeledCausalLink(question, question.producers[0], frozenset())]
         values = _names(question.producers)
         variable = self._variable(f"s[{question}]", question.guard, (*values, NO_SUPPORT))
-        return [
+        links = [
             LabeledCausalLink(question, producer, frozenset({Assignment(variable, value)}))
             for producer, value in zip(question.producers, values, strict=True)
         ]
+        self.links += links
+        self.formulas.append(_support(question, links))
+        for link in links:
+            producer, first = link.producer.event, question.first
+            if producer != first and not contexts.precedes(producer, first, link.label):
+                self._order(producer, first, _context(link))
+            for threat in question.threats:
+                if contexts.possible(link.label, threat.guard):
+                    self._keep_away(link, threat, contexts)
 
-    def _producer_first(self, link: LabeledCausalLink, contexts: Contexts) -> Iterator[Addition]:
-        producer, first = link.producer.event, link.consumer.first
-        if producer != first and not contexts.precedes(producer, first, link.label):
-            yield self._ordering(link, (producer, first), _context(link), AdditionReason.PRODUCER_FIRST)
+    def result(self) -> AugmentedPlan:
+        network = self.plan.network
+        choices = (*network.choices, *self.choices.values())
+        network = replace(network, choices=choices, constraints=(*network.constraints, *self.constraints))
+        formulas, conflicts = tuple(dict.fromkeys(self.formulas)), tuple(dict.fromkeys(self.conflicts))
+        return AugmentedPlan(self.plan, network, Theory(network.domains, formulas, conflicts), tuple(self.links))
 
-    def _away(self, link: LabeledCausalLink, threat: Happening, contexts: Contexts) -> Iterator[Addition]:
-        """What keeps a threat out of the interval of a link; nothing if the three cannot be activated together."""
-        if not contexts.possible(link.label, threat.guard):
-            return
+    def _keep_away(self, link: LabeledCausalLink, threat: Happening, contexts: Contexts) -> None:
+        """Keep a threat out of the interval of a link, wherever all three are activated: the cases of Figure 12."""
         context = _context(link) | threat.guard
-        before: EventOrder = (threat.event, link.producer.event)
-        after: EventOrder = (link.consumer.last, threat.event)
-        match resolve(link.consumer, link.producer, threat, contexts):
-            case Resolution.AVOID:
-                yield Addition(context, AdditionReason.DEFINITE_THREAT, link.consumer, link.producer)
-            case Resolution.BEFORE:
-                yield self._ordering(link, before, context, AdditionReason.THREAT_BEFORE)
-            case Resolution.AFTER:
-                yield self._ordering(link, after, context, AdditionReason.THREAT_AFTER)
-            case Resolution.EITHER:
-                name = f"o[{link.consumer}, {link.producer.event}, {threat.event}]"
-                variable = self._variable(name, context, (BEFORE, AFTER))
-                first, last = ({Assignment(variable, value)} for value in (BEFORE, AFTER))
-                yield self._ordering(link, before, context | first, AdditionReason.THREAT_BEFORE)
-                yield self._ordering(link, after, context | last, AdditionReason.THREAT_AFTER)
-            case Resolution.NOTHING:
-                pass
+        producer, last = link.producer.event, link.consumer.last
 
-    def _ordering(self, link: LabeledCausalLink, order: EventOrder, context: Guard, reason: AdditionReason) -> Addition:
-        earlier, later = order
-        constraint = Constraint(earlier, later, self.plan.epsilon, None, context)
-        return Addition(constraint, reason, link.consumer, link.producer)
+        def precedes(first: str, second: str) -> bool:
+            return contexts.precedes(first, second, link.label, threat.guard)
+
+        touches = threat.event in {producer, link.consumer.first, last}
+        if not touches and (precedes(threat.event, producer) or precedes(last, threat.event)):
+            return
+        not_before = touches or precedes(producer, threat.event)
+        not_after = touches or precedes(threat.event, last)
+        if not_before and not_after:
+            self.conflicts.append(context)
+        elif not_before:
+            self._order(last, threat.event, context)
+        elif not_after:
+            self._order(threat.event, producer, context)
+        else:
+            name = f"o[{link.consumer}, {producer}, {threat.event}]"
+            variable = self._variable(name, context, (BEFORE, AFTER))
+            self._order(threat.event, producer, context | {Assignment(variable, BEFORE)})
+            self._order(last, threat.event, context | {Assignment(variable, AFTER)})
+
+    def _order(self, earlier: str, later: str, context: Guard) -> None:
+        self.constraints.append(Constraint(earlier, later, self.plan.epsilon, None, context))
 
     def _variable(self, name: str, context: Guard, domain: tuple[str, ...]) -> str:
         """A new controllable choice variable, named apart from all others by its guard if need be."""
-        taken = self.choices.keys() | self.network.domains.keys()
+        taken = self.choices.keys() | self.plan.network.domains.keys()
         unique = _unused(name, f"{name}[{guard_text(context)}]", taken)
         self.choices[unique] = Choice(unique, domain, True, None)
         return unique
@@ -420,18 +290,11 @@ def _context(link: LabeledCausalLink) -> Guard:
     return link.selection | link.label | link.consumer.guard
 
 
-def _support(question: OpenCondition, links: list[LabeledCausalLink]) -> Iterator[Formula]:
-    """φ_c ⇒ ⋁ (s = e_P ∧ φ_P), without what φ_c says already and without what is true anyway."""
+def _support(question: OpenCondition, links: list[LabeledCausalLink]) -> Formula:
+    """φ_c ⇒ ⋁ (s = e_P ∧ φ_P), without what φ_c says already."""
     selections = [conjunction(link.selection | (link.label - question.guard)) for link in links]
-    if all(selection.operands for selection in selections):
-        consequence = selections[0] if len(selections) == 1 else Some(tuple(selections))
-        yield implies(conjunction(question.guard), consequence) if question.guard else consequence
-
-
-def _idle(question: OpenCondition, links: list[LabeledCausalLink]) -> Iterator[Formula]:
-    for variable, _ in links[0].selection:
-        if question.guard:
-            yield Some((conjunction(question.guard), Is(Assignment(variable, NO_SUPPORT))))
+    consequence = selections[0] if len(selections) == 1 else Some(tuple(selections))
+    return Some((Not(conjunction(question.guard)), consequence)) if question.guard else consequence
 
 
 def _names(producers: tuple[Happening, ...]) -> tuple[str, ...]:
@@ -445,10 +308,5 @@ def _names(producers: tuple[Happening, ...]) -> tuple[str, ...]:
 
 def _unused(name: str, detailed: str, taken: set[str]) -> str:
     """The short name, or the detailed one, or that with a number: the first that is not taken."""
-    if name not in taken:
-        return name
-    candidate, number = detailed, 1
-    while candidate in taken:
-        number += 1
-        candidate = f"{detailed}#{number}"
-    return candidate
+    numbered = (f"{detailed}#{number}" for number in count(2))
+    return next(each for each in chain((name, detailed), numbered) if each not in taken)

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
+from fractions import Fraction
 from typing import Any
 
 from robust.errors import InputError, SolverError, UnsupportedError, did_you_mean
-from robust.pike_bridge.causal import AugmentedPlan, LinkEncoding, augment
+from robust.pike_bridge.causal import AugmentedPlan, augment
 from robust.pike_bridge.knowledge import create_knowledge_base, reasons_about_time
 from robust.pike_bridge.knowledge.interface import (
     HasImplicants,
@@ -25,11 +26,11 @@ from robust.pike_bridge.knowledge.interface import (
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan
 from robust.pike_bridge.model import guard as conjunction
 from robust.pike_bridge.scenarios import candidate_subplans
-from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
+from robust.pike_bridge.semantics import Execution, Existence, Oracle, confirmed
 from robust.pike_bridge.temporal.distance_graph import Precedence
-from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances, labeled_distances
-from robust.pike_bridge.temporal.schedule import Schedule, schedule, temporal_conflicts
-from robust.pike_bridge.temporal.structural import structural_precedence
+from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
+from robust.pike_bridge.temporal.schedule import schedule, temporal_conflicts
+from robust.pike_bridge.temporal.structural import StructuralPrecedence
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 
@@ -65,7 +66,6 @@ class Compiling:
         plan: the plan.
         backend: the name of a knowledge base.
         temporal: how events are ordered and temporal conflicts found.
-        encoding: how conditions become choices.
         solver: `z3` or `cvc5`, for what is asked of solvers.
         shortcut: whether a theory without models may be recognised by a solver instead of being compiled.
         on_stage: called with the name of each stage that begins.
@@ -74,20 +74,17 @@ class Compiling:
     plan: TeamPlan
     backend: str
     temporal: Temporal = Temporal.LAZY
-    encoding: LinkEncoding = LinkEncoding()  # noqa: RUF009 - immutable
     solver: str = "z3"
     shortcut: bool = True
     deadline: Deadline = NEVER
     on_stage: Callable[[str], None] | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     """By stage: precedence, links, conflicts, knowledge."""
+    counts: dict[str, int] = field(default_factory=dict)
+    """The sizes of what the stages that ended have made."""
     statistics: KnowledgeStatistics = field(default_factory=KnowledgeStatistics)
-    augmented: AugmentedPlan | None = None
-    conflicts: tuple[Guard, ...] | None = None
-    knowledge: KnowledgeBase | None = None
-    distances: LabeledDistances | None = None
 
-    def run(self) -> Compilation:
+    def compile(self) -> Compilation:
         """Compile.
 
         Raises:
@@ -95,66 +92,61 @@ class Compiling:
             InputError: an unknown back end or solver.
         """
         timed = reasons_about_time(self.backend)
-        with self._stage("precedence"):
+        with self.stage("precedence"):
             precedence = self._precedence()
-        with self._stage("links"):
-            augmented = self.augmented = augment(self.plan, precedence, self.encoding)
-        with self._stage("conflicts"):
-            conflicts = self.conflicts = () if timed else self._conflicts(augmented)
-        with self._stage("knowledge"):
-            theory = replace(augmented.theory, conflicts=(*augmented.theory.conflicts, *conflicts))
-            knowledge = self.knowledge = create_knowledge_base(
+        with self.stage("links"):
+            augmented = augment(self.plan, precedence)
+            self.counts |= {
+                "choice_variables": len(augmented.theory.domains),
+                "links": len(augmented.links),
+                "added_orderings": len(augmented.network.constraints) - len(self.plan.network.constraints),
+                "propositional_constraints": len(augmented.theory.constraints) + len(augmented.theory.conflicts),
+            }
+        with self.stage("conflicts"):
+            conflicts, distances = ((), None) if timed else self._conflicts(augmented)
+            self.counts["temporal_conflicts"] = len(conflicts)
+        with self.stage("knowledge"):
+            knowledge = create_knowledge_base(
                 self.backend,
-                theory,
+                replace(augmented.theory, conflicts=(*augmented.theory.conflicts, *conflicts)),
                 network=augmented.network if timed else None,
                 solver=self.solver,
                 shortcut=self.shortcut,
                 deadline=self.deadline,
                 statistics=self.statistics,
             )
-        return Compilation(self.backend, augmented, conflicts, knowledge, self.distances)
+        return Compilation(self.backend, augmented, conflicts, knowledge, distances)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Announce a stage, and note how long it takes."""
+        self.announce(name)
+        started = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = time.perf_counter() - started
+
+    def announce(self, name: str) -> None:
+        """Tell that a stage begins."""
+        if self.on_stage is not None:
+            self.on_stage(name)
 
     def _precedence(self) -> Precedence:
         match self.temporal:
             case Temporal.APSP:
-                return labeled_distances(self.plan.network, self.deadline)
+                return LabeledDistances(self.plan.network, self.deadline)
             case Temporal.LAZY:
-                return structural_precedence(self.plan.network, self.deadline)
+                return StructuralPrecedence(self.plan.network, self.deadline)
 
-    def _conflicts(self, augmented: AugmentedPlan) -> tuple[Guard, ...]:
+    def _conflicts(self, augmented: AugmentedPlan) -> tuple[tuple[Guard, ...], LabeledDistances | None]:
         match self.temporal:
             case Temporal.APSP:
-                distances = self.distances = labeled_distances(augmented.network, self.deadline)
-                return tuple(distances.vocabulary.decode(conflict) for conflict in distances.conflicts)
+                distances = LabeledDistances(augmented.network, self.deadline)
+                return tuple(map(distances.vocabulary.decode, distances.conflicts)), distances
             case Temporal.LAZY:
-                return temporal_conflicts(augmented.network, augmented.theory, self.deadline, solver=self.solver)
-
-    def _stage(self, name: str) -> AbstractContextManager[None]:
-        return _stage(name, self.on_stage, self.seconds)
-
-
-@contextmanager
-def _stage(name: str, on_stage: Callable[[str], None] | None, seconds: dict[str, float]) -> Iterator[None]:
-    """Announce a stage, and note how long it takes."""
-    if on_stage is not None:
-        on_stage(name)
-    started = time.perf_counter()
-    try:
-        yield
-    finally:
-        seconds[name] = time.perf_counter() - started
-
-
-def compile_plan(
-    plan: TeamPlan, *, backend: str, temporal: Temporal = Temporal.LAZY, solver: str = "z3", deadline: Deadline = NEVER
-) -> Compilation:
-    """Compile a plan; see :class:`Compiling` for more options, and for what is known after a time-out.
-
-    Raises:
-        OutOfTimeError: if the deadline passes first.
-        InputError: an unknown back end or solver.
-    """
-    return Compiling(plan, backend, temporal=temporal, solver=solver, deadline=deadline).run()
+                network, theory = augmented.network, augmented.theory
+                return temporal_conflicts(network, theory, self.deadline, solver=self.solver), None
 
 
 ORACLE = "oracle"
@@ -168,18 +160,18 @@ class PlanVerdict(Enum):
     UNKNOWN = "unknown"
 
 
-@dataclass(frozen=True)
+@dataclass
 class PikeCheck:
     """The answer. `scenarios` is None unless all were asked for; `complete` says whether none is missing."""
 
     backend: str
     verdict: PlanVerdict
-    execution: Execution | None = None
-    scenarios: tuple[Mapping[str, str], ...] | None = None
-    complete: bool = True
-    interrupted: bool = False
-    seconds: Mapping[str, float] | None = None
+    execution: Execution | None
+    scenarios: list[Mapping[str, str]] | None
+    complete: bool
+    seconds: Mapping[str, float]
     """By stage."""
+    interrupted: bool = False
 
     @property
     def cut_short(self) -> bool:
@@ -216,41 +208,26 @@ class Sizes:
 
 
 @dataclass
-class Measuring:
+class Measuring(Compiling):
     """Compiles a plan, and asks how large the parts are; `so_far` is what is known at any moment.
 
     Args:
-        plan: the plan.
-        backend: the name of a knowledge base.
-        temporal: how events are ordered and temporal conflicts found.
-        solver: `z3` or `cvc5`.
-        shortcut: see :class:`Compiling`.
         implicants: whether the prime implicants are listed.
         models: whether models are counted.
     """
 
-    plan: TeamPlan
-    backend: str
-    temporal: Temporal = Temporal.LAZY
-    solver: str = "z3"
-    shortcut: bool = True
     implicants: bool = False
     models: bool = True
-    deadline: Deadline = NEVER
-    on_stage: Callable[[str], None] | None = None
 
     def __post_init__(self) -> None:
-        self._sizes = Sizes(self.backend, self.temporal.value, self.solver)
-        self._compiling = Compiling(
-            self.plan,
-            self.backend,
-            temporal=self.temporal,
-            solver=self.solver,
-            shortcut=self.shortcut,
-            deadline=self.deadline,
-            on_stage=self.on_stage,
-            seconds=self._sizes.seconds,
-        )
+        network = self.plan.network
+        self.counts |= {
+            "choices": len(network.choices),
+            "events": len(network.events),
+            "activities": len(network.activities),
+            "conditions": len(self.plan.conditions),
+        }
+        self._sizes = Sizes(self.backend, self.temporal.value, self.solver, counts=self.counts, seconds=self.seconds)
 
     def run(self) -> Sizes:
         """Compile and ask; a deadline ends it with what is known.
@@ -261,15 +238,19 @@ class Measuring:
         """
         try:
             self._sizes.candidate_subplans = candidate_subplans(self.plan.network)
-            self._ask(self._compiling.run().knowledge)
+            self._ask(self.compile().knowledge)
         except OutOfTimeError:
             self._sizes.status = "timeout"
-        return self._counted()
+        return self._known()
 
     def so_far(self, *, timed_out: bool) -> Sizes:
         """What is known by now."""
         self._sizes.status = "timeout" if timed_out else "interrupted"
-        return self._counted()
+        return self._known()
+
+    def _known(self) -> Sizes:
+        self._sizes.statistics = asdict(self.statistics)
+        return self._sizes
 
     def _ask(self, knowledge: KnowledgeBase) -> None:
         self._sizes.satisfiable = knowledge.satisfiable(self.deadline)
@@ -280,47 +261,21 @@ class Measuring:
 
     def _ask_models(self, knowledge: KnowledgeBase) -> None:
         if self.models:
-            self._begin("counting models")
+            self.announce("counting models")
             self._sizes.models = knowledge.count_models(self.deadline)
 
     def _ask_implicants(self, knowledge: KnowledgeBase) -> None:
         if not isinstance(knowledge, HasImplicants):
             return
-        self._begin("counting prime implicants")
+        self.announce("counting prime implicants")
         count = self._sizes.prime_implicants = knowledge.implicant_count(self.deadline)
-        if not self.implicants:
-            return
-        if count > LONGEST_LISTING:
+        if self.implicants and count > LONGEST_LISTING:
             raise UnsupportedError(
                 f"--implicants: found {count:,} to list, expected at most {LONGEST_LISTING:,}; "
                 "without the option they are counted only"
             )
-        self._sizes.implicants = [dict(sorted(one)) for one in knowledge.prime_implicants(self.deadline)]
-
-    def _begin(self, stage: str) -> None:
-        if self.on_stage is not None:
-            self.on_stage(stage)
-
-    def _counted(self) -> Sizes:
-        """With the sizes of what the stages that ended have made."""
-        network, compiling = self.plan.network, self._compiling
-        self._sizes.counts |= {
-            "choices": len(network.choices),
-            "events": len(network.events),
-            "activities": len(network.activities),
-            "conditions": len(self.plan.conditions),
-        }
-        if (augmented := compiling.augmented) is not None:
-            self._sizes.counts |= {
-                "choice_variables": len(augmented.theory.domains),
-                "links": len(augmented.links),
-                "added_orderings": len(augmented.network.constraints) - len(network.constraints),
-                "propositional_constraints": len(augmented.theory.constraints) + len(augmented.theory.conflicts),
-            }
-        if compiling.conflicts is not None:
-            self._sizes.counts["temporal_conflicts"] = len(compiling.conflicts)
-        self._sizes.statistics = asdict(compiling.statistics)
-        return self._sizes
+        if self.implicants:
+            self._sizes.implicants = [dict(sorted(one)) for one in knowledge.prime_implicants(self.deadline)]
 
 
 def checked_assumptions(plan: TeamPlan, assume: Mapping[str, str]) -> Guard:
@@ -340,33 +295,23 @@ def checked_assumptions(plan: TeamPlan, assume: Mapping[str, str]) -> Guard:
 
 
 @dataclass
-class Checking:
+class Checking(Compiling):
     """One check; `so_far` is what is known at any moment.
 
     Args:
-        plan: the plan.
-        backend: `oracle`, or the name of a knowledge base.
+        backend: `oracle`, or the name of a knowledge base; how time is reasoned about is of no concern to the oracle.
         assume: choices that are made already.
         all_scenarios: whether every team scenario is wanted.
-        solver: `z3` or `cvc5`.
-        temporal: how events are ordered and temporal conflicts found; of no concern to the oracle.
     """
 
-    plan: TeamPlan
     backend: str = ORACLE
     assume: Guard = ALWAYS
     all_scenarios: bool = False
-    solver: str = "z3"
-    temporal: Temporal = Temporal.LAZY
-    deadline: Deadline = NEVER
-    on_stage: Callable[[str], None] | None = None
 
     def __post_init__(self) -> None:
-        self._verdict = PlanVerdict.UNKNOWN
-        self._execution: Execution | None = None
-        self._scenarios: list[Mapping[str, str]] = []
-        self._complete = not self.all_scenarios
-        self._seconds: dict[str, float] = {}
+        found: list[Mapping[str, str]] | None = [] if self.all_scenarios else None
+        unknown = PlanVerdict.UNKNOWN
+        self._known = PikeCheck(self.backend, unknown, None, found, not self.all_scenarios, self.seconds)
 
     def run(self) -> PikeCheck:
         """Check; a deadline or Ctrl-C ends it with what is known.
@@ -375,47 +320,32 @@ class Checking:
             InputError: an unknown back end or solver.
             SolverError: if a back end's answer is not confirmed.
         """
-        interrupted = False
+        known = self._known
         try:
-            for execution in self._executions():
-                self._found(execution)
-            self._complete = True
-            if self._execution is None:
-                self._verdict = PlanVerdict.REFUTED
+            for execution in self._by_oracle() if self.backend == ORACLE else self._by_knowledge():
+                known.verdict = PlanVerdict.PROVED
+                known.execution = known.execution or execution
+                if known.scenarios is not None:
+                    known.scenarios.append(execution.scenario)
+            known.complete = True
+            if known.execution is None:
+                known.verdict = PlanVerdict.REFUTED
         except OutOfTimeError:
             pass  # the answer says what is missing
         except KeyboardInterrupt:
-            interrupted = True
-        return self._known(interrupted)
+            known.interrupted = True
+        return known
 
     def so_far(self, *, timed_out: bool) -> PikeCheck:
         """What is known by now."""
-        return self._known(not timed_out)
-
-    def _known(self, interrupted: bool) -> PikeCheck:
-        return PikeCheck(
-            backend=self.backend,
-            verdict=self._verdict,
-            execution=self._execution,
-            scenarios=tuple(self._scenarios) if self.all_scenarios else None,
-            complete=self._complete,
-            interrupted=interrupted,
-            seconds=dict(self._seconds),
-        )
-
-    def _found(self, execution: Execution) -> None:
-        self._verdict = PlanVerdict.PROVED
-        self._execution = self._execution or execution
-        self._scenarios.append(execution.scenario)
-
-    def _executions(self) -> Iterator[Execution]:
-        """One execution, or one of each scenario."""
-        return self._by_oracle() if self.backend == ORACLE else self._by_knowledge()
+        self._known.interrupted = not timed_out
+        return self._known
 
     def _by_oracle(self) -> Iterator[Execution]:
-        with self._stage("formula"):
+        """One execution, or one of each scenario."""
+        with self.stage("formula"):
             oracle = Oracle(self.plan, solver=self.solver)
-        with self._stage("search"):
+        with self.stage("search"):
             if self.all_scenarios:
                 yield from oracle.scenarios(self.assume, deadline=self.deadline)
                 return
@@ -426,16 +356,9 @@ class Checking:
                 yield answer.witness
 
     def _by_knowledge(self) -> Iterator[Execution]:
-        compilation = Compiling(
-            self.plan,
-            self.backend,
-            temporal=self.temporal,
-            solver=self.solver,
-            deadline=self.deadline,
-            on_stage=self.on_stage,
-            seconds=self._seconds,
-        ).run()
-        with self._stage("search"):
+        """One execution, or one of each scenario."""
+        compilation = self.compile()
+        with self.stage("search"):
             knowledge = compilation.knowledge
             knowledge.commit([Require(self.assume)], self.deadline)
             if self.all_scenarios:
@@ -443,9 +366,6 @@ class Checking:
                     yield execution_in(compilation, scenario, self.deadline)
             elif knowledge.satisfiable(self.deadline):
                 yield execution_in(compilation, ALWAYS, self.deadline)
-
-    def _stage(self, name: str) -> AbstractContextManager[None]:
-        return _stage(name, self.on_stage, self._seconds)
 
 
 def scenarios(knowledge: KnowledgeBase, domains: Mapping[str, tuple[str, ...]], deadline: Deadline) -> Iterator[Guard]:
@@ -480,20 +400,14 @@ def execution_in(compilation: Compilation, environment: Guard, deadline: Deadlin
     """
     model = extension(compilation.knowledge, compilation.augmented.theory.domains, environment, deadline)
     found = schedule(compilation.augmented.network, conjunction(model))
-    if not isinstance(found, Schedule):
-        message = f"{compilation.backend} allows choices that have no schedule: {found.guard and sorted(found.guard)}"
+    if isinstance(found, frozenset):
+        message = f"{compilation.backend} allows choices that have no schedule: {sorted(found)}"
         raise SolverError(f"{message}; please report this")
     plan = compilation.augmented.plan
-    start = min(found.times.values(), default=None)
-    execution = Execution(
-        {name: model[name] for name in plan.network.domains},
-        {event: when - (start or 0) for event, when in found.times.items()},
-    )
-    wrong = faults(plan, execution)
-    if wrong:
-        message = f"{compilation.backend} gave an execution that is not correct: {wrong[0]}"
-        raise SolverError(f"{message}; please report this")
-    return execution
+    start = min(found.values(), default=Fraction(0))
+    scenario = {name: model[name] for name in plan.network.domains}
+    times = {event: when - start for event, when in found.items()}
+    return confirmed(plan, Execution(scenario, times), compilation.backend)
 
 
 def extension(

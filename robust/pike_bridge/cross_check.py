@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from robust.errors import RobustError
 from robust.pike_bridge.action_model import Instance
-from robust.pike_bridge.compile import Compilation, Temporal, compile_plan, scenarios
+from robust.pike_bridge.compile import Compilation, Compiling, Temporal, scenarios
 from robust.pike_bridge.knowledge import reasons_about_time
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
 from robust.pike_bridge.knowledge.interface import Commitment, Exclude, KnowledgeBase, Require
@@ -23,7 +23,7 @@ from robust.pike_bridge.knowledge.network import NodeKind
 from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, Condition, Effect, Guard, Literal, TeamPlan
 from robust.pike_bridge.scenarios import restrict
-from robust.pike_bridge.semantics import Oracle
+from robust.pike_bridge.semantics import Oracle, holds
 from robust.pike_bridge.theory import Theory
 from robust.pike_bridge.validate import validate
 from robust.plan.model import Atom
@@ -46,7 +46,6 @@ LABELS = 60
 """Nodes of the πTMS whose labels are examined, drawn at random."""
 STEPS = 6
 """Commitments that are made one after the other."""
-Scenario = Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,10 +205,6 @@ class Crossing:
         return propositional(shrink(self.plan, shows, Deadline.after(SHRINK_LIMIT))).write(witness)
 
 
-def _least(*limits: float | None) -> float | None:
-    return min((limit for limit in limits if limit is not None), default=None)
-
-
 @dataclass
 class _Examination:
     """One back end against the scenarios that the oracle found."""
@@ -287,7 +282,7 @@ class _Examination:
 
     def _compile(self) -> Compilation:
         backend, temporal = self.subject.backend, self.subject.temporal
-        return compile_plan(self.plan, backend=backend, temporal=temporal, solver=self.solver, deadline=self.deadline)
+        return Compiling(self.plan, backend, temporal, self.solver, deadline=self.deadline).compile()
 
     def _state(self, knowledge: KnowledgeBase) -> None:
         """Whether an execution is left, and which scenarios are."""
@@ -321,13 +316,9 @@ def commitments(domains: Mapping[str, tuple[str, ...]], random: Random) -> list[
     return [*required, *excluded]
 
 
-def allows(scenario: Scenario, step: Sequence[Commitment]) -> bool:
+def allows(scenario: Mapping[str, str], step: Sequence[Commitment]) -> bool:
     """Whether a scenario satisfies commitments."""
-
-    def holds(environment: Guard) -> bool:
-        return all(scenario[variable] == value for variable, value in environment)
-
-    return all(holds(one.environment) is isinstance(one, Require) for one in step)
+    return all(holds(one.environment, scenario) is isinstance(one, Require) for one in step)
 
 
 def _text(step: Sequence[Commitment]) -> str:

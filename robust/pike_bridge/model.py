@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import product
-from math import prod
+from functools import reduce
+from operator import or_
 from typing import Final, NamedTuple, TypeAlias
 
 from robust.errors import Location
@@ -218,12 +218,6 @@ def may_threaten(effect: Effect, condition: Condition) -> bool:
     return not (own and effect.event == condition.last)
 
 
-def assignments(guards: Iterable[Guard]) -> Iterator[Assignment]:
-    """Every assignment that the guards mention, with repetitions."""
-    for conjunction in guards:
-        yield from conjunction
-
-
 Environment: TypeAlias = int
 """A conjunction of assignments, as a bit mask of some :class:`Vocabulary`."""
 
@@ -234,6 +228,11 @@ EMPTY: Final[Environment] = 0
 def entails(specific: Environment, general: Environment) -> bool:
     """Whether every scenario of the first environment is one of the second's."""
     return specific & general == general
+
+
+def union(environments: Iterable[Environment]) -> Environment:
+    """All the bits of some environments, which need not be consistent with each other."""
+    return reduce(or_, environments, EMPTY)
 
 
 class Vocabulary:
@@ -252,11 +251,9 @@ class Vocabulary:
         self._fields: dict[str, int] = {}
         position = 0
         for variable, values in self.domains.items():
-            field = ((1 << len(values)) - 1) << position
-            self._fields[variable] = field
+            self._fields[variable] = field = (1 << len(values)) - 1 << position
             for value in values:
-                bit = 1 << position
-                self._bits[Assignment(variable, value)] = bit | (field ^ bit) << self.width
+                self._bits[Assignment(variable, value)] = 1 << position | (field ^ 1 << position) << self.width
                 position += 1
 
     def assign(self, variable: str, value: str) -> Environment:
@@ -269,10 +266,7 @@ class Vocabulary:
 
     def encode(self, assignments: Guard | Iterable[Assignment]) -> Environment:
         """The conjunction of assignments, which may be inconsistent; KeyError for an unknown one."""
-        environment = EMPTY
-        for assignment in assignments:
-            environment |= self._bits[assignment]
-        return environment
+        return union(self._bits[assignment] for assignment in assignments)
 
     def decode(self, environment: Environment) -> Guard:
         """The assignments that an environment makes."""
@@ -281,10 +275,6 @@ class Vocabulary:
     def consistent(self, environment: Environment) -> bool:
         """Whether no variable has two values."""
         return not environment & environment >> self.width & self.made
-
-    def disjoint(self, first: Environment, second: Environment) -> bool:
-        """Whether no scenario belongs to both: some variable has different values in them."""
-        return not self.consistent(first | second)
 
     def assigned(self, environment: Environment) -> tuple[str, ...]:
         """The variables that have a value, in the order of the vocabulary."""
@@ -299,24 +289,15 @@ class Vocabulary:
         field = self._fields[variable]
         return environment & ~(field | field << self.width)
 
-    def scenarios(self, environment: Environment = EMPTY) -> Iterator[Environment]:
-        """Every full assignment that entails the environment [PIKE, Definition 2.4]."""
-        free = [variable for variable in self.variables if not self.mentions(environment, variable)]
-        for values in product(*(self.domains[variable] for variable in free)):
-            scenario = environment
-            for variable, value in zip(free, values, strict=True):
-                scenario |= self._bits[Assignment(variable, value)]
-            yield scenario
 
-    def count(self, environment: Environment = EMPTY) -> int:
-        """How many scenarios entail the (self-consistent) environment."""
-        return prod(
-            len(values) for variable, values in self.domains.items() if not self.mentions(environment, variable)
-        )
-
-    def text(self, environment: Environment) -> str:
-        """`{x = 1, y = 2}`, in the order of the vocabulary."""
-        return "{" + ", ".join(str(self.assignments[at]) for at in bits(environment & self.made)) + "}"
+def reachable(following: Mapping[str, Iterable[str]], start: str) -> set[str]:
+    """The event or choice itself, and all that follow it, directly or through others."""
+    found, pending = {start}, [start]
+    while pending:
+        new = set(following.get(pending.pop(), ())) - found
+        found |= new
+        pending.extend(new)
+    return found
 
 
 def bits(mask: int) -> Iterator[int]:

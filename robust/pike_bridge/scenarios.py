@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from itertools import product
+from itertools import chain, product
 from math import prod
 from typing import TypeAlias, TypeVar
 
@@ -14,7 +14,6 @@ from robust.pike_bridge.model import (
     ALWAYS,
     Activity,
     Assignment,
-    Choice,
     Condition,
     Constraint,
     Effect,
@@ -22,21 +21,18 @@ from robust.pike_bridge.model import (
     Guard,
     TeamPlan,
     Tpnu,
-    assignments,
     contradicts,
     guard_text,
+    reachable,
 )
+from robust.pike_bridge.theory import evaluate
+from robust.smt.limits import NEVER
 
 Owned = TypeVar("Owned", Condition, Effect)
 Guarded = TypeVar("Guarded", Event, Constraint, Activity, Condition, Effect)
 
 
 # -- team scenarios --------------------------------------------------------------------------------------------------
-
-
-def team_scenario_count(network: Tpnu) -> int:
-    """How many full assignments there are [PIKE, Definition 2.2]."""
-    return prod(len(choice.domain) for choice in network.choices)
 
 
 def team_scenarios(network: Tpnu, environment: Guard = ALWAYS) -> Iterator[dict[str, str]]:
@@ -48,13 +44,6 @@ def team_scenarios(network: Tpnu, environment: Guard = ALWAYS) -> Iterator[dict[
     ]
     for values in product(*domains):
         yield dict(zip(names, values, strict=True))
-
-
-def active_choices(network: Tpnu, scenario: Mapping[str, str]) -> tuple[Choice, ...]:
-    """The choices whose event happens in a scenario."""
-    assigned = frozenset(scenario.items())
-    guards = network.guards
-    return tuple(choice for choice in network.choices if choice.event is None or guards[choice.event] <= assigned)
 
 
 # -- candidate subplans ----------------------------------------------------------------------------------------------
@@ -74,23 +63,17 @@ def candidate_subplans(network: Tpnu) -> int:
     Raises:
         InputError: if choices depend on one another in a cycle.
     """
-    every = frozenset(_direct(network).items())
     counts: dict[_Component, int] = {}
     branches: dict[_Component, list[list[_Component]]] = {}
-    parts = _components(every)
-    pending = list(parts)
-    while pending:
-        component = pending[-1]
-        if component in counts:
-            pending.pop()
-            continue
+
+    def step(component: _Component) -> int | list[_Component]:
         if component not in branches:
             branches[component] = _branches(component, network.domains)
         missing = [part for branch in branches[component] for part in branch if part not in counts]
-        pending.extend(missing)
-        if not missing:
-            counts[component] = sum(prod(counts[part] for part in branch) for branch in branches[component])
-    return prod(counts[part] for part in parts)
+        return missing or sum(prod(counts[part] for part in branch) for branch in branches[component])
+
+    parts = _components(frozenset(_direct(network).items()))
+    return prod(evaluate(part, counts, step, NEVER) for part in parts)
 
 
 def _direct(network: Tpnu) -> dict[str, Guard]:
@@ -135,99 +118,59 @@ def _components(choices: _Component) -> list[_Component]:
             neighbours[variable].add(name)
     groups = []
     while neighbours:
-        group, pending = set(), [next(iter(neighbours))]
-        while pending:
-            name = pending.pop()
-            if name not in group:
-                group.add(name)
-                pending.extend(neighbours.pop(name))
+        group = reachable(neighbours, next(iter(neighbours)))
         groups.append(frozenset((name, guards[name]) for name in group))
+        neighbours = {name: others for name, others in neighbours.items() if name not in group}
     return groups
 
 
 def _supported(guards: dict[str, Guard]) -> dict[str, Guard]:
     """Without the choices that mention a missing one, or one that is left out itself."""
-    mentioning: dict[str, list[str]] = {}
-    for name, guard in guards.items():
-        for variable, _ in guard:
-            mentioning.setdefault(variable, []).append(name)
-    missing = {variable for variable in mentioning if variable not in guards}
-    pending = list(missing)
-    while pending:
-        for name in mentioning.get(pending.pop(), ()):
-            if name not in missing:
-                missing.add(name)
-                pending.append(name)
-    return {name: guard for name, guard in guards.items() if name not in missing}
+    while missing := {
+        name for name, guard in guards.items() if not {variable for variable, _ in guard} <= guards.keys()
+    }:
+        guards = {name: guard for name, guard in guards.items() if name not in missing}
+    return guards
 
 
 # -- restriction -----------------------------------------------------------------------------------------------------
 
 
-def restrict_network(network: Tpnu, environment: Guard) -> Tpnu:
-    """The network in the scenarios of an environment: what contradicts it is gone, and what it decides is not asked.
-
-    Raises:
-        InputError: if the environment has two values of one choice.
-    """
-    return _Restriction(environment).network(network)
-
-
 def restrict(plan: TeamPlan, environment: Guard) -> TeamPlan:
-    """The plan in the scenarios of an environment, as :func:`restrict_network` restricts its network.
+    """The plan in the scenarios of an environment: what contradicts it is gone, and what it decides is not asked.
+
+    A choice whose event is gone stays only if something still depends on it.
 
     Raises:
         InputError: if the environment has two values of one choice.
     """
-    restriction = _Restriction(environment)
-    kept = [at for at, activity in enumerate(plan.network.activities) if restriction.keeps(activity.guard)]
+    if len(dict(environment)) < len(environment):
+        raise InputError(f"found two values of one choice in {{{guard_text(environment)}}}, expected one")
+
+    def left(parts: Iterable[Guarded]) -> tuple[Guarded, ...]:
+        """Those that can still be activated, with what is left of their guards."""
+        kept = (one for one in parts if not contradicts(environment, one.guard))
+        return tuple(replace(one, guard=one.guard - environment) for one in kept)
+
+    network = plan.network
+    kept = (at for at, activity in enumerate(network.activities) if not contradicts(environment, activity.guard))
     places: dict[int | None, int | None] = {None: None, **{before: after for after, before in enumerate(kept)}}
 
-    def moved(items: tuple[Owned, ...]) -> tuple[Owned, ...]:
+    def moved(parts: tuple[Owned, ...]) -> tuple[Owned, ...]:
         """With the new places of their activities; what is of an activity that is gone goes with it."""
-        there = (one for one in restriction.parts(items) if one.activity in places)
-        return tuple(replace(one, activity=places[one.activity]) for one in there)
+        return tuple(replace(one, activity=places[one.activity]) for one in left(parts) if one.activity in places)
 
+    events, constraints, activities = left(network.events), left(network.constraints), left(network.activities)
     conditions, effects = moved(plan.conditions), moved(plan.effects)
-    mentioned = {variable for variable, _ in assignments(_guards(conditions) + _guards(effects))}
-    return replace(plan, network=restriction.network(plan.network, mentioned), conditions=conditions, effects=effects)
-
-
-def _guards(items: tuple[Guarded, ...]) -> list[Guard]:
-    return [one.guard for one in items]
-
-
-class _Restriction:
-    def __init__(self, environment: Guard) -> None:
-        if len({variable for variable, _ in environment}) < len(environment):
-            raise InputError(f"found two values of one choice in {{{guard_text(environment)}}}, expected one")
-        self._environment = environment
-
-    def keeps(self, guard: Guard) -> bool:
-        return not contradicts(self._environment, guard)
-
-    def parts(self, parts: tuple[Guarded, ...]) -> tuple[Guarded, ...]:
-        """Those that are left, with what is left of their guards."""
-        return tuple(replace(one, guard=one.guard - self._environment) for one in parts if self.keeps(one.guard))
-
-    def network(self, network: Tpnu, mentioned: Set[str] = frozenset()) -> Tpnu:
-        """What is left of a network; choices in `mentioned` stay although their event may be gone."""
-        events, constraints = self.parts(network.events), self.parts(network.constraints)
-        activities = self.parts(network.activities)
-        guards = _guards(events) + _guards(constraints) + _guards(activities)
-        used = {variable for variable, _ in assignments(guards)} | mentioned
-        choices = self._choices(network.choices, {event.name for event in events}, used)
-        return replace(network, choices=choices, events=events, constraints=constraints, activities=activities)
-
-    def _choices(self, choices: tuple[Choice, ...], events: set[str], used: set[str]) -> tuple[Choice, ...]:
-        """The open choices; one whose event is gone stays only if something still depends on it."""
-        decided = {variable for variable, _ in self._environment}
-        left = []
-        for choice in choices:
-            if choice.name in decided:
-                continue
-            if choice.event is None or choice.event in events:
-                left.append(choice)
-            elif choice.name in used:
-                left.append(replace(choice, event=None))
-        return tuple(left)
+    guarded: Iterable[Event | Constraint | Activity | Condition | Effect] = chain(
+        events, constraints, activities, conditions, effects
+    )
+    used, decided = {variable for one in guarded for variable, _ in one.guard}, {name for name, _ in environment}
+    happening = {None, *(event.name for event in events)}
+    choices = tuple(
+        choice if choice.event in happening else replace(choice, event=None)
+        for choice in network.choices
+        if choice.name not in decided and (choice.event in happening or choice.name in used)
+    )
+    whole = replace(network, choices=choices, events=events, constraints=constraints, activities=activities)
+    return replace(plan, network=whole, conditions=conditions, effects=effects)

@@ -6,42 +6,42 @@ by simulating it, and confirms every execution that a solver or a knowledge base
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
-from itertools import combinations
+from itertools import chain
 from types import MappingProxyType
 from typing import TypeAlias, assert_never
 
 from robust.errors import InputError, SolverError, did_you_mean
-from robust.pike_bridge.knowledge.interface import Commitment, Exclude, Require
+from robust.pike_bridge.knowledge.sat import Propositions, satisfiable
 from robust.pike_bridge.model import (
-    Assignment,
-    Choice,
+    ALWAYS,
     Condition,
     Constraint,
     Effect,
+    Event,
     Guard,
     Literal,
     TeamPlan,
     Tpnu,
     contradicts,
     guard,
+    may_produce,
+    may_threaten,
+    starts_with,
 )
 from robust.pike_bridge.scenarios import team_scenarios
 from robust.plan.model import Atom
 from robust.plan.polynomial import Polynomial
-from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session, Statistics, Value, Verdict
+from robust.smt.limits import NEVER, Deadline
+from robust.smt.session import Session, Value, Verdict
 from robust.smt.terms import Formula, Terms
 
 
-class Semantics:
+class Semantics(Propositions):
     """The formulas of one plan, and how its choices and times are read from their models.
-
-    A choice with two values is one boolean. A guard is a conjunction, and the time of an event that is not activated
-    does not matter.
 
     Args:
         terms: where formulas are built; plans that share them, and have events of the same names, share formulas.
@@ -51,35 +51,16 @@ class Semantics:
     """
 
     def __init__(self, plan: TeamPlan, terms: Terms | None = None) -> None:
-        self.terms = terms or Terms()
-        self._plan = plan
-        self._choices = plan.network.choices
-        self._values: dict[Assignment, Formula] = {}
-        self.domains = tuple(formula for choice in self._choices for formula in self._declare(choice))
-        """That each choice has one value."""
-        self._times = {event.name: Polynomial.variable(f"time of {event.name}") for event in plan.network.events}
+        super().__init__(plan.network.domains, terms)
+        self._events = plan.network.guards
         self._orders: dict[tuple[str, str], Formula] = {}
         self._effects: dict[Literal, list[Effect]] = {}
         for effect in plan.effects:
             self._effects.setdefault(effect.literal, []).append(effect)
-        constraints = [self._constraint(each) for each in plan.network.temporal_constraints]
+        constraints = [self.constraint(each) for each in plan.network.temporal_constraints]
         self.conditions = tuple(self._condition(each) for each in plan.conditions)
         """Of each condition that it is met."""
         self.formulas: tuple[Formula, ...] = (*self.domains, *constraints, *self.conditions)
-        self.choices: frozenset[Formula] = frozenset().union(*map(self.terms.variables, self._values.values()))
-        """The symbols of choices."""
-
-    def guard(self, conjunction: Guard) -> Formula:
-        """All assignments of a guard; InputError if one is unknown."""
-        return self.terms.conjunction(self._assignment(each) for each in sorted(conjunction))
-
-    def scenario(self, values: Mapping[str, str]) -> Formula:
-        """A full assignment."""
-        return self.guard(frozenset(Assignment(variable, value) for variable, value in values.items()))
-
-    def unless(self, guard: Guard, consequence: Formula) -> Formula:
-        """The consequence, unless the guard does not hold."""
-        return self.terms.implication(self.guard(guard), consequence)
 
     def at(self, event: str, time: Fraction) -> Formula:
         """The event's time, outright."""
@@ -89,10 +70,6 @@ class Semantics:
         """The event is at this time or later."""
         return self.terms.at_least(self._time(event) - time)
 
-    def chosen(self, values: Mapping[str, Value]) -> dict[str, str]:
-        """The scenario of a model; a choice that no formula mentions gets its first value."""
-        return {choice.name: self._chosen(choice, values) for choice in self._choices}
-
     def times(self, events: Iterable[str]) -> list[Formula]:
         """The symbols of the events' times."""
         return [self.terms.real(f"time of {event}") for event in events]
@@ -101,59 +78,17 @@ class Semantics:
         """The event's time in a model; zero if no formula mentions it."""
         return Fraction(values.get(f"time of {event}", Fraction(0)))
 
-    def _declare(self, choice: Choice) -> Iterator[Formula]:
-        """Symbols for a choice's values; what makes exactly one of them true."""
-        match choice.domain:
-            case (only,):
-                self._values[Assignment(choice.name, only)] = self.terms.true
-            case (first, second):
-                symbol = self.terms.fresh_boolean(f"{choice.name}={first} ")
-                self._values[Assignment(choice.name, first)] = symbol
-                self._values[Assignment(choice.name, second)] = self.terms.negation(symbol)
-            case values:
-                symbols = [self.terms.fresh_boolean(f"{choice.name}={value} ") for value in values]
-                self._values.update(zip((Assignment(choice.name, value) for value in values), symbols, strict=True))
-                yield self.terms.disjunction(symbols)
-                for one, other in combinations(symbols, 2):
-                    yield self.terms.disjunction((self.terms.negation(one), self.terms.negation(other)))
-
-    def _chosen(self, choice: Choice, values: Mapping[str, Value]) -> str:
-        for value in choice.domain:
-            symbol = self._values[Assignment(choice.name, value)]
-            if symbol is self.terms.true:
-                return value
-            negative = symbol.is_not()
-            name = (symbol.arg(0) if negative else symbol).symbol_name()
-            if name in values and values[name] != negative:
-                return value
-        return choice.domain[0]
-
-    def _assignment(self, assignment: Assignment) -> Formula:
-        if assignment not in self._values:
-            known = [str(each) for each in self._values]
-            raise InputError(f"unknown assignment {assignment}{did_you_mean(str(assignment), known)}")
-        return self._values[assignment]
-
     def _time(self, event: str) -> Polynomial[str]:
-        if event not in self._times:
-            raise InputError(f"unknown event {event}{did_you_mean(event, self._times)}")
-        return self._times[event]
-
-    def _constraint(self, constraint: Constraint) -> Formula:
-        difference = self._time(constraint.target) - self._time(constraint.source)
-        bounds = []
-        if constraint.lower is not None:
-            bounds.append(self.terms.at_least(difference - constraint.lower))
-        if constraint.upper is not None:
-            bounds.append(self.terms.at_least(-difference + constraint.upper))
-        return self.unless(constraint.guard, self.terms.conjunction(bounds))
+        if event not in self._events:
+            raise InputError(f"unknown event {event}{did_you_mean(event, self._events)}")
+        return super()._time(event)
 
     def _condition(self, condition: Condition) -> Formula:
         """Some activated producer is before the condition, and every activated threat is before or after both."""
         threats = [
             effect
             for effect in self._effects.get(condition.literal.negation, [])
-            if _contradicts(effect, condition) and not contradicts(condition.guard, effect.guard)
+            if may_threaten(effect, condition) and not contradicts(condition.guard, effect.guard)
         ]
         supports = (
             self._support(producer, threats, condition)
@@ -164,7 +99,7 @@ class Semantics:
 
     def _support(self, producer: Effect, threats: list[Effect], condition: Condition) -> Formula:
         first, last = producer.event, condition.last
-        in_time = self.terms.true if _establishes(producer, condition) else self._before(first, condition.first)
+        in_time = self.terms.true if starts_with(producer, condition) else self._before(first, condition.first)
         away = (
             self.unless(
                 threat.guard,
@@ -181,9 +116,6 @@ class Semantics:
             self._orders[order] = self.terms.greater(self._time(later) - self._time(earlier))
         return self._orders[order]
 
-
-Assumption: TypeAlias = Guard | Sequence[Commitment]
-"""An environment, or what execution has committed to."""
 
 NO_TIMES: Mapping[str, Fraction] = MappingProxyType({})
 
@@ -212,16 +144,15 @@ class Oracle:
         InputError: if a guard, a constraint, a condition or an effect mentions an unknown choice, value or event.
     """
 
-    def __init__(self, plan: TeamPlan, *, solver: str = "z3", statistics: Statistics | None = None) -> None:
+    def __init__(self, plan: TeamPlan, *, solver: str = "z3") -> None:
         self.plan = plan
-        self.statistics = statistics or Statistics()
         self._solver = solver
         self._semantics = Semantics(plan)
         self._session = self._start()
 
     def decide(
         self,
-        assume: Assumption = frozenset(),
+        assume: Guard = ALWAYS,
         schedule: Mapping[str, Fraction] = NO_TIMES,
         *,
         now: Fraction | None = None,
@@ -236,7 +167,7 @@ class Oracle:
             InputError: if an assumption or the schedule mentions an unknown choice, value or event.
             SolverError: if the witness is not correct: the solver or this package has a fault.
         """
-        with self._session.frame(*self._assumptions(assume), *self._executed(schedule, now)):
+        with self._session.frame(self._semantics.guard(assume), *self._executed(schedule, now)):
             verdict = self._session.check("correct execution", deadline)
             match verdict:
                 case Verdict.SATISFIABLE:
@@ -248,27 +179,7 @@ class Oracle:
                 case _:
                     assert_never(verdict)
 
-    def could_commit(
-        self,
-        commitments: Sequence[Commitment],
-        schedule: Mapping[str, Fraction] = NO_TIMES,
-        *,
-        now: Fraction | None = None,
-        deadline: Deadline = NEVER,
-    ) -> bool:
-        """As :meth:`decide`, in the manner of knowledge bases.
-
-        Raises:
-            OutOfTimeError: if the deadline passes.
-            InputError: as :meth:`decide`.
-            SolverError: as :meth:`decide`.
-        """
-        answer = self.decide(commitments, schedule, now=now, deadline=deadline)
-        if answer.verdict is Existence.UNKNOWN:
-            raise OutOfTimeError
-        return answer.verdict is Existence.EXISTS
-
-    def scenarios(self, assume: Assumption = frozenset(), *, deadline: Deadline = NEVER) -> Iterator[Execution]:
+    def scenarios(self, assume: Guard = ALWAYS, *, deadline: Deadline = NEVER) -> Iterator[Execution]:
         """Each team scenario that admits a correct execution, once, with such an execution, as they are found.
 
         Choices that a scenario never comes to have a value in it, too [PIKE, Definition 2.2].
@@ -279,24 +190,21 @@ class Oracle:
             SolverError: as :meth:`decide`.
         """
         session = self._start()
-        session.add(*self._assumptions(assume))
-        mentioned = _by_choice((*_guards(self.plan), *(each.environment for each in _commitments(assume))))
+        session.add(self._semantics.guard(assume))
+        mentioned: dict[str, set[Guard]] = {}
+        for label in (*_guards(self.plan), assume):
+            for variable, _ in label:
+                mentioned.setdefault(variable, set()).add(label)
         seen: list[Guard] = []
-        while True:
-            match session.check("another scenario", deadline):
-                case Verdict.UNKNOWN:
-                    raise OutOfTimeError
-                case Verdict.UNSATISFIABLE:
-                    return
-                case Verdict.SATISFIABLE:
-                    witness = self._witness(session, movable=True)
-                    alike = self._alike(witness.scenario, mentioned)
-                    for scenario in team_scenarios(self.plan.network, alike):
-                        if not any(holds(earlier, scenario) for earlier in seen):
-                            deadline.enforce()
-                            yield self._confirmed(Execution(scenario, witness.schedule))
-                    seen.append(alike)
-                    session.add(self._semantics.terms.negation(self._semantics.guard(alike)))
+        while satisfiable(session, "another scenario", deadline):
+            witness = self._witness(session, movable=True)
+            alike = self._alike(witness.scenario, mentioned)
+            for scenario in team_scenarios(self.plan.network, alike):
+                if not any(holds(earlier, scenario) for earlier in seen):
+                    deadline.enforce()
+                    yield confirmed(self.plan, Execution(scenario, witness.schedule), self._solver)
+            seen.append(alike)
+            session.add(self._semantics.excluded(alike))
 
     def _alike(self, scenario: Mapping[str, str], mentioned: Mapping[str, set[Guard]]) -> Guard:
         """An environment of the scenario throughout which every guard in question has the same truth.
@@ -311,19 +219,9 @@ class Oracle:
         return guard(kept)
 
     def _start(self) -> Session:
-        session = Session(self._semantics.terms, solver=self._solver, statistics=self.statistics)
+        session = Session(self._semantics.terms, solver=self._solver)
         session.add(*self._semantics.formulas)
         return session
-
-    def _assumptions(self, assume: Assumption) -> Iterator[Formula]:
-        for commitment in _commitments(assume):
-            match commitment:
-                case Require(environment):
-                    yield self._semantics.guard(environment)
-                case Exclude(environment):
-                    yield self._semantics.terms.negation(self._semantics.guard(environment))
-                case _:
-                    assert_never(commitment)
 
     def _executed(self, schedule: Mapping[str, Fraction], now: Fraction | None) -> Iterable[Formula]:
         guards = self.plan.network.guards
@@ -345,33 +243,16 @@ class Oracle:
         values = session.values(self._semantics.times(activated))
         times = {name: self._semantics.time(name, values) for name in activated}
         start = min(times.values(), default=Fraction(0)) if movable else Fraction(0)
-        return self._confirmed(Execution(scenario, {name: time - start for name, time in times.items()}))
-
-    def _confirmed(self, execution: Execution) -> Execution:
-        found = faults(self.plan, execution)
-        if found:
-            raise SolverError(f"{self._solver} gave an execution that is not correct: {found[0]}; please report this")
-        return execution
+        schedule = {name: time - start for name, time in times.items()}
+        return confirmed(self.plan, Execution(scenario, schedule), self._solver)
 
 
 def _guards(plan: TeamPlan) -> set[Guard]:
     """Every guard that makes a difference to what a scenario activates."""
-    network = plan.network
-    found = {each.guard for each in network.events} | {each.guard for each in network.temporal_constraints}
-    return found | {each.guard for each in plan.conditions} | {each.guard for each in plan.effects}
-
-
-def _commitments(assume: Assumption) -> Sequence[Commitment]:
-    return [Require(assume)] if isinstance(assume, frozenset) else assume
-
-
-def _by_choice(guards: Iterable[Guard]) -> dict[str, set[Guard]]:
-    """The guards that mention each choice."""
-    found: dict[str, set[Guard]] = {}
-    for label in guards:
-        for variable, _ in label:
-            found.setdefault(variable, set()).add(label)
-    return found
+    guarded: Iterable[Event | Constraint | Condition | Effect] = chain(
+        plan.network.events, plan.network.temporal_constraints, plan.conditions, plan.effects
+    )
+    return {each.guard for each in guarded}
 
 
 @dataclass(frozen=True, slots=True)
@@ -430,6 +311,18 @@ def faults(plan: TeamPlan, execution: Execution) -> tuple[Fault, ...]:
     """
     _validate(plan.network, execution)
     return (*_broken(plan.network, execution), *_Simulation(plan, execution).run())
+
+
+def confirmed(plan: TeamPlan, execution: Execution, source: str) -> Execution:
+    """The execution, if it is correct.
+
+    Raises:
+        SolverError: if it is not: whoever gave it has a fault.
+    """
+    found = faults(plan, execution)
+    if found:
+        raise SolverError(f"{source} gave an execution that is not correct: {found[0]}; please report this")
+    return execution
 
 
 def holds(guard: Guard, scenario: Mapping[str, str]) -> bool:
@@ -492,7 +385,8 @@ class _Simulation:
             if self._time[condition.first] != now:
                 continue
             state = self._state.get(condition.literal.atom, {})
-            if set(state) == {condition.literal} or any(_establishes(effect, condition) for effect in happening):
+            own = any(may_produce(each, condition) and starts_with(each, condition) for each in happening)
+            if own or set(state) == {condition.literal}:
                 self._watched.append(condition)
             else:
                 yield self._unmet(condition, now, state.get(condition.literal.negation))
@@ -500,7 +394,7 @@ class _Simulation:
     def _watch(self, now: Fraction, happening: list[Effect]) -> Iterator[UnmetCondition]:
         """Drop the watched conditions that an effect of this moment contradicts."""
         for condition in list(self._watched):
-            culprit = next((effect for effect in happening if _contradicts(effect, condition)), None)
+            culprit = next((effect for effect in happening if may_threaten(effect, condition)), None)
             if culprit is not None:
                 self._watched.remove(condition)
                 yield self._unmet(condition, now, culprit)
@@ -515,15 +409,3 @@ class _Simulation:
         activities = self._plan.network.activities
         action = "the goal" if condition.activity is None else activities[condition.activity].action
         return UnmetCondition(condition, action, now, culprit)
-
-
-def _establishes(effect: Effect, condition: Condition) -> bool:
-    """Whether an activity's effect at its start makes its own condition over all true."""
-    own = condition.activity is not None and effect.activity == condition.activity
-    over_all = condition.first != condition.last
-    return own and over_all and effect.event == condition.first and effect.literal == condition.literal
-
-
-def _contradicts(effect: Effect, condition: Condition) -> bool:
-    own = condition.activity is not None and effect.activity == condition.activity
-    return effect.literal == condition.literal.negation and not (own and effect.event == condition.last)

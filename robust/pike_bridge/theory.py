@@ -5,14 +5,16 @@ Formulas may be very deep, so that everything here goes through them without rec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, TypeAlias, TypeVar, assert_never
 
 from robust.errors import InputError, did_you_mean
 from robust.pike_bridge.model import Assignment, Guard
+from robust.smt.limits import Deadline
 
 T = TypeVar("T")
+Key = TypeVar("Key", bound=Hashable)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +49,6 @@ Formula: TypeAlias = Is | Not | All | Some
 def conjunction(guard: Guard) -> All:
     """The conjunction of a guard's assignments, in sorted order."""
     return All(tuple(Is(assignment) for assignment in sorted(guard)))
-
-
-def implies(condition: Formula, consequence: Formula) -> Formula:
-    return Some((Not(condition), consequence))
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +100,32 @@ def fold(formula: Formula, combine: Callable[[Formula, list[T]], T]) -> T:
     return values[id(formula)]
 
 
+def evaluate(key: Key, known: dict[Key, T], step: Callable[[Key], T | list[Key]], deadline: Deadline) -> T:
+    """The value of a key, by depth-first search without recursion.
+
+    Args:
+        known: values so far, to which all new ones are added.
+        step: the value of a key, or the keys whose values must be known first.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    stack = [key]
+    while stack:
+        deadline.enforce()
+        one = stack[-1]
+        if one in known:
+            stack.pop()
+            continue
+        result = step(one)
+        if isinstance(result, list):
+            stack += result
+        else:
+            known[one] = result
+            stack.pop()
+    return known[key]
+
+
 def interpret(
     formula: Formula,
     assignment: Callable[[Assignment], T],
@@ -127,36 +151,14 @@ def interpret(
     return fold(formula, combine)
 
 
-def satisfies(scenario: Mapping[str, str], formula: Formula) -> bool:
-    """Whether a full assignment satisfies a formula."""
-    return interpret(formula, lambda made: scenario[made.variable] == made.value, lambda one: not one, all, any)
-
-
-def is_model(scenario: Mapping[str, str], theory: Theory) -> bool:
-    """Whether a full assignment is a model of a theory, by looking at each constraint and conflict."""
-    return all(satisfies(scenario, constraint) for constraint in theory.constraints) and not any(
-        all(scenario[variable] == value for variable, value in conflict) for conflict in theory.conflicts
-    )
-
-
-def conjunction_of(formulas: Iterable[Formula]) -> Formula:
-    """All of the formulas, with constants folded and nested conjunctions flattened."""
+def joined(kind: type[All | Some], formulas: Iterable[Formula]) -> Formula:
+    """All or some of the formulas, with constants folded and nested junctions of the same kind flattened."""
     parts: list[Formula] = []
     for formula in formulas:
-        if formula == FALSE:
-            return FALSE
-        parts.extend(formula.operands if isinstance(formula, All) else (formula,))
-    return parts[0] if len(parts) == 1 else All(tuple(parts))
-
-
-def disjunction_of(formulas: Iterable[Formula]) -> Formula:
-    """Some of the formulas, with constants folded and nested disjunctions flattened."""
-    parts: list[Formula] = []
-    for formula in formulas:
-        if formula == TRUE:
-            return TRUE
-        parts.extend(formula.operands if isinstance(formula, Some) else (formula,))
-    return parts[0] if len(parts) == 1 else Some(tuple(parts))
+        if formula == (FALSE if kind is All else TRUE):
+            return formula
+        parts.extend(formula.operands if isinstance(formula, kind) else (formula,))
+    return parts[0] if len(parts) == 1 else kind(tuple(parts))
 
 
 def normal_form(formula: Formula, literal: Callable[[Assignment, bool], Formula]) -> Formula:
@@ -170,8 +172,8 @@ def normal_form(formula: Formula, literal: Callable[[Assignment, bool], Formula]
         formula,
         lambda made: (literal(made, True), literal(made, False)),
         lambda pair: (pair[1], pair[0]),
-        lambda pairs: (conjunction_of(each[0] for each in pairs), disjunction_of(each[1] for each in pairs)),
-        lambda pairs: (disjunction_of(each[0] for each in pairs), conjunction_of(each[1] for each in pairs)),
+        lambda pairs: (joined(All, (each[0] for each in pairs)), joined(Some, (each[1] for each in pairs))),
+        lambda pairs: (joined(Some, (each[0] for each in pairs)), joined(All, (each[1] for each in pairs))),
     )
     return both[0]
 

@@ -11,7 +11,17 @@ from typing import Final
 from robust.errors import InputError, Location, did_you_mean
 from robust.json_text import JsonPath, Key
 from robust.numbers import format_number, shorten
-from robust.pike_bridge.model import GOAL, INITIAL, Activity, Constraint, Guard, Tpnu, contradicts, guard_text
+from robust.pike_bridge.model import (
+    GOAL,
+    INITIAL,
+    Activity,
+    Constraint,
+    Guard,
+    Tpnu,
+    contradicts,
+    guard_text,
+    reachable,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +53,7 @@ def validate(network: Tpnu, places: Places = NOWHERE) -> None:
     checks.names()
     checks.choices()
     checks.guards()
-    checks.constraints()
-    checks.activities()
+    checks.edges()
     checks.containment()
     checks.timeliness()
 
@@ -75,14 +84,9 @@ class _Checks:
         for at, choice in enumerate(self._network.choices):
             if choice.event is not None:
                 self._event(choice.event, "choices", at, "at")
-        kinds: tuple[tuple[str, tuple[Constraint | Activity, ...]], ...] = (
-            ("constraints", self._network.constraints),
-            ("activities", self._network.activities),
-        )
-        for kind, edges in kinds:
-            for at, edge in enumerate(edges):
-                self._event(edge.source, kind, at, "from")
-                self._event(edge.target, kind, at, "to")
+        for edge, _, kind, at in self._edges():
+            self._event(edge.source, kind, at, "from")
+            self._event(edge.target, kind, at, "to")
         for at, event in enumerate(self._network.events):
             if event.name in {INITIAL, GOAL} and event.guard:
                 message = f"found guard {{{guard_text(event.guard)}}} of {event.name}, expected none: it always happens"
@@ -136,34 +140,38 @@ class _Checks:
         """All that has a guard."""
         for at, event in enumerate(self._network.events):
             yield _Guarded(f"event {event.name}", event.guard, ("events", at), event.name)
+        for edge, name, kind, at in self._edges():
+            yield _Guarded(name, edge.guard, (kind, at), edge.source if isinstance(edge, Activity) else None)
+
+    def _edges(self) -> Iterator[tuple[Constraint | Activity, str, str, int]]:
+        """Constraints and activities, what they are called, and where they are written."""
         for at, constraint in enumerate(self._network.constraints):
-            name = f"the constraint from {constraint.source} to {constraint.target}"
-            yield _Guarded(name, constraint.guard, ("constraints", at), None)
+            yield constraint, f"the constraint from {constraint.source} to {constraint.target}", "constraints", at
         for at, activity in enumerate(self._network.activities):
-            yield _Guarded(f"activity {activity.action}", activity.guard, ("activities", at), activity.source)
+            yield activity, f"activity {activity.action}", "activities", at
 
     # -- constraints and activities ------------------------------------------------------------------------------
 
-    def constraints(self) -> None:
-        """A constraint implies its events, and its bounds leave something between them."""
-        for at, constraint in enumerate(self._network.constraints):
-            self._edge(constraint, f"the constraint from {constraint.source} to {constraint.target}", "constraints", at)
+    def edges(self) -> None:
+        """Constraints and activities imply their events, and their bounds leave something between them."""
+        for edge, name, kind, at in self._edges():
+            self._edge(edge, name, kind, at)
+            if isinstance(edge, Activity):
+                self._activity(edge, at)
 
-    def activities(self) -> None:
-        """An activity implies its events, takes time, and is between the initial state and the goal."""
-        for at, activity in enumerate(self._network.activities):
-            self._edge(activity, f"activity {activity.action}", "activities", at)
-            if activity.lower <= 0:
-                message = f"found lower bound {format_number(activity.lower)} of activity {activity.action}"
-                raise self._fault(f"{message}, expected one above 0", "activities", at, "lower")
-            if activity.source == activity.target:
-                message = f"found activity {activity.action} from {activity.source} to the same event"
-                raise self._fault(f"{message}, expected two events", "activities", at, "to")
-            for key, event in (("from", activity.source), ("to", activity.target)):
-                if event in {INITIAL, GOAL}:
-                    message = f"found activity {activity.action} at {event}, expected an event of its own"
-                    reason = "nothing happens before the initial state or after the goal"
-                    raise self._fault(f"{message}: {reason}", "activities", at, key)
+    def _activity(self, activity: Activity, at: int) -> None:
+        """An activity takes time, and is between the initial state and the goal."""
+        if activity.lower <= 0:
+            message = f"found lower bound {format_number(activity.lower)} of activity {activity.action}"
+            raise self._fault(f"{message}, expected one above 0", "activities", at, "lower")
+        if activity.source == activity.target:
+            message = f"found activity {activity.action} from {activity.source} to the same event"
+            raise self._fault(f"{message}, expected two events", "activities", at, "to")
+        for key, event in (("from", activity.source), ("to", activity.target)):
+            if event in {INITIAL, GOAL}:
+                message = f"found activity {activity.action} at {event}, expected an event of its own"
+                reason = "nothing happens before the initial state or after the goal"
+                raise self._fault(f"{message}: {reason}", "activities", at, key)
 
     def _edge(self, edge: Constraint | Activity, name: str, kind: str, at: int) -> None:
         for event in (edge.source, edge.target):
@@ -246,33 +254,19 @@ class _Order:
     """Which events are led to from an event by constraints that say "not before" and do not contradict a guard."""
 
     def __init__(self, network: Tpnu) -> None:
-        self._edges = [
-            (earlier, later, constraint.guard)
-            for constraint in network.temporal_constraints
-            for earlier, later in _not_before(constraint)
-        ]
+        self._edges = [(*pair, each.guard) for each in network.temporal_constraints for pair in _not_before(each)]
         self._under: dict[Guard, dict[str, list[str]]] = {}
         self._led_to: dict[tuple[Guard, str], set[str]] = {}
 
     def may_follow(self, earlier: str, later: str, guard: Guard) -> bool:
-        if earlier == INITIAL:
-            return True
-        if (guard, earlier) not in self._led_to:
-            self._led_to[guard, earlier] = self._search(earlier, guard)
-        return later in self._led_to[guard, earlier]
-
-    def _search(self, start: str, guard: Guard) -> set[str]:
         if guard not in self._under:
             following = self._under[guard] = defaultdict(list)
-            for earlier, later, label in self._edges:
+            for source, target, label in self._edges:
                 if not contradicts(guard, label):
-                    following[earlier].append(later)
-        found, pending = {start}, [start]
-        while pending:
-            new = set(self._under[guard].get(pending.pop(), ())) - found
-            found |= new
-            pending.extend(new)
-        return found
+                    following[source].append(target)
+        if (guard, earlier) not in self._led_to:
+            self._led_to[guard, earlier] = reachable(self._under[guard], earlier)
+        return earlier == INITIAL or later in self._led_to[guard, earlier]
 
 
 def _not_before(constraint: Constraint) -> Iterator[tuple[str, str]]:

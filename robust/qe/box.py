@@ -55,15 +55,13 @@ class Interval:
 
     def is_within(self, other: Interval) -> bool:
         """Whether every value of this interval is a value of the other one."""
-        if self.lower is None:
-            above = other.lower is None
-        else:
-            above = other.lower is None or other.lower < self.lower
-            above = above or (other.lower == self.lower and (other.lower_closed or not self.lower_closed))
-        if self.upper is None:
-            return above and other.upper is None
-        below = other.upper is None or self.upper < other.upper
-        return above and (below or (other.upper == self.upper and (other.upper_closed or not self.upper_closed)))
+        above = other.lower is None or (
+            self.lower is not None and (other.lower, not other.lower_closed) <= (self.lower, not self.lower_closed)
+        )
+        below = other.upper is None or (
+            self.upper is not None and (self.upper, self.upper_closed) <= (other.upper, other.upper_closed)
+        )
+        return above and below
 
     def some_value(self) -> Fraction:
         """Some value of a non-empty interval: the middle of a finite one."""

@@ -20,30 +20,17 @@ from graphlib import CycleError, TopologicalSorter
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
 from robust.encode.variables import Range
-from robust.errors import InputError, did_you_mean
 from robust.plan.model import ParametrizedPlan, Relation
+from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction, project_at
-from robust.qe.constraint import LinearConstraint
-from robust.qe.eliminate.enumerate import model_of, polyhedra_of, satisfiable
-from robust.qe.eliminate.interface import (
-    Context,
-    Definition,
-    Query,
-    create_eliminator,
-    outside,
-    require_eliminator,
-)
+from robust.qe.constraint import LinearConstraint, substitute_equality
+from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
+from robust.qe.eliminate.interface import Context, Definition, Query, create_eliminator, outside
 from robust.qe.nnf import FALSE, TRUE, Junction, Nnf, Reader, conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Statistics, Verdict
-
-
-class Splitting(Enum):
-    MONOLITHIC = "monolithic"
-    PARTIAL = "partial"
-    FULL = "full"
 
 
 @dataclass(frozen=True)
@@ -83,14 +70,14 @@ class ProblemBuilder:
         self._unknowns = {symbol.symbol_name() for symbol in encoding.unknowns()} | set(self._kept)
         self._defined: dict[Nnf, Mapping[str, bool]] = {}
 
-    def build(self, splitting: Splitting) -> Problem:
+    def build(self, splitting: str) -> Problem:
         """The problems of a splitting, quickest first."""
         queries = [
             self.query(obligation)
             for obligation in self._encoding.obligations
             if obligation.violation is not self._encoding.terms.false
         ]
-        if splitting is not Splitting.FULL:
+        if splitting != "full":
             queries = [merged("all obligations", self._kept, queries)] if queries else []
         queries.sort(key=lambda query: len(query.eliminated))
         return Problem(self._kept, declared_bounds(self._encoding.plan), self.existence(), tuple(queries))
@@ -143,13 +130,7 @@ class ProblemBuilder:
         clashes = []
         for index, (condition, value) in enumerate(cases):
             for other_condition, other_value in cases[:index]:
-                factor = dict(value.coefficients)[name] / dict(other_value.coefficients)[name]
-                gap = {n: c for n, c in value.coefficients if n != name}
-                for n, c in other_value.coefficients:
-                    if n != name:
-                        gap[n] = gap.get(n, 0) - factor * c
-                constant = value.constant - factor * other_value.constant
-                equal = LinearConstraint(tuple(gap.items()), value.relation, constant)
+                equal = substitute_equality(value, other_value, name)
                 clashes.append(conjunction((condition, other_condition, negation(equal))))
         clash = disjunction(clashes)
         if clash is FALSE:
@@ -160,13 +141,8 @@ class ProblemBuilder:
 
 def declared_bounds(plan: ParametrizedPlan) -> Conjunction:
     """The declared parameter bounds."""
-    bounds = []
-    for parameter in plan.parameters:
-        if parameter.lower is not None:
-            bounds.append(LinearConstraint.of({parameter.name: 1}, ">=", parameter.lower))
-        if parameter.upper is not None:
-            bounds.append(LinearConstraint.of({parameter.name: 1}, "<=", parameter.upper))
-    return tuple(bounds)
+    box = Box({parameter.name: Interval(parameter.lower, parameter.upper) for parameter in plan.parameters})
+    return tuple(box.constraints())
 
 
 def merged(name: str, kept: tuple[str, ...], queries: Iterable[Query]) -> Query:
@@ -213,6 +189,7 @@ def _cases(formula: Nnf, name: str) -> list[tuple[Nnf, LinearConstraint]] | None
     return cases
 
 
+@dataclass(eq=False)
 class Existence:
     """Finds what lies outside enc_valid.
 
@@ -223,11 +200,13 @@ class Existence:
         bounds: the declared parameter bounds.
     """
 
-    def __init__(self, encoding: Encoding, context: Context, query: Query, bounds: Conjunction) -> None:
-        self._encoding = encoding
-        self._context = context
-        self._query = query
-        self._left = Polyhedron(query.kept, bounds)
+    encoding: Encoding
+    context: Context
+    query: Query
+    bounds: Conjunction
+
+    def __post_init__(self) -> None:
+        self._left = Polyhedron(self.query.kept, self.bounds)
 
     def pieces(self, deadline: Deadline) -> Iterator[Conjunction]:
         """Half-spaces of bad values that together hold every value that leaves no schedule, within the bounds.
@@ -237,7 +216,8 @@ class Existence:
         """
         while not self._left.is_empty:
             deadline.enforce()
-            facet = self._facet(self._box(), deadline)
+            extents = self._left.bounding_box() or {}
+            facet = self._facet({name: (extent.lower, extent.upper) for name, extent in extents.items()}, deadline)
             if facet is None:
                 return
             inside = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
@@ -250,26 +230,22 @@ class Existence:
         self._left = self._left.restricted([inside])
         yield tuple(inside.negation()) if not inside.is_false else ()
 
-    def _box(self) -> dict[str, Range]:
-        extents = self._left.bounding_box() or {}
-        return {name: (extent.lower, extent.upper) for name, extent in extents.items()}
-
     def _facet(self, ranges: Mapping[str, Range], deadline: Deadline) -> Facet | None:
-        found = self._encoding.validity.broken_facet(ranges, self._context.session, deadline)
+        found = self.encoding.validity.broken_facet(ranges, self.context.session, deadline)
         if isinstance(found, Verdict):
             raise OutOfTimeError
         return found
 
     def _by_points(self, deadline: Deadline) -> Iterator[Conjunction]:
-        reader = self._context.reader
-        session = self._context.session()
-        network = self._context.session()
-        network.add(reader.write(self._query.formula))
+        reader = self.context.reader
+        session = self.context.session()
+        network = self.context.session()
+        network.add(reader.write(self.query.formula))
         for constraint in self._left.constraints:
             session.add(reader.write(constraint))
         while satisfiable(session, "enc_valid: a point that is left", deadline):
-            values = model_of(session, reader, self._query.kept)
-            point = {name: Fraction(values.get(name, 0)) for name in self._query.kept}
+            values = session.values(reader.symbols(self.query.kept))
+            point = {name: Fraction(values.get(name, 0)) for name in self.query.kept}
             facet = self._facet({name: (value, value) for name, value in point.items()}, deadline)
             if facet is not None:
                 inside = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
@@ -280,14 +256,14 @@ class Existence:
 
     def _around(self, point: Mapping[str, Fraction], network: Session, deadline: Deadline) -> Conjunction:
         """Parameter values that leave a schedule, the point's among them."""
-        reader = self._context.reader
+        reader = self.context.reader
         fixed = (LinearConstraint.of({name: 1}, "=", value) for name, value in point.items())
         with network.frame(*(reader.write(constraint) for constraint in fixed)):
             if not satisfiable(network, "enc_tn at a point", deadline):
                 raise AssertionError("the network has no schedule at a point where no facet breaks")
-            values = model_of(network, reader, self._query.eliminated)
-        model = {**point, **{name: Fraction(values.get(name, 0)) for name in self._query.eliminated}}
-        return project_at(self._query.network, self._query.eliminated, model)
+            values = network.values(reader.symbols(self.query.eliminated))
+        model = {**point, **{name: Fraction(values.get(name, 0)) for name in self.query.eliminated}}
+        return project_at(self.query.network, self.query.eliminated, model)
 
 
 class RegionStatus(Enum):
@@ -340,7 +316,7 @@ class RegionSearch:
 
     Args:
         plan: the plan, see :func:`robust.plan.load.load_plan`.
-        backend: `project`, `fourier-motzkin`, `loos-weispfenning`, `z3`, `z3-qe`, `cvc5` or `cvc5-whole`.
+        backend: one of :data:`robust.backends.ELIMINATORS`.
         splitting: `monolithic`, `partial` or `full`, see :mod:`robust.qe.compute`.
         learning: tell later problems what earlier ones have excluded.
         epsilon: the separation of mutex time points.
@@ -348,9 +324,6 @@ class RegionSearch:
         encoding: `relational` or `positions`.
         timeout: seconds after which what has been found is returned with status TIMEOUT; None never.
         on_piece: called with each polyhedron of bad parameter values when it is found.
-
-    Raises:
-        InputError: wrong options.
     """
 
     def __init__(
@@ -366,10 +339,6 @@ class RegionSearch:
         timeout: float | None = None,
         on_piece: Callable[[Polyhedron], None] | None = None,
     ) -> None:
-        require_eliminator(backend)
-        splittings = [one.value for one in Splitting]
-        if splitting not in splittings:
-            raise InputError(f"unknown splitting {splitting!r}{did_you_mean(splitting, splittings)}")
         self._plan = plan
         self._epsilon = epsilon
         self._names = (backend, splitting, learning, encoding, solver)
@@ -424,26 +393,24 @@ class RegionSearch:
         context = Context(encoding.terms, Reader(encoding.terms), solver, self._statistics)
         eliminator = create_eliminator(backend, context)
         builder = ProblemBuilder(encoding, context.reader, context.session())
-        problem = builder.build(Splitting(splitting))
-        if splitting == Splitting.MONOLITHIC.value and eliminator.alternation:
+        problem = builder.build(splitting)
+        if splitting == "monolithic" and eliminator.alternation:
             self._add(eliminator.eliminate_nested(problem.violation, problem.exists, self._deadline))
             return
         if backend == "project":
             existence = Existence(encoding, context, problem.exists, problem.bounds).pieces(self._deadline)
         else:
-            existence = self._complement(eliminator.eliminate(problem.exists, (), self._deadline), context)
-        if splitting == Splitting.MONOLITHIC.value:
+            # What none of the pieces that leave a schedule covers, within the declared bounds.
+            rest = conjunction(outside(one) for one in eliminator.eliminate(problem.exists, (), self._deadline))
+            beyond = self._beyond_bounds()
+            existence = polyhedra_of(rest, context.session, context.reader, self._deadline, beyond)
+        if splitting == "monolithic":
             # Only one quantifier at a time: the inner one goes first, and its result becomes part of the outer formula.
             self._add(eliminator.eliminate(_with_existence(problem, existence), self._known(), self._deadline))
             return
         self._add(existence)
         for query in problem.violations:
             self._add(eliminator.eliminate(query, self._known(), self._deadline))
-
-    def _complement(self, pieces: Iterable[Conjunction], context: Context) -> Iterator[Conjunction]:
-        """What none of the pieces covers, within the declared bounds."""
-        rest = conjunction([outside(piece) for piece in pieces])
-        return polyhedra_of(rest, context.session, context.reader, self._deadline, self._beyond_bounds())
 
     def _known(self) -> list[Conjunction]:
         """What a problem need not describe again."""

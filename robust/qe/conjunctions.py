@@ -27,10 +27,7 @@ def solve_equalities(constraints: Iterable[LinearConstraint], eliminated: Collec
     """Use every equality over an eliminated variable to substitute that variable."""
     pending, gone = list(trim(constraints)), set(eliminated)
     while True:
-        found = next(
-            ((c, n) for c in pending if c.is_equality for n in c.parameters if n in gone),
-            None,
-        )
+        found = next(((c, n) for c in pending if c.is_equality for n in c.parameters if n in gone), None)
         if found is None:
             return tuple(pending)
         equality, name = found
@@ -86,12 +83,12 @@ def _cheapest(constraints: Sequence[LinearConstraint], eliminated: Collection[st
             if name in eliminated:
                 side = above if factor > 0 else below
                 side[name] = side.get(name, 0) + 1
-    names = {**below, **above}
-    return min(
-        names,
-        key=lambda n: (below.get(n, 0) * above.get(n, 0) - below.get(n, 0) - above.get(n, 0), n),
-        default=None,
-    )
+
+    def growth(name: str) -> tuple[int, str]:
+        low, high = below.get(name, 0), above.get(name, 0)
+        return low * high - low - high, name
+
+    return min({**below, **above}, key=growth, default=None)
 
 
 def _eliminate(constraints: Sequence[LinearConstraint], name: str, deadline: Deadline) -> Conjunction:
@@ -298,13 +295,9 @@ def _facets(
         )
         facets.add(found)
         del unknown[found]
-        known.add(*_as_row(forms[found]))
+        known.add(forms[found][0], Sense.AT_MOST, forms[found][1])
         known.restore()
     return facets
-
-
-def _as_row(form: IntegerForm) -> tuple[tuple[int, ...], Sense, int]:
-    return form[0], Sense.AT_MOST, form[1]
 
 
 def _beyond(optimum: Optimum, form: Sequence[int], constant: int) -> Sequence[Fraction]:

@@ -30,13 +30,13 @@ class Sense(Enum):
 
     def holds(self, left: Fraction, right: Fraction) -> bool:
         """Whether `left sense right`."""
-        match self:
-            case Sense.AT_MOST:
-                return left <= right
-            case Sense.LESS:
-                return left < right
-            case Sense.EQUAL:
-                return left == right
+        if self is Sense.EQUAL:
+            return left == right
+        return left < right if self is Sense.LESS else left <= right
+
+
+_RELATIONS = {Sense.AT_MOST: Relation.AT_LEAST, Sense.LESS: Relation.GREATER, Sense.EQUAL: Relation.EQUAL}
+"""What `constant − form` is compared with 0 by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class LinearConstraint:
                 f"{expression} {relation.value} 0 is not a constraint of a polyhedron; expected a linear expression "
                 "over parameters, and >=, > or ="
             )
-        sense = {Relation.AT_LEAST: Sense.AT_MOST, Relation.GREATER: Sense.LESS, Relation.EQUAL: Sense.EQUAL}[relation]
+        sense = next(sense for sense, known in _RELATIONS.items() if known is relation)
         pairs = tuple((unknown.name, -factor) for unknown, factor in expression.coefficients())
         return LinearConstraint(pairs, sense, expression.constant_term)
 
@@ -142,18 +142,9 @@ class LinearConstraint:
 
     def negation(self) -> list[LinearConstraint]:
         """Constraints whose union is the complement: one half-space, or two disjoint ones for an equality."""
-        below = tuple((name, factor) for name, factor in self.coefficients)
-        above = tuple((name, -factor) for name, factor in self.coefficients)
-        match self.relation:
-            case Sense.AT_MOST:
-                return [LinearConstraint(above, Sense.LESS, -self.constant)]
-            case Sense.LESS:
-                return [LinearConstraint(above, Sense.AT_MOST, -self.constant)]
-            case Sense.EQUAL:
-                return [
-                    LinearConstraint(below, Sense.LESS, self.constant),
-                    LinearConstraint(above, Sense.LESS, -self.constant),
-                ]
+        if self.is_equality:
+            return [self.with_relation(Sense.LESS), self.opposite(Sense.LESS)]
+        return [self.opposite(Sense.AT_MOST if self.is_strict else Sense.LESS)]
 
     def halves(self) -> list[LinearConstraint]:
         """An equality as two inequalities; an inequality as it is."""
@@ -187,12 +178,7 @@ class LinearConstraint:
 
     def to_formula(self, terms: Terms) -> Formula:
         """The constraint over the symbols of parameter references."""
-        relation = {
-            Sense.AT_MOST: Relation.AT_LEAST,
-            Sense.LESS: Relation.GREATER,
-            Sense.EQUAL: Relation.EQUAL,
-        }[self.relation]
-        return terms.compare(self.as_polynomial(), relation)
+        return terms.compare(self.as_polynomial(), _RELATIONS[self.relation])
 
     def as_dict(self) -> dict[str, Any]:
         """The constraint of a `robust/region/1` document; rationals are strings."""
@@ -222,10 +208,15 @@ class LinearConstraint:
         """`2·x − y ≤ 7/4`; with a positive first coefficient, so possibly turned round."""
         if not self.coefficients:
             return "true" if self.is_true else "false"
-        sign = {Sense.AT_MOST: ("≤", "≥"), Sense.LESS: ("<", ">"), Sense.EQUAL: ("=", "=")}[self.relation]
+        terms, sign, constant = self.oriented()
+        return f"{Polynomial({(name,): factor for name, factor in terms})} {sign} {constant}"
+
+    def oriented(self) -> tuple[list[tuple[str, Fraction]], str, Fraction]:
+        """Form, sign (≤, ≥, <, > or =) and constant, turned round so that the first coefficient is positive."""
+        signs = {Sense.AT_MOST: "≤≥", Sense.LESS: "<>", Sense.EQUAL: "=="}[self.relation]
         flip = self.coefficients[0][1] < 0
-        form = Polynomial({(name,): -factor if flip else factor for name, factor in self.coefficients})
-        return f"{form} {sign[flip]} {-self.constant if flip else self.constant}"
+        factor = -1 if flip else 1
+        return [(name, factor * c) for name, c in self.coefficients], signs[flip], factor * self.constant
 
 
 def _fraction(value: Fraction | int) -> Fraction:

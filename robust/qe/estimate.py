@@ -6,18 +6,18 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from heapq import heappop, heappush
+from itertools import islice
 from math import factorial, floor, prod
 from random import Random
 
 from robust.qe.conjunctions import NormalForm
-from robust.qe.constraint import Coefficients, LinearConstraint, Sense
+from robust.qe.constraint import ZERO, Coefficients, LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 
 Cell = tuple[tuple[str, Fraction, Fraction], ...]
 """A closed box: parameter, lower and upper end."""
 Part = tuple[Polyhedron, tuple[Polyhedron, ...]]
 """A polyhedron and polyhedra to remove from it."""
-ZERO = Fraction(0)
 SPARSE = 10
 """Most parameters of a constraint for which its share of a cell is computed; the time doubles with each."""
 
@@ -41,7 +41,7 @@ def volume_bounds(parts: Sequence[Part], limit: int) -> VolumeBounds:
     if not solid[0][0].parameters:
         held = any(all(piece.is_empty for piece in removed) for _, removed in solid)
         return VolumeBounds(Fraction(held), Fraction(held))
-    cell = _bounding_cell([base for base, _ in solid])
+    cell = bounding_cell([base for base, _ in solid])
     if cell is None:
         return VolumeBounds(ZERO, None)
     lower, upper = cell_bounds(cell, solid)
@@ -112,7 +112,8 @@ def _cut_off(cell: Cell, size: Fraction, constraint: LinearConstraint) -> tuple[
     return share * size, share * size
 
 
-def _bounding_cell(bases: Sequence[Polyhedron]) -> Cell | None:
+def bounding_cell(bases: Sequence[Polyhedron]) -> Cell | None:
+    """The smallest box around polyhedra, of which one at least is not empty; None if it is not bounded."""
     cell = []
     for name in bases[0].parameters:
         extents = [extent for extent in (base.extent(name) for base in bases) if extent is not None]
@@ -177,16 +178,16 @@ def sample(
 ) -> list[dict[str, Fraction]]:
     """`count` points of a union of parts, of which `pieces` is the (possibly costly) description as a union."""
     random = Random(seed)  # noqa: S311 - reproducible samples, no secrets
+    found = _walks([base for base, _ in parts], random)
     if any(removed for _, removed in parts):
-        found = _walks([base for base, _ in parts], random)
         chosen = []
-        for _, point in zip(range(count * CHANCES), found, strict=False):
+        for point in islice(found, count * CHANCES):
             if any(point in base and not any(point in piece for piece in removed) for base, removed in parts):
                 chosen.append(point)
             if len(chosen) == count:
                 return chosen
-        return [point for _, point in zip(range(count), _walks(pieces(), random), strict=False)]
-    return [point for _, point in zip(range(count), _walks([base for base, _ in parts], random), strict=False)]
+        found = _walks(pieces(), random)
+    return list(islice(found, count))
 
 
 def _walks(pieces: Iterable[Polyhedron], random: Random) -> Iterator[dict[str, Fraction]]:

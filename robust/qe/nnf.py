@@ -6,7 +6,7 @@ constraints, whether they are parameters, time points or auxiliaries.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -119,13 +119,13 @@ def _flattened(operands: Iterable[Nnf], conjunctive: bool) -> list[Nnf] | None:
     return list(flat)
 
 
-def postorder(root: Nnf) -> Iterator[Nnf]:
-    """Every node once, children before parents."""
+def postorder(root: Nnf, known: Container[Nnf] = ()) -> Iterator[Nnf]:
+    """Every node once, children before parents; without those known and what only they consist of."""
     done: set[Nnf] = set()
     stack: list[tuple[Nnf, bool]] = [(root, False)]
     while stack:
         node, ready = stack.pop()
-        if node in done:
+        if node in done or node in known:
             continue
         if ready or not isinstance(node, Junction):
             done.add(node)
@@ -144,10 +144,11 @@ def fold(
     """What a formula becomes, from what its leaves and its junctions become; `images` remembers it between calls."""
     images = {} if images is None else images
     if root not in images:
-        for node in postorder(root):
-            if node not in images:
-                operands = [images[operand] for operand in node.operands] if isinstance(node, Junction) else []
-                images[node] = junction(node, operands) if isinstance(node, Junction) else leaf(node)
+        for node in postorder(root, images):
+            if isinstance(node, Junction):
+                images[node] = junction(node, [images[operand] for operand in node.operands])
+            else:
+                images[node] = leaf(node)
     return images[root]
 
 

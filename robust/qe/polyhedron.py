@@ -11,7 +11,7 @@ from itertools import combinations
 from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import NormalForm, normal_form, project
-from robust.qe.constraint import LinearConstraint, Sense, substitute_equality, trim
+from robust.qe.constraint import ONE, ZERO, LinearConstraint, Sense, substitute_equality, trim
 from robust.qe.simplex import Supremum, Tableau, extend, integer_form, supremum, tableau, violates
 from robust.smt.terms import Formula, Terms
 
@@ -240,8 +240,20 @@ class Polyhedron:
         Lower-dimensional polyhedra have none; without parameters a point counts 1. The time grows with the factorial of
         the dimension.
         """
-
-        return volume(self)
+        form = self.normal_form
+        if form is None or form.equalities:
+            return ZERO
+        if not form.parameters:
+            return ONE
+        if not self.is_bounded:
+            return None
+        # With the origin inside, all terms of the formula are positive and facets through it drop out.
+        centre = form.interior
+        shifted = [
+            LinearConstraint(c.coefficients, c.relation, c.constant - c.value(centre)).closed()
+            for c in form.inequalities
+        ]
+        return _lasserre(form.parameters, trim(shifted))
 
     def to_formula(self, terms: Terms) -> Formula:
         """The conjunction of the constraints over the symbols of parameter references."""
@@ -276,26 +288,6 @@ def _solution(names: tuple[str, ...], equations: Iterable[LinearConstraint]) -> 
     """The only common point of hyperplanes; None if there is no such point."""
     form = normal_form(names, [constraint.with_relation(Sense.EQUAL) for constraint in equations])
     return None if form is None or form.free else form.interior
-
-
-ZERO, ONE = Fraction(0), Fraction(1)
-
-
-def volume(polyhedron: Polyhedron) -> Fraction | None:
-    """The volume of a polyhedron; None if infinite."""
-    form = polyhedron.normal_form
-    if form is None or form.equalities:
-        return ZERO
-    if not form.parameters:
-        return ONE
-    if not polyhedron.is_bounded:
-        return None
-    # With the origin inside, all terms of the formula are positive and facets through it drop out.
-    centre = form.interior
-    shifted = [
-        LinearConstraint(c.coefficients, c.relation, c.constant - c.value(centre)).closed() for c in form.inequalities
-    ]
-    return _lasserre(form.parameters, trim(shifted))
 
 
 def _lasserre(names: Sequence[str], constraints: Sequence[LinearConstraint]) -> Fraction:
@@ -338,5 +330,5 @@ def union_volume(pieces: Sequence[Polyhedron]) -> Fraction | None:
         rest = [piece]
         for earlier in solid[:index]:
             rest = [part for old in rest for part in old.minus(earlier) if part.is_full_dimensional]
-        total += sum((volume(part) or ZERO for part in rest), ZERO)
+        total += sum((part.volume() or ZERO for part in rest), ZERO)
     return total

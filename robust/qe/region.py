@@ -29,6 +29,9 @@ SPLITS = 8
 Points outside are nearly always found within a few splits; proofs that there are none may need very many.
 """
 
+LONG = 60
+"""Pieces up to which a region is made a short union."""
+
 
 class OutOfWorkError(Exception):
     """The limit on the number of splits was reached."""
@@ -67,33 +70,26 @@ def outside_by_splitting(
     return None
 
 
-def outside_by_solver(
-    piece: Polyhedron, cover: Sequence[Polyhedron], *, solver: str = "z3"
-) -> dict[str, Fraction] | None:
+def outside_by_solver(piece: Polyhedron, cover: Sequence[Polyhedron]) -> dict[str, Fraction] | None:
     """As `outside`, by one query in linear real arithmetic; the answer's point is checked exactly.
 
     Raises:
         SolverError: if the solver gives up or its point is wrong.
     """
     terms = Terms()
-    session = Session(terms, solver=solver)
+    session = Session(terms)
     session.add(piece.to_formula(terms), *(terms.negation(other.to_formula(terms)) for other in cover))
     match session.check("is a polyhedron covered by others"):
         case Verdict.UNSATISFIABLE:
             return None
         case Verdict.UNKNOWN:
-            raise SolverError(f"{solver} could not decide whether a polyhedron is covered by {len(cover)} others")
+            raise SolverError(f"z3 could not decide whether a polyhedron is covered by {len(cover)} others")
         case Verdict.SATISFIABLE:
             values = session.values(terms.real(ParameterReference(name)) for name in piece.parameters)
             point = {name: Fraction(values.get(name, 0)) for name in piece.parameters}
             if point not in piece or any(point in other for other in cover):
-                raise SolverError(f"{solver} returned a point that does not solve its query: {point}")
+                raise SolverError(f"z3 returned a point that does not solve its query: {point}")
             return point
-
-
-def simplify_union(parameters: tuple[str, ...], pieces: Iterable[Polyhedron]) -> tuple[Polyhedron, ...]:
-    """Polyhedra with the same union, of which no piece and no constraint can be left out. They may overlap."""
-    return _tidy(Polyhedron.universe(parameters), pieces)
 
 
 def simplify_difference(base: Polyhedron, removed: Iterable[Polyhedron]) -> tuple[Polyhedron, tuple[Polyhedron, ...]]:
@@ -102,7 +98,7 @@ def simplify_difference(base: Polyhedron, removed: Iterable[Polyhedron]) -> tupl
     pieces = tuple(removed)
     while True:
         pieces = _tidy(base, pieces)
-        halves = [piece for piece in pieces if len(piece.constraints) < 2 and not _is_slab(piece)]
+        halves = [p for p in pieces if len(p.constraints) < 2 and not any(c.is_equality for c in p.constraints)]
         if not halves:
             return _widened(base, pieces), pieces
         sides = [side for piece in halves for constraint in piece.constraints for side in constraint.negation()]
@@ -130,10 +126,6 @@ def absorb(pieces: Iterable[Polyhedron]) -> list[Polyhedron]:
             kept = [other for other in kept if not other.is_subset_of(piece)]
             kept.append(piece)
     return kept
-
-
-def _is_slab(piece: Polyhedron) -> bool:
-    return len(piece.constraints) == 1 and piece.constraints[0].is_equality
 
 
 def _tidy(base: Polyhedron, pieces: Iterable[Polyhedron]) -> tuple[Polyhedron, ...]:
@@ -287,14 +279,25 @@ class Region:
         """
         if self.base is None and not disjoint:
             return self
+        return Region(self.parameters, tuple(self._united(disjoint=disjoint) or ()))
+
+    def short_union(self, most: int) -> Region | None:
+        """The same points as a simplified union; None if that takes more than so many polyhedra at any moment."""
+        found = None if len(self.pieces) > LONG else self._united(most=most)
+        return None if found is None else Region(self.parameters, tuple(found)).simplified()
+
+    def _united(self, *, disjoint: bool = False, most: int | None = None) -> list[Polyhedron] | None:
+        """The polyhedra of a union; None if they are more than so many at any moment."""
         current: list[Polyhedron] = []
         for base, removed in self.parts():
             rest = [base]
             for piece in (*removed, *(current if disjoint else ())):
                 rest = [part for old in rest for part in _without(old, piece, disjoint=disjoint)]
                 rest = rest if disjoint else absorb(rest)
+                if most is not None and len(rest) > most:
+                    return None
             current += [part for part in rest if not part.is_empty]
-        return Region(self.parameters, tuple(current))
+        return None if most is not None and len(current) > most else current
 
     def as_difference(self) -> Region:
         """The same points as one polyhedron without a union: everything outside is removed."""
@@ -381,7 +384,7 @@ class Region:
         overlap.
         """
         if self.base is None:
-            return Region(self.parameters, simplify_union(self.parameters, self.pieces))
+            return Region(self.parameters, _tidy(Polyhedron.universe(self.parameters), self.pieces))
         base, removed = simplify_difference(self.base, self.pieces)
         return Region(self.parameters, removed, base)
 
@@ -475,6 +478,3 @@ def _without(piece: Polyhedron, removed: Polyhedron, *, disjoint: bool) -> Seque
         return [piece]
     beyond = [piece.restricted([side]) for c in removed.simplified().constraints for side in c.negation()]
     return [part for part in beyond if not part.is_empty]
-
-
-__all__ = ["LinearConstraint", "Point", "Polyhedron", "Region"]

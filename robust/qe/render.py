@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -48,11 +48,8 @@ def _latex_conjunction(piece: Polyhedron) -> str:
 def _latex(constraint: LinearConstraint) -> str:
     if not constraint.coefficients:
         return r"\top" if constraint.is_true else r"\bot"
-    left, relation, right = oriented(constraint)
-    text = ""
-    for name, factor in left:
-        sign = ("-" if factor < 0 else "") if not text else (" - " if factor < 0 else " + ")
-        text += sign + ("" if abs(factor) == 1 else f"{abs(factor)} ") + _latex_name(name)
+    left, relation, right = constraint.oriented()
+    text = signed_sum([(_latex_name(name), factor) for name, factor in left], "-", str)
     number = (
         str(right)
         if right.denominator == 1
@@ -62,19 +59,20 @@ def _latex(constraint: LinearConstraint) -> str:
     return f"{text} {LATEX[relation]} {number}"
 
 
+def signed_sum(terms: Iterable[tuple[str, Fraction]], minus: str, number: Callable[[Fraction], str]) -> str:
+    """`2 a - b`, with that sign for minus; factors of 1 are left out."""
+    text = ""
+    for name, factor in terms:
+        sign = (minus if factor < 0 else "") if not text else (f" {minus} " if factor < 0 else " + ")
+        text += sign + ("" if abs(factor) == 1 else f"{number(abs(factor))} ") + name
+    return text
+
+
 def _latex_name(name: str) -> str:
     if len(name) == 1 and name.isalpha():
         return name
     escaped = re.sub(r"([#$%&_{}])", r"\\\1", name.replace("\\", r"\backslash "))
     return rf"\mathit{{{escaped}}}"
-
-
-def oriented(constraint: LinearConstraint) -> tuple[list[tuple[str, Fraction]], str, Fraction]:
-    """Form, sign (≤, ≥, <, > or =) and constant, turned round so that the first coefficient is positive."""
-    signs = {Sense.AT_MOST: "≤≥", Sense.LESS: "<>", Sense.EQUAL: "=="}[constraint.relation]
-    flip = constraint.coefficients[0][1] < 0
-    factor = -1 if flip else 1
-    return [(name, factor * c) for name, c in constraint.coefficients], signs[flip], factor * constraint.constant
 
 
 def to_smtlib(parameters: Sequence[str], parts: Sequence[Part], name: str) -> str:

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from msgspec import UNSET, Meta, UnsetType
 
-from robust.backends import ENCODINGS, OFFERED, SOLVERS
-from robust.codec import Count, End, JsonObject, Rational, Seconds, about, one_of, plain
+from robust.backends import ENCODINGS, OFFERED, SOLVERS, SPLITTINGS
+from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of, plain
 from robust.errors import RobustError
 from robust.numbers import exact_end
 
 if TYPE_CHECKING:
-    from robust.execute.controllability.assess import ControllabilityReport
-    from robust.execute.controllability.boxes import Loss
+    from robust.execute.controllability import ControllabilityReport
+    from robust.execute.controllable_boxes import Loss
     from robust.irr import check as checks
     from robust.irr import compare as compares
     from robust.irr.search import EnvelopeResult
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from robust.plan.simulate import Violation
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult
-    from robust.smt.session import Statistics as Asked
 
 Document = dict[str, Any]
 Solver = Annotated[str, one_of(*SOLVERS)]
@@ -69,11 +68,8 @@ def box_of(box: Box) -> dict[str, Ends]:
 
 
 def exact(values: Mapping[Any, Fraction]) -> Rationals:
-    return {str(name): str(value) for name, value in values.items()}
-
-
-def or_none(value: object) -> str | None:
-    return None if value is None else str(value)
+    """With what the values are of as text."""
+    return {str(name): value for name, value in values.items()}
 
 
 class Statistics(JsonObject):
@@ -87,11 +83,6 @@ class Statistics(JsonObject):
     nodes: Count
 
 
-def _statistics(found: Asked) -> Statistics:
-    numbers: dict[str, Any] = found.as_dict()
-    return Statistics(**numbers)
-
-
 class Broken(JsonObject):
     obligation: str
     time: Rational
@@ -99,41 +90,50 @@ class Broken(JsonObject):
 
 
 def broken(violations: Sequence[Violation]) -> list[Broken]:
-    return [Broken(obligation=one.obligation, time=str(one.time), detail=one.detail) for one in violations]
+    return [like(Broken, one) for one in violations]
 
 
 class Happening(JsonObject):
+    """
+    Attributes:
+        atoms: new truth values
+        fluents: new values
+    """
+
     time: Rational
     happenings: Annotated[list[str], Meta(min_length=1)]
-    atoms: Annotated[dict[str, bool], about("new truth values")]
-    fluents: Annotated[Rationals, about("new values")]
+    atoms: dict[str, bool]
+    fluents: Rationals
 
 
 class Counterexample(JsonObject):
-    """parameter values and an allowed schedule in which an obligation breaks, executed step by step"""
+    """parameter values and an allowed schedule in which an obligation breaks, executed step by step
 
-    obligation: Annotated[str, about("what breaks")]
-    parameters: Annotated[Rationals, about("values by parameter")]
-    schedule: Annotated[Rationals, about("times by time point")]
-    violations: Annotated[list[Broken], about("all obligations that this schedule breaks")]
-    trace: Annotated[
-        list[Happening],
-        about(
-            "the happenings in order of time, each with the atoms it changed to true or false and the fluents that "
-            "changed since the one before"
-        ),
-    ]
+    Attributes:
+        obligation: what breaks
+        parameters: values by parameter
+        schedule: times by time point
+        violations: all obligations that this schedule breaks
+        trace: the happenings in order of time, each with the atoms it changed to true or false and the fluents that
+            changed since the one before
+    """
+
+    obligation: str
+    parameters: Rationals
+    schedule: Rationals
+    violations: list[Broken]
+    trace: list[Happening]
 
 
 def _counterexample(found: checks.Counterexample) -> Counterexample:
-    return Counterexample(
-        obligation=found.obligation,
-        parameters=exact(found.parameters),
+    return like(
+        Counterexample,
+        found,
         schedule=exact(found.schedule),
         violations=broken(found.simulation.violations),
         trace=[
             Happening(
-                time=str(step.time),
+                time=step.time,
                 happenings=[str(point) for point in step.points],
                 atoms={str(atom): value for atom, value in step.atoms_changed},
                 fluents=exact(step.fluents),
@@ -152,21 +152,29 @@ class Obligation(JsonObject):
 
 
 class Check(JsonObject, tag_field="schema", tag="robust/check/1"):
-    """robust check --json: is a plan valid for every schedule that its network allows?"""
+    """robust check --json: is a plan valid for every schedule that its network allows?
+
+    Attributes:
+        parameters: the values that the verdict is about
+        obligations: unknown ones were not examined or not decided
+        counterexample: the first of counterexamples
+        counterexamples: one for each obligation found to break
+        reason: why the plan is refuted without a counterexample: parameter values leave no schedule
+        interrupted: stopped by Ctrl-C or SIGTERM
+        timeout: stopped by --timeout
+    """
 
     verdict: Verdict
     encoding: Encoding
     solver: Solver
     epsilon: Rational
-    parameters: Annotated[dict[str, Ends], about("the values that the verdict is about")]
-    obligations: Annotated[list[Obligation], about("unknown ones were not examined or not decided")]
-    counterexample: Annotated[Counterexample | None, about("the first of counterexamples")]
-    counterexamples: Annotated[list[Counterexample], about("one for each obligation found to break")]
-    reason: Annotated[
-        str | None, about("why the plan is refuted without a counterexample: parameter values leave no schedule")
-    ]
-    interrupted: Annotated[bool, about("stopped by Ctrl-C or SIGTERM")]
-    timeout: Annotated[bool, about("stopped by --timeout")]
+    parameters: dict[str, Ends]
+    obligations: list[Obligation]
+    counterexample: Counterexample | None
+    counterexamples: list[Counterexample]
+    reason: str | None
+    interrupted: bool
+    timeout: bool
     seconds: Seconds
     statistics: Statistics
 
@@ -175,20 +183,20 @@ def check(result: checks.CheckResult, options: CheckCommand) -> Document:
     """`counterexample` is the first, `counterexamples` are all that were found."""
     found = [_counterexample(one) for one in result.counterexamples.values()]
     return document(
-        Check(
+        like(
+            Check,
+            result,
             verdict=result.answer.value,
             encoding=options.encoding,
             solver=options.solver,
-            epsilon=str(options.separation),
+            epsilon=options.separation,
             parameters=box_of(result.box),
             obligations=[Obligation(name=name, verdict=one.value) for name, one in result.obligations.items()],
             counterexample=found[0] if found else None,
             counterexamples=found,
-            reason=result.reason,
             interrupted=result.interrupted and not result.timed_out,
             timeout=result.timed_out,
-            seconds=round(result.seconds, 6),
-            statistics=_statistics(result.statistics),
+            statistics=like(Statistics, result.statistics),
         )
     )
 
@@ -208,8 +216,13 @@ class Convergence(JsonObject):
 
 
 class Finding(JsonObject):
+    """
+    Attributes:
+        reason: why it is not controllable, or not known to be
+    """
+
     verdict: Annotated[str, one_of("controllable", "not controllable", "unknown")]
-    reason: Annotated[str | None, about("why it is not controllable, or not known to be")]
+    reason: str | None
     seconds: Seconds
 
 
@@ -219,75 +232,66 @@ class Lost(Ends):
 
 
 class Controllability(JsonObject):
-    wanted: Annotated[Kind, about("the kind of --controllability")]
+    """
+    Attributes:
+        wanted: the kind of --controllability
+        parameters: the largest part of the box that is controllable as wanted, and how far each end came back; null if
+            there is none or time ran out
+        lost_share: the share of the total width that is lost; null if a width is infinite
+        failure: why there are no parameters
+        waits: for dynamic: which time points wait for which observations, and how long at most
+    """
+
+    wanted: Kind
     weak: Finding
     dynamic: Finding
     strong: Finding
-    parameters: Annotated[
-        dict[str, Lost] | None,
-        about(
-            "the largest part of the box that is controllable as wanted, and how far each end came back; null if "
-            "there is none or time ran out"
-        ),
-    ]
-    lost_share: Annotated[
-        Rational | None, about("the share of the total width that is lost; null if a width is infinite")
-    ]
-    failure: Annotated[str | None, about("why there are no parameters")]
-    waits: Annotated[
-        list[str], about("for dynamic: which time points wait for which observations, and how long at most")
-    ]
+    parameters: dict[str, Lost] | None
+    lost_share: Rational | None
+    failure: str | None
+    waits: list[str]
 
 
 class Envelope(JsonObject, tag_field="schema", tag="robust/envelope/1"):
-    """robust envelope --json: a box of parameter values for which a plan is valid"""
+    """robust envelope --json: a box of parameter values for which a plan is valid
 
-    status: Annotated[
-        SearchEnded,
-        about(
-            "timeout and interrupted: the box is sound if verified, but may not be maximal; invalid: the plan can fail "
-            "at the nominal values"
-        ),
-    ]
-    verified: Annotated[
-        bool, about("the plan is valid for all values in the box; if false, parameters are merely the nominal values")
-    ]
+    Attributes:
+        status: timeout and interrupted: the box is sound if verified, but may not be maximal; invalid: the plan can
+            fail at the nominal values
+        verified: the plan is valid for all values in the box; if false, parameters are merely the nominal values
+        beta: the precision of irr; null for the exact methods
+        bound: for optimal: no box that may be returned has a greater weighted total width; null if not finite or not
+            known
+        parameters: the box, in the plan's order
+        checks: boxes tried
+        unbounded_checks: further boxes tried to find out whether a direction is unbounded
+        reason: if invalid: the obligation that breaks, or the statements that leave no schedule
+        values: if invalid: the parameter values at which it breaks
+        counterexample: if invalid: a schedule that fails at the nominal values, if there is one and time for it
+        convergence: total width of the box after each check as a share of the final one; empty if that is zero or
+            infinite
+        controllability: only with --controllability: what a dispatcher need not know of the values in the box; null if
+            the box is not verified, or this was interrupted
+    """
+
+    status: SearchEnded
+    verified: bool
     method: Annotated[str, one_of("widen", "irr", "optimal")]
     encoding: Encoding
     solver: Solver
-    beta: Annotated[Rational | None, about("the precision of irr; null for the exact methods")]
-    bound: Annotated[
-        Rational | None,
-        about(
-            "for optimal: no box that may be returned has a greater weighted total width; null if not finite or not "
-            "known"
-        ),
-    ]
-    parameters: Annotated[dict[str, Within], about("the box, in the plan's order")]
-    checks: Annotated[Count, about("boxes tried")]
-    unbounded_checks: Annotated[Count, about("further boxes tried to find out whether a direction is unbounded")]
+    beta: Rational | None
+    bound: Rational | None
+    parameters: dict[str, Within]
+    checks: Count
+    unbounded_checks: Count
     first_widening_s: Seconds | None
     seconds: Seconds
-    reason: Annotated[
-        str | None, about("if invalid: the obligation that breaks, or the statements that leave no schedule")
-    ]
-    values: Annotated[Rationals, about("if invalid: the parameter values at which it breaks")]
-    counterexample: Annotated[
-        Counterexample | None,
-        about("if invalid: a schedule that fails at the nominal values, if there is one and time for it"),
-    ]
-    convergence: Annotated[
-        list[Convergence],
-        about("total width of the box after each check as a share of the final one; empty if that is zero or infinite"),
-    ]
+    reason: str | None
+    values: Rationals
+    counterexample: Counterexample | None
+    convergence: list[Convergence]
     statistics: Statistics
-    controllability: Annotated[
-        Controllability | UnsetType | None,
-        about(
-            "only with --controllability: what a dispatcher need not know of the values in the box; null if the box is "
-            "not verified, or this was interrupted"
-        ),
-    ] = UNSET
+    controllability: Controllability | UnsetType | None = UNSET
 
 
 def envelope(
@@ -298,52 +302,36 @@ def envelope(
     controllability: bool,
 ) -> Document:
     """`counterexample` shows what breaks at the nominal point if the status is invalid."""
-    nominal = {parameter.name: str(parameter.nominal) for parameter in result.parameters}
+    nominal = {parameter.name: parameter.nominal for parameter in result.parameters}
     seconds = {step.check: step.seconds for step in result.trace}
     about_control = None if report is None else _controllability(report)
     first = result.first_widening_seconds
     return document(
-        Envelope(
-            status=result.status.value,
-            verified=result.verified,
-            method=result.method,
-            encoding=result.encoding,
-            solver=result.solver,
-            beta=or_none(result.beta),
-            bound=or_none(result.bound),
+        like(
+            Envelope,
+            result,
             parameters={
                 name: Within(nominal=nominal[name], **_ends(one)) for name, one in result.box.intervals.items()
             },
-            checks=result.checks,
-            unbounded_checks=result.unbounded_checks,
             first_widening_s=None if first is None else round(first, 6),
-            seconds=round(result.seconds, 6),
-            reason=result.reason,
-            values=exact(result.values),
             counterexample=None if counterexample is None else _counterexample(counterexample),
             convergence=[
                 Convergence(check=number, seconds=round(seconds[number], 6), share=round(float(share), 6))
                 for number, share in result.convergence()
             ],
-            statistics=_statistics(result.statistics),
+            statistics=like(Statistics, result.statistics),
             controllability=about_control if controllability else UNSET,
         )
     )
 
 
 def _controllability(report: ControllabilityReport) -> Controllability:
-    findings = {
-        one.kind.value: Finding(verdict=one.verdict.value, reason=one.reason, seconds=round(one.seconds, 6))
-        for one in report.findings
-    }
-    share = None if report.lost is None else report.lost.share
-    return Controllability(
-        wanted=report.wanted.value,
-        **findings,
+    return like(
+        Controllability,
+        report,
+        **{one.kind.value: like(Finding, one) for one in report.findings},
         parameters=None if report.shrunk is None or report.lost is None else _part(report.shrunk.box, report.lost),
-        lost_share=or_none(share),
-        failure=report.failure,
-        waits=list(report.waits),
+        lost_share=None if report.lost is None else report.lost.share,
     )
 
 
@@ -372,11 +360,26 @@ class Constraint(JsonObject):
 
 
 class Polyhedron(JsonObject):
-    constraints: Annotated[list[Constraint], about("all of them hold; none: everything")]
+    """
+    Attributes:
+        constraints: all of them hold; none: everything
+    """
+
+    constraints: list[Constraint]
 
 
 class Region(JsonObject, tag_field="schema", tag="robust/region/1", kw_only=True):
-    """robust region --json: the robustness envelope, or an outer bound of it"""
+    """robust region --json: the robustness envelope, or an outer bound of it
+
+    Attributes:
+        status: complete: the region is the envelope; otherwise it contains the envelope, and not every point of it is
+            valid
+        meaning: what the region is, in a sentence
+        polyhedra: form union: the region is their union
+        base: form difference: the polyhedron from which others are removed
+        minus: form difference: what is removed
+        pieces: polyhedra of bad parameter values that were found
+    """
 
     RULES: ClassVar[Document] = {
         "oneOf": [
@@ -385,50 +388,27 @@ class Region(JsonObject, tag_field="schema", tag="robust/region/1", kw_only=True
         ]
     }
 
-    status: Annotated[
-        Ended,
-        about(
-            "complete: the region is the envelope; otherwise it contains the envelope, and not every point of it is "
-            "valid"
-        ),
-    ]
-    meaning: Annotated[str, about("what the region is, in a sentence")]
+    status: Ended
+    meaning: str
     parameters: Annotated[list[str], Meta(extra_json_schema={"uniqueItems": True})]
     form: Annotated[str, one_of("union", "difference")]
-    polyhedra: Annotated[list[Polyhedron] | UnsetType, about("form union: the region is their union")] = UNSET
-    base: Annotated[
-        list[Constraint] | UnsetType, about("form difference: the polyhedron from which others are removed")
-    ] = UNSET
-    minus: Annotated[list[Polyhedron] | UnsetType, about("form difference: what is removed")] = UNSET
+    polyhedra: list[Polyhedron] | UnsetType = UNSET
+    base: list[Constraint] | UnsetType = UNSET
+    minus: list[Polyhedron] | UnsetType = UNSET
     backend: Annotated[str, one_of(*OFFERED)]
-    splitting: Annotated[str, one_of("monolithic", "partial", "full")]
+    splitting: Annotated[str, one_of(*SPLITTINGS)]
     learning: bool
     encoding: Encoding
     solver: Solver
     epsilon: Rational
-    pieces: Annotated[Count, about("polyhedra of bad parameter values that were found")]
+    pieces: Count
     seconds: Seconds
     statistics: Statistics
 
 
 def region(result: RegionResult, epsilon: Fraction) -> Document:
     shown = {key: value for key, value in result.region.as_dict().items() if key != "schema"}
-    return document(
-        Region(
-            status=result.status.value,
-            meaning=result.meaning,
-            **shown,
-            backend=result.backend,
-            splitting=result.splitting,
-            learning=result.learning,
-            encoding=result.encoding,
-            solver=result.solver,
-            epsilon=str(epsilon),
-            pieces=result.pieces,
-            seconds=round(result.seconds, 6),
-            statistics=_statistics(result.statistics),
-        )
-    )
+    return document(like(Region, result, epsilon=epsilon, statistics=like(Statistics, result.statistics), **shown))
 
 
 class Volume(JsonObject):
@@ -457,16 +437,18 @@ class Witness(JsonObject):
 
 
 class Face(JsonObject):
+    """
+    Attributes:
+        gap: how far the face could move outwards alone; an upper bound unless the region is complete
+        witness: a point beyond the face, within the gap and 1/1000, and what breaks there
+    """
+
     parameter: str
     side: Annotated[str, one_of("lower", "upper")]
     end: Rational
     closed: bool
-    gap: Annotated[
-        End, about("how far the face could move outwards alone; an upper bound unless the region is complete")
-    ]
-    witness: Annotated[
-        Witness | None, about("a point beyond the face, within the gap and 1/1000, and what breaks there")
-    ]
+    gap: End
+    witness: Witness | None
 
 
 class ComparedBox(JsonObject):
@@ -482,84 +464,72 @@ class ComparedBox(JsonObject):
 
 
 class Compare(JsonObject, tag_field="schema", tag="robust/compare/1"):
-    """robust compare --json: the exact envelope beside the boxes of all methods"""
+    """robust compare --json: the exact envelope beside the boxes of all methods
+
+    Attributes:
+        parameters: nominal values
+    """
 
     status: SearchEnded
     beta: Rational
-    parameters: Annotated[Rationals, about("nominal values")]
+    parameters: Rationals
     region: Enumerated | None
     boxes: list[ComparedBox]
     seconds: Seconds
 
 
 def compare(result: compares.Comparison) -> Document:
-    found, volume = result.region, result.volume
+    volume = None
+    if result.volume is not None:
+        volume = Volume(lower=result.volume.lower, upper=exact_end(result.volume.upper, upper=True))
     return document(
-        Compare(
-            status=result.status.value,
-            beta=str(result.beta),
+        like(
+            Compare,
+            result,
             parameters=exact({one.name: one.nominal for one in result.plan.parameters}),
-            region=None
-            if found is None
-            else Enumerated(
-                status=found.status.value,
-                meaning=found.meaning,
-                pieces=found.pieces,
-                seconds=round(found.seconds, 6),
-                volume=None
-                if volume is None
-                else Volume(lower=str(volume.lower), upper=exact_end(volume.upper, upper=True)),
-            ),
+            region=None if result.region is None else like(Enumerated, result.region, volume=volume),
             boxes=[_compared(entry) for entry in result.entries],
-            seconds=round(result.seconds, 6),
         )
     )
 
 
 def _compared(entry: compares.Entry) -> ComparedBox:
-    result = entry.result
-    return ComparedBox(
+    return like(
+        ComparedBox,
+        entry.result,
         method=entry.method,
-        status=result.status.value,
-        verified=result.verified,
-        reason=result.reason,
-        box=box_of(result.box),
+        box=box_of(entry.result.box),
         volume_ratio=_share(entry.volume_share),
         width_ratio=_share(entry.width_share),
         faces=[
-            Face(
-                parameter=face.parameter,
-                side=face.side.value,
-                end=str(face.end),
-                closed=face.closed,
+            like(
+                Face,
+                face,
                 gap=exact_end(face.gap, upper=True),
-                witness=None if face.witness is None else _witness(face.witness),
+                witness=None if face.witness is None else like(Witness, face.witness, parameters=face.witness.values),
             )
             for face in entry.faces
         ],
-        seconds=round(result.seconds, 6),
     )
 
 
-def _witness(witness: compares.Witness) -> Witness:
-    return Witness(parameters=exact(witness.values), obligation=witness.obligation)
-
-
 def _share(share: compares.Share | None) -> Share | None:
-    return None if share is None else Share(lower=str(share.lower), upper=or_none(share.upper))
+    return None if share is None else like(Share, share)
 
 
 # -- errors ------------------------------------------------------------------------------------------------------------
 
 
 class Failure(JsonObject):
-    kind: Annotated[
-        str,
-        one_of("input", "usage", "unsupported", "solver", "timeout", "interrupted", "internal"),
-        about("timeout and interrupted: before there was anything to answer"),
-    ]
+    """
+    Attributes:
+        kind: timeout and interrupted: before there was anything to answer
+        file: the file or option that the message is about
+    """
+
+    kind: Annotated[str, one_of("input", "usage", "unsupported", "solver", "timeout", "interrupted", "internal")]
     message: str
-    file: Annotated[str | None, about("the file or option that the message is about")]
+    file: str | None
     line: Annotated[int, Meta(ge=1)] | None
     column: Annotated[int, Meta(ge=1)] | None
     exit_code: Annotated[int, one_of(2, 3, 4)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,15 +12,15 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from robust.execute.controllability.assess import ControllabilityReport, Kind, Verdict
-from robust.execute.controllability.boxes import HORIZON, Loss, Shrunk
-from robust.execute.dispatch.dispatcher import interval_text as observed_interval
-from robust.execute.dispatch.network import Guarantee
+from robust.execute.controllability import ControllabilityReport, Kind, Verdict
+from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
+from robust.execute.dispatchable import Guarantee
+from robust.execute.dispatcher import interval_text as observed_interval
 from robust.execute.replan import Run, RunStatus, Segment
-from robust.execute.worlds.world import Outcome
+from robust.execute.worlds import Outcome
 from robust.numbers import end, interval_text, plural, readable
 from robust.plan.model import ActionInstance
-from robust.qe.box import Face, Side
+from robust.qe.box import Side
 from robust.show.gantt import Bar, Chart, Lane, Mark, draw_chart
 from robust.show.made import summary
 from robust.show.text import show_table, table
@@ -177,8 +177,7 @@ def _print_part(out: Console, report: ControllabilityReport, shrunk: Shrunk, los
             name,
             interval_text(report.box[name]),
             interval_text(interval),
-            _lost(lost.faces, (name, Side.LOWER)),
-            _lost(lost.faces, (name, Side.UPPER)),
+            *(end(lost.faces[name, side], upper=True) for side in Side),
         )
         for name, interval in shrunk.box.intervals.items()
     ]
@@ -194,7 +193,3 @@ def _print_part(out: Console, report: ControllabilityReport, shrunk: Shrunk, los
         names = ", ".join(dict.fromkeys(name for name, _ in shrunk.cut))
         text = f"{names} may be any finite amount larger: ends were set {readable(HORIZON)} weights from the centre."
         out.print(Text(text), soft_wrap=True)
-
-
-def _lost(faces: Mapping[Face, Fraction | None], face: Face) -> str:
-    return end(faces[face], upper=True)

@@ -13,18 +13,13 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Final
 
 from robust.errors import InputError
-from robust.files import atomic_write
-from robust.options import place_of
+from robust.show.drawing import DARK_GREY, GRID, LIGHT, STRONG, cut, save, without_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito, lightened for bars: distinguishable without colour vision, and black text is readable on them.
-_BARS: Final = ("#A6D8F5", "#F7CE7B", "#9FDCC6", "#E8B9D3", "#F5EE9B", "#F2AE7E", "#A8C8E8")
-_MARKS: Final = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _SHAPES: Final = ("D", "o", "^", "s", "v", "P", "X")
-_EDGE = "0.25"
 
 _WIDTH = 11.0
 _ROW = 0.3
@@ -33,8 +28,6 @@ _LETTER = 0.063
 """Inches of a letter of a label, roughly, and of the space around it."""
 _SMALLEST = 0.04
 """Inches that a bar is drawn wide at least: actions of ε must not vanish."""
-_LONGEST = 44
-"""Letters of a label or lane; what is longer is cut."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,16 +79,6 @@ def draw_chart(chart: Chart, path: str | os.PathLike[str]) -> None:
     Raises:
         InputError: if a bar or mark is in no lane, ends before it starts, or the file cannot be written.
     """
-    _check(chart)
-    import matplotlib as mpl  # noqa: PLC0415 - takes half a second
-
-    # Texts stay texts in an SVG; labels must not be read as formulas.
-    with mpl.rc_context({"svg.fonttype": "none", "text.parse_math": False}):
-        figure = _Drawing(chart).figure()
-        atomic_write(path, lambda beside: figure.savefig(beside, dpi=160), place_of("plot"))
-
-
-def _check(chart: Chart) -> None:
     known = {lane.name for lane in chart.lanes}
     things: tuple[Bar | Mark, ...] = (*chart.bars, *chart.marks)
     for thing in things:
@@ -104,6 +87,7 @@ def _check(chart: Chart) -> None:
     for bar in chart.bars:
         if bar.end is not None and bar.end < bar.start:
             raise InputError(f"found bar {bar.label!r} from {bar.start} to {bar.end}, expected an end after its start")
+    save(_Drawing(chart).figure, path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +106,7 @@ class _Drawing:
         times += [float(bar.start) for bar in chart.bars]
         times += [float(bar.end) for bar in chart.bars if bar.end is not None]
         self._first, self._last = min(times, default=0.0), max(times, default=1.0)
-        self._margin = 0.35 + _LETTER * max((len(_cut(lane.label or lane.name)) for lane in chart.lanes), default=0)
+        self._margin = 0.35 + _LETTER * max((len(cut(lane.label or lane.name)) for lane in chart.lanes), default=0)
         self._room = _WIDTH - self._margin - 0.2
         self._inches = self._scale()
         self._rows: dict[str, tuple[int, int]] = {}
@@ -157,13 +141,11 @@ class _Drawing:
 
     def _pack_header(self) -> list[tuple[Mark, int]]:
         """Marks without a lane and the line of the header that each label is on."""
-        rows: list[float] = []
+        rows: list[list[tuple[float, float]]] = []
         found = []
         for mark in sorted((mark for mark in self._chart.marks if mark.lane is None), key=lambda mark: mark.time):
             left = self._left_of_header(mark)
-            row = _first_free(rows, left)
-            rows[row] = left + _width(mark.label)
-            found.append((mark, row))
+            found.append((mark, _put(rows, left, left + _width(mark.label))))
         self._header_rows = len(rows)
         return found
 
@@ -181,9 +163,7 @@ class _Drawing:
             items: list[Bar | Mark] = [*bars, *marks]
             for item in items:
                 left, right, outside = self._extent(item)
-                row = _first_gap(rows, left, right)
-                rows[row].append((left, right))
-                self._placed.append(_Placed(item, top + row, outside))
+                self._placed.append(_Placed(item, top + _put(rows, left, right), outside))
             self._rows[lane.name] = (top, max(1, len(rows)))
             top += max(1, len(rows))
         self._count = top
@@ -237,41 +217,41 @@ class _Drawing:
             if index % 2 == 0:
                 axes.axhspan(top, bottom, color="0.965", linewidth=0, zorder=0)
             places.append((top + bottom) / 2)
-            names.append(_cut(lane.label or lane.name))
+            names.append(cut(lane.label or lane.name))
         axes.set_yticks(places, names)
 
     def _draw_bar(self, axes: Axes, bar: Bar, placed: _Placed) -> None:
         left, right = self._ends(bar)
         middle = self._top(placed.row) + _ROW / 2
-        colour = _BARS[self._kinds(self._chart.bars)[bar.kind] % len(_BARS)]
+        colour = LIGHT[self._kinds(self._chart.bars)[bar.kind] % len(LIGHT)]
         axes.barh(
             middle,
             right - left,
             left=left,
             height=_ROW * 0.78,
             color=colour,
-            edgecolor=_EDGE,
+            edgecolor=DARK_GREY,
             linewidth=0.7,
             linestyle="--" if bar.end is None else "-",
             zorder=2,
         )
         place = right + 0.04 if placed.outside else (left + right) / 2
         side = "left" if placed.outside else "center"
-        axes.text(place, middle, _cut(bar.label), ha=side, va="center_baseline", fontsize=8, zorder=4)
+        axes.text(place, middle, cut(bar.label), ha=side, va="center_baseline", fontsize=8, zorder=4)
 
     def _draw_mark(self, axes: Axes, mark: Mark, placed: _Placed) -> None:
         kind = self._kinds(self._chart.marks)[mark.kind]
         middle, left = self._top(placed.row) + _ROW / 2, self._at(mark.time)
-        shape, colour = _SHAPES[kind % len(_SHAPES)], _MARKS[kind % len(_MARKS)]
+        shape, colour = _SHAPES[kind % len(_SHAPES)], STRONG[kind % len(STRONG)]
         axes.plot(left, middle, marker=shape, color=colour, markersize=5, markeredgecolor="white", zorder=5)
-        axes.text(left + 0.07, middle, _cut(mark.label), va="center_baseline", fontsize=7.5, color="0.2", zorder=4)
+        axes.text(left + 0.07, middle, cut(mark.label), va="center_baseline", fontsize=7.5, color="0.2", zorder=4)
 
     def _draw_header(self, axes: Axes) -> None:
         for mark, row in self._header:
-            colour = _MARKS[self._kinds(self._chart.marks)[mark.kind] % len(_MARKS)]
+            colour = STRONG[self._kinds(self._chart.marks)[mark.kind] % len(STRONG)]
             axes.axvline(self._at(mark.time), color=colour, linewidth=1, linestyle=(0, (4, 2)), zorder=3)
             place = (self._left_of_header(mark), -0.05 - 0.2 * row)
-            axes.text(*place, _cut(mark.label), ha="left", va="bottom", fontsize=7.5, color=colour, clip_on=False)
+            axes.text(*place, cut(mark.label), ha="left", va="bottom", fontsize=7.5, color=colour, clip_on=False)
 
     def _finish(self, axes: Axes) -> None:
         from matplotlib.patches import Patch  # noqa: PLC0415 - takes half a second
@@ -281,14 +261,12 @@ class _Drawing:
         ticks = [tick for tick in MaxNLocator(9).tick_values(self._first, reach) if self._first <= tick <= reach]
         axes.set_xticks([self._at(tick) for tick in ticks], [f"{tick:g}" for tick in ticks])
         axes.set_xlabel(self._chart.axis, fontsize=8.5)
-        for side in ("top", "right", "left"):
-            axes.spines[side].set_visible(False)
-        axes.grid(axis="x", color="0.88", linewidth=0.7, zorder=1)
-        axes.set_axisbelow(True)
+        without_frame(axes, ("top", "right", "left"))
+        axes.grid(axis="x", color=GRID, linewidth=0.7, zorder=1)
         axes.tick_params(labelsize=8.5)
         axes.tick_params(axis="y", length=0)
         handles: list[Patch] = [
-            Patch(facecolor=_BARS[i % len(_BARS)], edgecolor=_EDGE, linewidth=0.7, label=kind)
+            Patch(facecolor=LIGHT[i % len(LIGHT)], edgecolor=DARK_GREY, linewidth=0.7, label=kind)
             for kind, i in self._kinds(self._chart.bars).items()
         ]
         if len(handles) + len(self._kinds(self._chart.marks)) > 1:
@@ -302,7 +280,7 @@ class _Drawing:
             Line2D(
                 [],
                 [],
-                color=_MARKS[i % len(_MARKS)],
+                color=STRONG[i % len(STRONG)],
                 marker=_SHAPES[i % len(_SHAPES)] if kind in in_lanes else "",
                 linestyle="" if kind in in_lanes else "--",
                 linewidth=1,
@@ -320,27 +298,15 @@ class _Drawing:
         return {kind: i for i, kind in enumerate(dict.fromkeys(item.kind for item in items))}
 
 
-def _first_free(rows: list[float], left: float) -> int:
-    """The first row that ends before `left`, perhaps a new one."""
-    for row, end in enumerate(rows):
-        if end <= left:
-            return row
-    rows.append(0.0)
-    return len(rows) - 1
-
-
-def _first_gap(rows: list[list[tuple[float, float]]], left: float, right: float) -> int:
-    """The first row in which nothing overlaps, perhaps a new one."""
-    for row, taken in enumerate(rows):
-        if all(right <= start or end <= left for start, end in taken):
-            return row
-    rows.append([])
-    return len(rows) - 1
+def _put(rows: list[list[tuple[float, float]]], left: float, right: float) -> int:
+    """Take room in the first row in which nothing overlaps, perhaps a new one; which row that is."""
+    fits = (row for row, taken in enumerate(rows) if all(right <= start or end <= left for start, end in taken))
+    row = next(fits, len(rows))
+    if row == len(rows):
+        rows.append([])
+    rows[row].append((left, right))
+    return row
 
 
 def _width(label: str) -> float:
-    return _LETTER * (len(_cut(label)) + 1)
-
-
-def _cut(label: str) -> str:
-    return label if len(label) <= _LONGEST else f"{label[: _LONGEST - 3]}..."
+    return _LETTER * (len(cut(label)) + 1)

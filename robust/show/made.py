@@ -7,20 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from msgspec import UNSET, Meta, UnsetType
 
-from robust.codec import Count, JsonObject, Rational, Seconds, about, one_of
-from robust.show.documents import (
-    Broken,
-    Document,
-    Ended,
-    Ends,
-    Rationals,
-    Solver,
-    box_of,
-    broken,
-    document,
-    exact,
-    or_none,
-)
+from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.show.documents import Broken, Document, Ended, Ends, Rationals, Solver, box_of, broken, document, exact
 
 if TYPE_CHECKING:
     from robust.execute.convert import Conversion
@@ -32,11 +20,18 @@ if TYPE_CHECKING:
 
 
 class Tightened(JsonObject):
+    """
+    Attributes:
+        lower: target - source is at least this
+        own: the distance in the time-triggered plan, from the earlier of the two points
+        obligation: broke without a bound
+    """
+
     source: str
     target: str
-    lower: Annotated[Rational, about("target - source is at least this")]
-    own: Annotated[Rational, about("the distance in the time-triggered plan, from the earlier of the two points")]
-    obligation: Annotated[str, about("broke without a bound")]
+    lower: Rational
+    own: Rational
+    obligation: str
 
 
 class Files(JsonObject):
@@ -45,32 +40,35 @@ class Files(JsonObject):
 
 
 class Convert(JsonObject, tag_field="schema", tag="robust/convert/1"):
-    """robust convert --json: a time-triggered plan with a temporal network"""
+    """robust convert --json: a time-triggered plan with a temporal network
 
-    verdict: Annotated[
-        str,
-        one_of("proved", "refuted", "unknown", "invalid"),
-        about(
-            "about all schedules of the network at nominal values, always proved in mode causal; invalid: the "
-            "time-triggered plan itself breaks obligations"
-        ),
-    ]
+    Attributes:
+        verdict: about all schedules of the network at nominal values, always proved in mode causal; invalid: the
+            time-triggered plan itself breaks obligations
+        stn: the plan as text; null if the time-triggered plan is invalid
+        parameters: names of all parameters
+        parameter_file: TOML with the parameters that the plan cannot hold by itself, for --parameters
+        schedule: times of the time-triggered plan by time point
+        redundant: edges left out because others imply them
+        tightened: bounds needed beyond what keeps atoms true
+        violations: what the time-triggered plan breaks
+    """
+
+    verdict: Annotated[str, one_of("proved", "refuted", "unknown", "invalid")]
     mode: Annotated[str, one_of("causal", "esterel")]
     solver: Solver
     epsilon: Rational
-    stn: Annotated[str | None, about("the plan as text; null if the time-triggered plan is invalid")]
-    parameters: Annotated[list[str], about("names of all parameters")]
-    parameter_file: Annotated[
-        str | None, about("TOML with the parameters that the plan cannot hold by itself, for --parameters")
-    ]
+    stn: str | None
+    parameters: list[str]
+    parameter_file: str | None
     files: Files
-    schedule: Annotated[Rationals, about("times of the time-triggered plan by time point")]
+    schedule: Rationals
     instances: Count
     constraints: Count
-    redundant: Annotated[Count, about("edges left out because others imply them")]
+    redundant: Count
     obligations: Count
-    tightened: Annotated[list[Tightened], about("bounds needed beyond what keeps atoms true")]
-    violations: Annotated[list[Broken], about("what the time-triggered plan breaks")]
+    tightened: list[Tightened]
+    violations: list[Broken]
 
 
 def convert(
@@ -88,7 +86,7 @@ def convert(
             verdict="invalid" if found is None else found.check.answer.value,
             mode=options.mode,
             solver=options.solver,
-            epsilon=str(options.separation),
+            epsilon=options.separation,
             stn=stn,
             parameters=[] if found is None else [one.name for one in found.plan.parameters],
             parameter_file=parameter_file,
@@ -99,12 +97,12 @@ def convert(
             redundant=0 if found is None else found.redundant,
             obligations=0 if found is None else len(found.check.obligations),
             tightened=[
-                Tightened(
+                like(
+                    Tightened,
+                    one,
                     source=str(one.edge.source),
                     target=str(one.edge.target),
-                    lower=str(one.edge.weight),
-                    own=str(one.own),
-                    obligation=one.obligation,
+                    lower=one.edge.weight,
                 )
                 for one in (() if found is None else found.tightened)
             ],
@@ -114,16 +112,26 @@ def convert(
 
 
 class ExecutedAction(JsonObject):
+    """
+    Attributes:
+        end: null if it was still running
+    """
+
     instance: str
     action: str
     start: Rational
-    end: Annotated[Rational | None, about("null if it was still running")]
+    end: Rational | None
     outcome: Annotated[str, one_of("done", "failed", "stopped", "running")]
 
 
 class Seen(JsonObject):
+    """
+    Attributes:
+        what: a parameter, or a duration that was not as planned
+    """
+
     time: Rational
-    what: Annotated[str, about("a parameter, or a duration that was not as planned")]
+    what: str
     value: Rational
     inside: bool
 
@@ -134,45 +142,59 @@ class Rejected(JsonObject):
 
 
 class ExecutedPlan(JsonObject):
-    start: Annotated[Rational, about("when the plan began, from the beginning of the run")]
+    """
+    Attributes:
+        start: when the plan began, from the beginning of the run
+        guarantee: dynamic: the plan succeeds while observations are inside the box; weak: a schedule that succeeds
+            exists, but no strategy is certain to find it; none: nothing was proved
+        rejected: messages that changed nothing
+        given_up: when the plan was given up; null if it was carried out
+        reason: why it was given up
+    """
+
+    start: Rational
     end: Rational
-    guarantee: Annotated[
-        str,
-        one_of("dynamic", "weak", "none"),
-        about(
-            "dynamic: the plan succeeds while observations are inside the box; weak: a schedule that succeeds exists, "
-            "but no strategy is certain to find it; none: nothing was proved"
-        ),
-    ]
+    guarantee: Annotated[str, one_of("dynamic", "weak", "none")]
     box: dict[str, Ends]
     executed: list[ExecutedAction]
     observations: list[Seen]
-    rejected: Annotated[list[Rejected], about("messages that changed nothing")]
-    given_up: Annotated[Rational | None, about("when the plan was given up; null if it was carried out")]
-    reason: Annotated[str | None, about("why it was given up")]
+    rejected: list[Rejected]
+    given_up: Rational | None
+    reason: str | None
     planner_seconds: Seconds
     preparation_seconds: Seconds
 
 
 class ExecutedRun(JsonObject):
+    """
+    Attributes:
+        reason: why it failed; empty if it succeeded
+        inside: whether all observations were inside the boxes
+    """
+
     seed: int | str
     status: Annotated[str, one_of("succeeded", "failed")]
-    reason: Annotated[str, about("why it failed; empty if it succeeded")]
+    reason: str
     replans: Count
-    inside: Annotated[bool, about("whether all observations were inside the boxes")]
+    inside: bool
     end: Rational
     seconds: Seconds
     plans: list[ExecutedPlan]
 
 
 class Summary(JsonObject):
-    """the figures of Tables 1 and 2 of the paper"""
+    """the figures of Tables 1 and 2 of the paper
+
+    Attributes:
+        average_replans: of the runs that succeeded
+        inside: runs in which all observations were inside the boxes
+    """
 
     runs: Count
     succeeded: Count
     coverage: Annotated[float, Meta(ge=0, le=1)] | None
-    average_replans: Annotated[Annotated[float, Meta(ge=0)] | None, about("of the runs that succeeded")]
-    inside: Annotated[Count, about("runs in which all observations were inside the boxes")]
+    average_replans: Annotated[float, Meta(ge=0)] | None
+    inside: Count
 
 
 def summary(runs: Sequence[Run]) -> Summary:
@@ -188,9 +210,13 @@ def summary(runs: Sequence[Run]) -> Summary:
 
 
 class Execute(JsonObject, tag_field="schema", tag="robust/execute/1"):
-    """robust execute --json: simulated executions with re-planning"""
+    """robust execute --json: simulated executions with re-planning
 
-    status: Annotated[Ended, about("whether all runs were made")]
+    Attributes:
+        status: whether all runs were made
+    """
+
+    status: Ended
     executor: str
     planner: str | None
     plan: str | None
@@ -202,56 +228,29 @@ class Execute(JsonObject, tag_field="schema", tag="robust/execute/1"):
 
 def execute(options: ExecuteCommand, runs: Sequence[Run], status: str) -> Document:
     return document(
-        Execute(
+        like(
+            Execute,
+            options,
             status=status,
-            executor=options.executor,
-            planner=options.planner,
-            plan=or_none(options.plan),
-            world=or_none(options.world),
-            epsilon=str(options.separation),
+            epsilon=options.separation,
             summary=summary(runs),
-            runs=[
-                ExecutedRun(
-                    seed=run.seed,
-                    status=run.status.value,
-                    reason=run.reason,
-                    replans=run.replans,
-                    inside=run.inside,
-                    end=str(run.end),
-                    seconds=round(run.seconds, 6),
-                    plans=[_executed(segment) for segment in run.segments],
-                )
-                for run in runs
-            ],
+            runs=[like(ExecutedRun, run, plans=[_executed(segment) for segment in run.segments]) for run in runs],
         )
     )
 
 
 def _executed(segment: Segment) -> ExecutedPlan:
-    return ExecutedPlan(
-        start=str(segment.start),
-        end=str(segment.end),
-        guarantee=segment.guarantee.value,
+    return like(
+        ExecutedPlan,
+        segment,
         box=box_of(segment.box),
         executed=[
-            ExecutedAction(
-                instance=one.instance.identifier,
-                action=str(one.instance),
-                start=str(one.start),
-                end=or_none(one.end),
-                outcome=one.outcome.value,
-            )
+            like(ExecutedAction, one, instance=one.instance.identifier, action=str(one.instance))
             for one in segment.executed
         ],
-        observations=[
-            Seen(time=str(one.time), what=one.what, value=str(one.value), inside=one.inside)
-            for one in segment.observations
-        ],
-        rejected=[Rejected(time=str(one.time), reason=one.reason) for one in segment.rejected],
-        given_up=or_none(segment.given_up),
-        reason=or_none(segment.ending),
-        planner_seconds=round(segment.planner_seconds, 6),
-        preparation_seconds=round(segment.preparation_seconds, 6),
+        observations=[like(Seen, one) for one in segment.observations],
+        rejected=[like(Rejected, one) for one in segment.rejected],
+        reason=None if segment.ending is None else str(segment.ending),
     )
 
 

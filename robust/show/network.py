@@ -15,37 +15,27 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
-import matplotlib as mpl
+import networkx
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Rectangle
 from matplotlib.path import Path as Curve
 
-from robust.errors import InputError, Location
-from robust.files import atomic_write
+from robust.errors import InputError
 from robust.numbers import format_number, shorten
 from robust.pike_bridge.model import EPSILON, Activity, Choice, Constraint, Tpnu, contradicts, guard_text
+from robust.show.drawing import BLUE, DARK_GREY, GREEN, LIGHT, PALE, SHADE, save
 
-SUFFIXES: Final = (".svg", ".png", ".pdf")
-
-# Okabe and Ito, lightened: distinguishable without colour vision, and black text is readable on them.
-_AGENTS = ("#A6D8F5", "#F7CE7B", "#9FDCC6", "#E8B9D3", "#F5EE9B", "#F2AE7E", "#A8C8E8")
-_NOBODY = "0.93"
-_SHADE = "0.72"
-_LINK = "#009E73"
-_GUARD = "#0072B2"
 _TIP: Final[dict[str, Any]] = {"arrowstyle": "-|>", "mutation_scale": 8}
 _DOTTED: Final[dict[str, Any]] = {"linestyle": ":", "linewidth": 1.2}
-_EDGE: Final[dict[str, Any]] = {"edgecolor": "0.25", "linewidth": 0.8}
+_EDGE: Final[dict[str, Any]] = {"edgecolor": DARK_GREY, "linewidth": 0.8}
 _RADIUS = 0.17
 _LETTER = 0.066
 """The width of a letter of a box's text, roughly."""
 _LONGEST = 18000
 """Pixels of a side, beyond which resolution is reduced."""
-_DPI = 160
 
 
 class Link(NamedTuple):
@@ -71,28 +61,15 @@ def plot_network(
         epsilon: the lower bound of constraints that only order events.
 
     Raises:
-        InputError: if the suffix is unknown, a link names an unknown event, or the file cannot be written.
+        InputError: if a link names an unknown event, or the file cannot be written.
     """
-    target = Path(path)
-    if target.suffix.lower() not in SUFFIXES:
-        message = f"found {shorten(str(path))}, expected a name that ends in {', '.join(SUFFIXES)}"
-        raise InputError(message, Location(str(path)))
     known = network.guards
     drawn = [Link(*link) for link in links]
     for link in drawn:
         for event in (link.producer, link.consumer):
             if event not in known:
                 raise InputError(f"found a causal link at event {shorten(event)}, expected an event of the plan")
-
-    # Texts stay texts in an SVG; names must not be read as formulas.
-    with mpl.rc_context({"svg.fonttype": "none", "text.parse_math": False}):
-        figure = _Drawing(network, epsilon).figure(drawn)
-        try:
-            dpi = min(_DPI, _LONGEST / max(figure.get_size_inches()))
-            atomic_write(target, lambda beside: figure.savefig(beside, dpi=dpi), None)
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise InputError(f"cannot write the drawing: {reason}", Location(str(path))) from None
+    save(lambda: _Drawing(network, epsilon).figure(drawn), path, longest=_LONGEST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +105,10 @@ class _Drawing:
             yield _Arrow(at, activity.target, "")
 
     def _of_constraints(self) -> Iterable[_Arrow]:
-        implied = _Implied(self._network, self._epsilon)
+        known = self._network.temporal_constraints
+        orders = [one for one in known if one.lower is not None and one.lower >= self._epsilon]
         for constraint in self._network.constraints:
-            if not implied.elsewhere(constraint):
+            if not _is_implied(constraint, orders, self._epsilon):
                 plain = constraint.upper is None and constraint.lower == self._epsilon
                 texts = [guard_text(constraint.guard - self._guards[constraint.source])]
                 texts.append("" if plain else _bounds(constraint.lower, constraint.upper))
@@ -140,7 +118,6 @@ class _Drawing:
     # -- how -----------------------------------------------------------------------------------------------------
 
     def figure(self, links: Sequence[Link]) -> Figure:
-
         points = [point for route in self._layout.routes for point in route] + [*self._layout.places.values()]
         left, right = min((x for x, _ in points), default=0) - 0.6, max((x for x, _ in points), default=0) + 0.6
         low, high = min((y for _, y in points), default=0) - 0.6, max((y for _, y in points), default=0) + 0.6
@@ -164,7 +141,6 @@ class _Drawing:
         return figure
 
     def _arrow(self, axes: Axes, arrow: _Arrow, route: tuple[Point, ...]) -> None:
-
         if arrow.source == arrow.target:
             x, y = route[0]
             route = ((x - _RADIUS, y), (x - 0.25, y + 0.5), (x + 0.25, y + 0.5), (x + _RADIUS, y))
@@ -172,10 +148,10 @@ class _Drawing:
             first = self._border(arrow.source, route[0], route[1])
             route = (first, *route[1:-1], self._border(arrow.target, route[-1], route[-2]))
         dashes = "--" if arrow.dashed else "-"
-        axes.add_patch(FancyArrowPatch(path=Curve(route), linewidth=0.8, linestyle=dashes, color="0.25", **_TIP))
+        axes.add_patch(FancyArrowPatch(path=Curve(route), linewidth=0.8, linestyle=dashes, color=DARK_GREY, **_TIP))
         if arrow.label:
             (x, y), (towards, up) = route[0], route[1]
-            _note(axes, (x + (towards - x) * 0.5, y + (up - y) * 0.5), arrow.label, _GUARD, zorder=4)
+            _note(axes, (x + (towards - x) * 0.5, y + (up - y) * 0.5), arrow.label, BLUE, zorder=4)
 
     def _border(self, node: str | int, place: Point, towards: Point) -> Point:
         """Where a line from the middle of a node leaves it."""
@@ -188,20 +164,18 @@ class _Drawing:
         return (x + (to_x - x) * radius / length, y + (to_y - y) * radius / length)
 
     def _box(self, axes: Axes, activity: Activity, place: Point, width: float) -> None:
-
         x, y = place
         corner, style = (x - width / 2 + 0.04, y - 0.15), "round,pad=0.04,rounding_size=0.06"
-        face = self._colours().get(activity.agent, _NOBODY)
+        face = self._colours().get(activity.agent, PALE)
         axes.add_patch(FancyBboxPatch(corner, width - 0.08, 0.3, boxstyle=style, facecolor=face, zorder=3, **_EDGE))
         axes.text(x, y, _text(activity), fontsize=7, ha="center", va="center", linespacing=1.1, zorder=4)
 
     def _events(self, axes: Axes) -> None:
-
         for event in self._network.events:
             x, y = self._layout.places[event.name]
             choices = [choice for choice in self._network.choices if choice.event == event.name]
             shaded = any(not choice.controllable for choice in choices)
-            look = {"facecolor": _SHADE if shaded else "white", "edgecolor": "black", "linewidth": 0.9, "zorder": 3}
+            look = {"facecolor": SHADE if shaded else "white", "edgecolor": "black", "linewidth": 0.9, "zorder": 3}
             if choices:
                 axes.add_patch(Circle((x, y), _RADIUS + 0.05, **look))
                 names = ", ".join(choice.name for choice in choices)
@@ -213,62 +187,48 @@ class _Drawing:
             axes.text(*place, event.name, fontsize=6, ha="center", va="center" if inside else "top", zorder=5)
 
     def _link(self, axes: Axes, link: Link) -> None:
-
         (x, y), (to_x, to_y) = self._layout.places[link.producer], self._layout.places[link.consumer]
         bend = 0.25 if to_x >= x else -0.25
         start, end = (x, y + _RADIUS), (to_x, to_y + _RADIUS)
         arc = f"arc3,rad={-bend}"
-        axes.add_patch(FancyArrowPatch(start, end, connectionstyle=arc, color=_LINK, zorder=2, **{**_DOTTED, **_TIP}))
+        axes.add_patch(FancyArrowPatch(start, end, connectionstyle=arc, color=GREEN, zorder=2, **{**_DOTTED, **_TIP}))
         # The middle of the arc, whose control point is `bend` times the distance above the middle of its ends.
         top = ((x + to_x) / 2 - (to_y - y) * bend / 2, (y + to_y) / 2 + _RADIUS + (to_x - x) * bend / 2)
-        _note(axes, top, link.label, _LINK, zorder=5)
+        _note(axes, top, link.label, GREEN, zorder=5)
 
     # -- legend --------------------------------------------------------------------------------------------------
 
     def _colours(self) -> dict[str | None, str]:
         agents = dict.fromkeys(activity.agent for activity in self._network.activities if activity.agent is not None)
-        return {agent: _AGENTS[at % len(_AGENTS)] for at, agent in enumerate(agents)}
+        return {agent: LIGHT[at % len(LIGHT)] for at, agent in enumerate(agents)}
 
     def _legend(self, axes: Axes, place: Point, *, links: bool) -> None:
-
         x, y = place
         for choice in _kinds(self._network.choices):
-            face = "white" if choice.controllable else _SHADE
+            face = "white" if choice.controllable else SHADE
             for radius in (0.09, 0.06):
                 axes.add_patch(Circle((x, y), radius, facecolor=face, edgecolor="black", linewidth=0.7))
             x = _entry(axes, (x, y), "choice" if choice.controllable else "choice of others")
         for agent, colour in self._colours().items():
-            axes.add_patch(Rectangle((x - 0.1, y - 0.06), 0.2, 0.12, facecolor=colour, edgecolor="0.25", linewidth=0.7))
+            axes.add_patch(Rectangle((x - 0.1, y - 0.06), 0.2, 0.12, facecolor=colour, **_EDGE))
             x = _entry(axes, (x, y), f"{agent}")
         if links:
-            axes.plot([x - 0.12, x + 0.1], [y, y], color=_LINK, **_DOTTED)
+            axes.plot([x - 0.12, x + 0.1], [y, y], color=GREEN, **_DOTTED)
             _entry(axes, (x, y), "causal link")
 
 
-class _Implied:
-    """Whether other constraints order events as one does."""
-
-    def __init__(self, network: Tpnu, epsilon: Fraction) -> None:
-        self._epsilon = epsilon
-        self._after: dict[str, list[Constraint]] = {}
-        for constraint in network.temporal_constraints:
-            if constraint.lower is not None and constraint.lower >= epsilon:
-                self._after.setdefault(constraint.source, []).append(constraint)
-
-    def elsewhere(self, constraint: Constraint) -> bool:
-        """Whether the constraint only orders its events, and some path of others does, too, for compatible choices."""
-        if constraint.upper is not None or constraint.lower is None or constraint.lower > self._epsilon:
-            return False
-        found, pending = set[str](), [constraint.source]
-        while pending:
-            event = pending.pop()
-            for other in self._after.get(event, ()):
-                direct = event == constraint.source and other.target == constraint.target
-                if direct or other.target in found or contradicts(other.guard, constraint.guard):
-                    continue
-                found.add(other.target)
-                pending.append(other.target)
-        return constraint.target in found
+def _is_implied(constraint: Constraint, orders: Iterable[Constraint], epsilon: Fraction) -> bool:
+    """Whether the constraint only orders its events, and some path of others does, too, for compatible choices."""
+    if constraint.upper is not None or constraint.lower is None or constraint.lower > epsilon:
+        return False
+    ends = (constraint.source, constraint.target)
+    paths = networkx.DiGraph(
+        (other.source, other.target)
+        for other in orders
+        if (other.source, other.target) != ends and not contradicts(other.guard, constraint.guard)
+    )
+    paths.add_nodes_from(ends)
+    return bool(networkx.has_path(paths, *ends))
 
 
 def _kinds(choices: Iterable[Choice]) -> Iterable[Choice]:
@@ -435,30 +395,15 @@ class _Layering(Generic[N]):
 
 
 def _columns(count: int, edges: Iterable[tuple[int, int]]) -> list[int]:
-    """The longest path to each node; on a cycle, the first node in order begins."""
-    after: list[list[int]] = [[] for _ in range(count)]
-    open_edges = [0] * count
-    for source, target in edges:
-        if source != target:
-            after[source].append(target)
-            open_edges[target] += 1
+    """The longest path to each node; on a cycle, edges to earlier nodes do not count."""
+    graph = networkx.DiGraph(edges)
+    graph.add_nodes_from(range(count))
+    for members in list(networkx.strongly_connected_components(graph)):
+        graph.remove_edges_from([(one, other) for one, other in graph.subgraph(members).edges if other <= one])
     columns = [0] * count
-    done = [False] * count
-    ready = [node for node in range(count) if not open_edges[node]]
-    for start in range(count):
-        # Whatever is not done when nothing is ready lies behind a cycle.
-        if not ready and not done[start]:
-            ready.append(start)
-        while ready:
-            node = ready.pop()
-            done[node] = True
-            for target in after[node]:
-                if done[target]:
-                    continue
-                columns[target] = max(columns[target], columns[node] + 1)
-                open_edges[target] -= 1
-                if not open_edges[target]:
-                    ready.append(target)
+    for column, nodes in enumerate(networkx.topological_generations(graph)):
+        for node in nodes:
+            columns[node] = column
     return columns
 
 

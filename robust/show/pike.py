@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
+from itertools import zip_longest
 from statistics import median
 from typing import Annotated, Any
 
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET, Meta, UnsetType
 from rich.console import Console
 from rich.text import Text
 
-from robust.codec import Count, JsonObject, Seconds, about, one_of
+from robust.codec import Count, JsonObject, Seconds, like, one_of
 from robust.numbers import duration, format_number, plural, readable
 from robust.pike_bridge.compile import PikeCheck, Sizes
-from robust.pike_bridge.cross_check import Crossed
+from robust.pike_bridge.cross_check import CrossCheck, Crossed
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.inquiry import Reason, WhyChosen, WhyExecuted, WhyNot, answer
@@ -23,27 +24,35 @@ from robust.pike_bridge.semantics import Execution
 from robust.show.documents import Document, Ended, Rationals, Verdict, document
 from robust.show.gantt import Bar, Chart, Lane, Mark
 
-Stages = Annotated[dict[str, Seconds], about("by stage")]
+Stages = Annotated[dict[str, Seconds], Meta(description="by stage")]
 
 
 class PikeChecked(JsonObject, tag_field="schema", tag="robust/pike-check/1", kw_only=True):
-    """what `robust pike check --json` prints"""
+    """what `robust pike check --json` prints
 
-    verdict: Annotated[Verdict, about("proved: a correct execution exists under the assumptions")]
+    Attributes:
+        verdict: proved: a correct execution exists under the assumptions
+        schedule: times of the activated events, the earliest first
+        scenarios: with --all-scenarios: every team scenario that admits a correct execution
+        complete: whether no scenario that was asked for is missing
+    """
+
+    verdict: Verdict
     backend: str
     scenario: dict[str, str] | None
-    schedule: Annotated[Rationals | None, about("times of the activated events, the earliest first")]
-    scenarios: Annotated[
-        list[dict[str, str]] | UnsetType,
-        about("with --all-scenarios: every team scenario that admits a correct execution"),
-    ] = UNSET
-    complete: Annotated[bool, about("whether no scenario that was asked for is missing")]
+    schedule: Rationals | None
+    scenarios: list[dict[str, str]] | UnsetType = UNSET
+    complete: bool
     interrupted: bool
     seconds: Stages
 
 
 class PikeCompile(JsonObject, tag_field="schema", tag="robust/pike-compile/1", kw_only=True):
-    """what `robust pike compile --json` prints"""
+    """what `robust pike compile --json` prints
+
+    Attributes:
+        implicants: with --implicants
+    """
 
     status: Ended
     backend: str
@@ -64,7 +73,7 @@ class PikeCompile(JsonObject, tag_field="schema", tag="robust/pike-compile/1", k
     models: Count | None
     seconds: Stages
     statistics: dict[str, Any]
-    implicants: Annotated[list[dict[str, str]] | UnsetType, about("with --implicants")] = UNSET
+    implicants: list[dict[str, str]] | UnsetType = UNSET
 
 
 class Disagreement(JsonObject):
@@ -75,15 +84,20 @@ class Disagreement(JsonObject):
 
 
 class PikeCross(JsonObject, tag_field="schema", tag="robust/pike-cross/1"):
-    """what `robust pike check --cross --json` prints"""
+    """what `robust pike check --cross --json` prints
+
+    Attributes:
+        questions: asked of each back end
+        witness: the file of a small plan that shows the first disagreement
+    """
 
     status: Ended
     agree: bool | None
     scenarios: Count | None
-    questions: Annotated[dict[str, Count], about("asked of each back end")]
+    questions: dict[str, Count]
     out_of_time: list[str]
     disagreements: list[Disagreement]
-    witness: Annotated[str | None, about("the file of a small plan that shows the first disagreement")]
+    witness: str | None
 
 
 class PikePlot(JsonObject, tag_field="schema", tag="robust/pike-plot/1"):
@@ -109,14 +123,13 @@ def check_document(result: PikeCheck) -> Document:
     """`robust/pike-check/1`."""
     execution = result.execution
     return document(
-        PikeChecked(
+        like(
+            PikeChecked,
+            result,
             verdict=result.verdict.value,
-            backend=result.backend,
             scenario=None if execution is None else dict(execution.scenario),
-            schedule=None if execution is None else {event: str(when) for event, when in in_order(execution.schedule)},
+            schedule=None if execution is None else dict(in_order(execution.schedule)),
             scenarios=UNSET if result.scenarios is None else [dict(scenario) for scenario in result.scenarios],
-            complete=result.complete,
-            interrupted=result.interrupted,
             seconds=_rounded(result.seconds or {}),
         )
     )
@@ -182,22 +195,9 @@ def execution_lines(execution: Execution, plan: TeamPlan | None) -> Iterable[str
 
 def compile_document(sizes: Sizes) -> Document:
     """`robust/pike-compile/1`."""
-    return document(
-        PikeCompile(
-            status=sizes.status,
-            backend=sizes.backend,
-            temporal=sizes.temporal,
-            solver=sizes.solver,
-            satisfiable=sizes.satisfiable,
-            candidate_subplans=sizes.candidate_subplans,
-            **sizes.counts,
-            prime_implicants=sizes.prime_implicants,
-            models=sizes.models,
-            seconds=_rounded(sizes.seconds),
-            statistics=sizes.statistics,
-            implicants=UNSET if sizes.implicants is None else sizes.implicants,
-        )
-    )
+    known = {**vars(sizes), **sizes.counts, "seconds": _rounded(sizes.seconds)}
+    del known["counts"]
+    return document(PikeCompile(**known | {"implicants": UNSET if sizes.implicants is None else sizes.implicants}))
 
 
 def print_sizes(out: Console, sizes: Sizes, *, quiet: bool) -> None:
@@ -235,18 +235,15 @@ def _facts(sizes: Sizes) -> Mapping[str, str]:
 
 def cross_document(crossed: Crossed) -> Document:
     """`robust/pike-cross/1`."""
-    outcome = crossed.outcome
+    outcome = crossed.outcome or CrossCheck()
     return document(
-        PikeCross(
+        like(
+            PikeCross,
+            outcome,
             status=crossed.status,
-            agree=None if outcome is None else outcome.agree,
-            scenarios=None if outcome is None else outcome.scenarios,
-            questions={} if outcome is None else outcome.questions,
-            out_of_time=[] if outcome is None else outcome.out_of_time,
-            disagreements=[
-                Disagreement(backend=one.backend, question=one.question, expected=one.expected, found=one.found)
-                for one in (() if outcome is None else outcome.disagreements)
-            ],
+            agree=None if crossed.outcome is None else outcome.agree,
+            scenarios=None if crossed.outcome is None else outcome.scenarios,
+            disagreements=[like(Disagreement, one) for one in outcome.disagreements],
             witness=None if crossed.written is None else str(crossed.written),
         )
     )
@@ -273,77 +270,14 @@ def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
         out.print(f"The smallest plan found that shows it: {crossed.written}")
 
 
-# -- run: reasons ------------------------------------------------------------------------------------------------------
+# -- plot --------------------------------------------------------------------------------------------------------------
 
 
-def decision_reason(step: ExecutionStep, at: int) -> dict[str, Any]:
-    """The `why` of a decision by its place in the step; nothing if there is none."""
-    reason = _of_decision(step, at)
-    return {} if reason is None else {"why": _answer(reason)}
-
-
-def step_why(step: ExecutionStep) -> dict[str, Any]:
-    """The `why` of a step: the continuation that supports it, and its inferences; nothing if it was not asked for."""
-    if step.reasons is None:
-        return {}
-    inferences = {choice: _answer(reason) for choice, reason in step.reasons.inferences.items()}
-    return {"why": {"continuation": answer(step.reasons.continuation), "inferences": inferences}}
-
-
-class Telling:
-    """Reasons in a timeline, none of them told twice."""
-
-    def __init__(self) -> None:
-        self._inferred: dict[str, str] = {}
-        self._said: set[str] = set()
-
-    def order(self, step: ExecutionStep) -> Iterator[str]:
-        """The choices that the step has narrowed, those first whose reasons others rest on."""
-        return iter(step.inferred if step.reasons is None else step.reasons.inferences)
-
-    def of_decision(self, step: ExecutionStep, at: int) -> Iterator[str]:
-        """The lines below a decision, by its place in the step."""
-        match _of_decision(step, at):
-            case WhyChosen() as reason if self._inferred.get(reason.choice) == reason.value:
-                yield "; ".join(["as inferred", *self._new(reason.parts)])
-            case WhyChosen() as reason:
-                yield from reason.excluding
-                yield from self._joined(reason.parts)
-            case WhyExecuted() as reason:
-                yield from self._joined(reason.parts)
-            case WhyNot() as reason:
-                yield from reason.lines
-            case None:
-                pass
-
-    def of_inference(self, step: ExecutionStep, choice: str) -> Iterator[str]:
-        """The lines below an inference."""
-        reason = None if step.reasons is None else step.reasons.inferences.get(choice)
-        if isinstance(reason, WhyChosen):
-            if reason.value is not None:
-                self._inferred[choice] = reason.value
-            yield from reason.excluding
-
-    def _joined(self, parts: tuple[str, ...]) -> Iterator[str]:
-        """One line, if anything is new."""
-        new = "; ".join(self._new(parts))
-        if new:
-            yield new
-
-    def _new(self, lines: tuple[str, ...]) -> Iterator[str]:
-        for line in lines:
-            if line not in self._said:
-                self._said.add(line)
-                yield line
-
-
-def _of_decision(step: ExecutionStep, at: int) -> Reason | None:
-    return None if step.reasons is None else step.reasons.decisions[at]
-
-
-def _answer(reason: Reason) -> dict[str, Any]:
-    """Without its continuation, which is that of the step."""
-    return {key: value for key, value in reason.as_dict().items() if key != "continuation"}
+def print_plot(out: Console, drawn: PikePlot, *, quiet: bool) -> None:
+    """What was drawn, unless `quiet`."""
+    if not quiet:
+        links = "" if drawn.links is None else f", {drawn.links} labeled causal links"
+        out.print(f"{drawn.plot}: {drawn.events} events, {drawn.activities} activities, {drawn.choices} choices{links}")
 
 
 # -- run: for programs, people, and as a drawing -----------------------------------------------------------------------
@@ -360,49 +294,52 @@ def run_document(record: ExecutionRecord, *, seed: int, backend: str) -> dict[st
         "choices": dict(record.choices),
         "schedule": {event: str(time) for event, time in sorted(record.schedule.items(), key=lambda item: item[1])},
         "steps": [_step_answer(step) for step in record.steps],
-        "conflict": [{"about": fact.kind.value, "fact": fact.text} for fact in record.conflict],
+        "conflict": [fact.as_dict() for fact in record.conflict],
     }
 
 
 def _step_answer(step: ExecutionStep) -> dict[str, Any]:
-
-    return {
+    found: dict[str, Any] = {
         "time": str(step.time),
         "messages": [str(message) for message in step.messages],
         "decisions": [
-            {"what": what, "text": text, **decision_reason(step, at)} for at, (what, text) in enumerate(_lines(step))
+            dict(zip(("what", "text"), _told(decision), strict=True)) | ({"why": reason.as_dict()} if reason else {})
+            for decision, reason in _with_reasons(step)
         ],
         "possible": {choice: list(values) for choice, values in step.inferred.items()},
         "seconds": round(step.seconds, 6),
-        **step_why(step),
     }
+    if step.reasons is not None:
+        inferences = {choice: reason.as_dict() for choice, reason in step.reasons.inferences.items()}
+        found["why"] = {"continuation": answer(step.reasons.continuation), "inferences": inferences}
+    return found
 
 
-def _lines(step: ExecutionStep) -> Iterator[tuple[str, str]]:
+def _with_reasons(step: ExecutionStep) -> Iterator[tuple[said.Decision, Reason | None]]:
+    """Each decision of a step with its reason, if there is one."""
+    return zip_longest(step.decisions, step.reasons.decisions if step.reasons else ())
+
+
+def _told(decision: said.Decision) -> tuple[str, str]:  # noqa: PLR0911 - one for each kind
     """What was decided or noticed, for people: a kind and a text."""
-
-    for decision in step.decisions:
-        match decision:
-            case said.Executed(event, _, reported):
-                yield ("event", f"{event}, reported" if reported else event)
-            case said.Dispatched(action, agent, _, _, lower, upper):
-                limits = f"takes {readable(lower)} to {'any time' if upper is None else readable(upper)}"
-                yield ("begin", f"{f'{agent}: ' if agent else ''}{action}, {limits}")
-            case said.Chosen(choice, value, _, observed):
-                yield ("observed" if observed else "chosen", f"{choice} = {value}")
-            case said.Violated(atom, expected, producer, consumers, _):
-                yield ("broken", _broken_text(str(atom), expected, producer, consumers))
-            case said.Rejected(message, reason, _):
-                yield ("rejected", f"{message}: {reason}")
-            case said.Failed(_, reason):
-                yield ("failed", reason)
-            case said.Succeeded():
-                yield ("succeeded", "every activated event has been executed")
-
-
-def _broken_text(atom: str, expected: bool, producer: str, consumers: tuple[str, ...]) -> str:
-    state = "false" if expected else "true"
-    return f"{atom} is {state} since {producer} should have made it otherwise; needed by {', '.join(consumers)}"
+    match decision:
+        case said.Executed(event, _, reported):
+            return "event", f"{event}, reported" if reported else event
+        case said.Dispatched(action, agent, _, _, lower, upper):
+            limits = f"takes {readable(lower)} to {'any time' if upper is None else readable(upper)}"
+            return "begin", f"{f'{agent}: ' if agent else ''}{action}, {limits}"
+        case said.Chosen(choice, value, _, observed):
+            return "observed" if observed else "chosen", f"{choice} = {value}"
+        case said.Violated(atom, expected, producer, consumers, _):
+            state, needed = "false" if expected else "true", ", ".join(consumers)
+            since = f"since {producer} should have made it otherwise"
+            return "broken", f"{atom} is {state} {since}; needed by {needed}"
+        case said.Rejected(message, reason, _):
+            return "rejected", f"{message}: {reason}"
+        case said.Failed(_, reason):
+            return "failed", reason
+        case said.Succeeded():
+            return "succeeded", "every activated event has been executed"
 
 
 def print_run(out: Console, record: ExecutionRecord, *, seed: int, explained: bool, quiet: bool) -> None:
@@ -420,17 +357,19 @@ def print_run(out: Console, record: ExecutionRecord, *, seed: int, explained: bo
     out.print(headline, soft_wrap=True)
     if quiet:
         return
-    telling = Telling()
+    reasons = _Reasons()
     for step in record.steps:
-        for at, (what, text) in enumerate(_lines(step)):
+        for decision, reason in _with_reasons(step):
+            what, text = _told(decision)
             if what != "event":
                 out.print(Text(f"{readable(step.time):>10}  {what:<9} {text}"), soft_wrap=True)
-                _print_lines(out, telling.of_decision(step, at))
-        for choice in telling.order(step):
+                _print_lines(out, reasons.of_decision(reason))
+        inferences = step.reasons.inferences if step.reasons else {}
+        for choice in inferences or step.inferred:  # those first whose reasons others rest on
             values = step.inferred[choice]
             verb = "must be" if len(values) == 1 else "may still be"
             out.print(Text(f"{'':>10}  so        {choice} {verb} {' or '.join(values)}"), soft_wrap=True)
-            _print_lines(out, telling.of_inference(step, choice))
+            _print_lines(out, reasons.of_inference(choice, inferences.get(choice)))
     if record.conflict and not explained:
         out.print()
         out.print("These facts contradict each other; without any one of them a correct execution would be left:")
@@ -443,21 +382,50 @@ def _print_lines(out: Console, lines: Iterable[str]) -> None:
         out.print(Text(f"{'':>24}{line}", style="dim"), soft_wrap=True)
 
 
+class _Reasons:
+    """Reasons in a timeline, none of them told twice."""
+
+    def __init__(self) -> None:
+        self._inferred: dict[str, str] = {}
+        self._said: set[str] = set()
+
+    def of_decision(self, reason: Reason | None) -> Iterator[str]:
+        """The lines below a decision."""
+        match reason:
+            case WhyChosen() if self._inferred.get(reason.choice) == reason.value:
+                yield "; ".join(["as inferred", *self._new(reason.parts)])
+            case WhyChosen() | WhyExecuted():
+                yield from reason.excluding if isinstance(reason, WhyChosen) else ()
+                new = "; ".join(self._new(reason.parts))
+                if new:
+                    yield new
+            case WhyNot():
+                yield from reason.lines
+
+    def of_inference(self, choice: str, reason: Reason | None) -> Iterator[str]:
+        """The lines below an inference."""
+        if isinstance(reason, WhyChosen):
+            if reason.value is not None:
+                self._inferred[choice] = reason.value
+            yield from reason.excluding
+
+    def _new(self, lines: tuple[str, ...]) -> Iterator[str]:
+        for line in lines:
+            if line not in self._said:
+                self._said.add(line)
+                yield line
+
+
 def run_chart(plan: TeamPlan, record: ExecutionRecord) -> Chart:
     """Who did what when, with choices, inferences and violations."""
-
-    lanes: dict[str, Lane] = {}
     bars: list[Bar] = []
     marks: list[Mark] = []
     for step in record.steps:
         for decision in step.decisions:
             match decision:
                 case said.Dispatched(action, agent, time, end, _, _):
-                    name = agent or "no agent"
-                    lanes.setdefault(name, Lane(name))
-                    bars.append(Bar(name, time, record.schedule.get(end), action, "activity"))
+                    bars.append(Bar(agent or "no agent", time, record.schedule.get(end), action, "activity"))
                 case said.Chosen(choice, value, time, observed):
-                    lanes.setdefault("choices", Lane("choices"))
                     kind = "observed choice" if observed else "choice of the executive"
                     marks.append(Mark(time, "choices", f"{choice} = {value}", kind))
                 case said.Violated(atom, _, _, _, time):
@@ -468,11 +436,7 @@ def run_chart(plan: TeamPlan, record: ExecutionRecord) -> Chart:
                     pass  # events and messages are in the timeline
         for choice, values in step.inferred.items():
             if len(values) == 1:
-                lanes.setdefault("choices", Lane("choices"))
                 marks.append(Mark(step.time, "choices", f"{choice} must be {values[0]}", "inference"))
-    return Chart(f"{plan.name}: {record.ending.value}", tuple(_sorted(lanes)), tuple(bars), tuple(marks))
-
-
-def _sorted(lanes: Mapping[str, Any]) -> list[Any]:
-    """Agents by name, choices last."""
-    return [lanes[name] for name in sorted(lanes, key=lambda name: (name == "choices", name))]
+    names = {bar.lane for bar in bars} | {mark.lane for mark in marks if mark.lane is not None}
+    lanes = [Lane(name) for name in sorted(names, key=lambda name: (name == "choices", name))]
+    return Chart(f"{plan.name}: {record.ending.value}", tuple(lanes), tuple(bars), tuple(marks))

@@ -9,27 +9,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import floor, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import matplotlib as mpl
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
-from robust.files import atomic_write
 from robust.irr.search import EnvelopeResult, Status
 from robust.numbers import approximate, end, readable
-from robust.options import place_of
 from robust.qe.box import Box
+from robust.show.drawing import BLUE, GREY, GRID, SKY, VERMILION, cut, save, without_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-# Okabe and Ito: distinguishable without colour vision, and in grey.
-BOX = "#56B4E9"
-EDGE = "#0072B2"
-NOMINAL = "#D55E00"
-GREY = "0.45"
 
 _TALLEST = 4.5
 """Inches up to which the convergence curve is as tall as the box."""
@@ -55,11 +48,7 @@ def plot_envelope(result: EnvelopeResult, path: Path) -> None:
     Raises:
         InputError: if the file cannot be written.
     """
-    rows = _rows(result)
-    # Texts stay texts in an SVG; names of parameters must not be read as formulas.
-    with mpl.rc_context({"svg.fonttype": "none", "text.parse_math": False}):
-        figure = _figure(result, rows)
-        atomic_write(path, lambda beside: figure.savefig(beside, dpi=160), place_of("plot"))
+    save(lambda: _figure(result, _rows(result)), path)
 
 
 def _figure(result: EnvelopeResult, rows: Sequence[_Row]) -> Figure:
@@ -96,12 +85,8 @@ def _rows(result: EnvelopeResult) -> list[_Row]:
         above = None if interval.upper is None else approximate(interval.upper - parameter.nominal)
         lower = end(interval.lower, upper=False, closed=interval.lower_closed)
         upper = end(interval.upper, upper=True, closed=interval.upper_closed)
-        rows.append(_Row(_short(parameter.name), readable(parameter.nominal), below, above, lower, upper))
+        rows.append(_Row(cut(parameter.name, 28), readable(parameter.nominal), below, above, lower, upper))
     return rows
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= 28 else f"{name[:25]}..."
 
 
 # -- the box ---------------------------------------------------------------------------------------------------------
@@ -112,12 +97,12 @@ def _draw_box(axes: Axes, rows: Sequence[_Row]) -> None:
     for index, row in enumerate(rows):
         left = -ends[0] if row.below is None else -row.below
         right = ends[1] if row.above is None else row.above
-        axes.barh(index, right - left, left=left, height=0.5, color=BOX, edgecolor=EDGE, linewidth=1, zorder=2)
-        axes.plot(0, index, marker="D", markersize=5, color=NOMINAL, markeredgecolor="white", zorder=4)
+        axes.barh(index, right - left, left=left, height=0.5, color=SKY, edgecolor=BLUE, linewidth=1, zorder=2)
+        axes.plot(0, index, marker="D", markersize=5, color=VERMILION, markeredgecolor="white", zorder=4)
         if row.below != 0 or row.above != 0:
             _draw_end(axes, (left, index), row.lower, infinite=row.below is None, side=-1)
         _draw_end(axes, (right, index), row.upper, infinite=row.above is None, side=1)
-    axes.axvline(0, color=NOMINAL, linewidth=1, zorder=1)
+    axes.axvline(0, color=VERMILION, linewidth=1, zorder=1)
     axes.set_yticks(range(len(rows)), [f"{row.name} = {row.nominal}" for row in rows])
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlabel("deviation from the nominal value (labels: values)")
@@ -130,7 +115,7 @@ def _draw_end(axes: Axes, place: tuple[float, float], text: str, *, infinite: bo
     """The value beside an end, and an arrow where there is no end; `side` is −1 or 1."""
     if infinite:
         marker = "<" if side < 0 else ">"
-        axes.plot(*place, marker=marker, markersize=11, color=EDGE, clip_on=False, zorder=5)
+        axes.plot(*place, marker=marker, markersize=11, color=BLUE, clip_on=False, zorder=5)
     axes.annotate(
         text,
         place,
@@ -167,22 +152,13 @@ def _scale(axes: Axes, rows: Sequence[_Row]) -> tuple[float, float]:
 
 
 def _logarithmic(axes: Axes, smallest: float, largest: float) -> None:
-    linear = 10.0 ** _floor_log10(smallest)
+    linear = 10.0 ** floor(log10(smallest))
     axes.set_xscale("symlog", linthresh=linear, linscale=0.6)
-    decades = _floor_log10(largest / linear) + 1
+    decades = floor(log10(largest / linear)) + 1
     ticks = [linear * 10.0**power for power in range(0, decades + 1, 1 if decades < 4 else 2 if decades < 9 else 4)]
     axes.set_xticks([*(-tick for tick in reversed(ticks)), 0, *ticks])
     axes.xaxis.set_major_formatter(FuncFormatter(_tick))
     axes.xaxis.set_minor_locator(NullLocator())
-
-
-def _floor_log10(value: float) -> int:
-    exponent = 0
-    while value >= 10:
-        value, exponent = value / 10, exponent + 1
-    while 0 < value < 1:
-        value, exponent = value * 10, exponent - 1
-    return exponent
 
 
 def _tick(value: float, _position: object = None) -> str:
@@ -198,8 +174,8 @@ def _draw_convergence(axes: Axes, result: EnvelopeResult) -> None:
     axes.set_xlabel("containment check")
     axes.set_ylabel(f"total width{note}, share of final")
     if len(checks) > 1:
-        axes.step(checks, shares, where="post", color=EDGE, linewidth=1.8)
-        axes.fill_between(checks, shares, step="post", color=BOX, alpha=0.35, linewidth=0)
+        axes.step(checks, shares, where="post", color=BLUE, linewidth=1.8)
+        axes.fill_between(checks, shares, step="post", color=SKY, alpha=0.35, linewidth=0)
         axes.set_xlim(0, checks[-1])
         axes.set_ylim(0, 1.05)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{share:.0%}"))
@@ -232,8 +208,6 @@ def _width(box: Box, names: Sequence[str]) -> Fraction:
 
 
 def _tidy(axes: Axes, *, grid: Literal["x", "both"]) -> None:
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    axes.grid(axis=grid, color="0.9", linewidth=0.8, zorder=0)
-    axes.set_axisbelow(True)
+    without_frame(axes)
+    axes.grid(axis=grid, color=GRID, linewidth=0.8, zorder=0)
     axes.tick_params(labelsize=8)

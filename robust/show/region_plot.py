@@ -9,15 +9,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from math import atan2
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robust.errors import InputError
-from robust.files import atomic_write
 from robust.qe.box import Box
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
+from robust.show.drawing import BLACK, BLUE, GREEN, LIGHT, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,118 +26,59 @@ Segment = tuple[Corner, Corner]
 Rectangle = tuple[tuple[Fraction, Fraction], ...]
 """The part of the plane (or line) that is shown: lower and upper end by axis."""
 
-FILL, EDGE, REMOVED = "#9ecae1", "#08519c", "#cb181d"
-BOX_COLOURS = ("#d94801", "#238b45", "#6a51a3", "#a63603", "#525252")
-FORMATS = (".svg", ".png", ".pdf")
+FILL, EDGE, REMOVED = LIGHT[0], BLUE, VERMILION
+BOX_COLOURS = (ORANGE, GREEN, PURPLE, BLACK, SKY)
 THIN = Fraction(1, 150)
 """Slabs narrower than this share of the view are drawn as lines, so that they stay visible."""
 
 
-def plot_region(
-    region: Region,
-    path: str | Path,
-    *,
-    axes: Sequence[str] | None = None,
-    at: Point | None = None,
-    boxes: Mapping[str, Box] | None = None,
-    points: Mapping[str, Point] | None = None,
-    view: Mapping[str, tuple[Fraction, Fraction]] | None = None,
-    title: str = "",
-) -> None:
-    """Draw a region and write it to an SVG, PNG or PDF file.
-
-    Args:
-        axes: the one or two parameters to show; may be left out if the region has no more.
-        at: values for parameters that are not shown; the region is sliced there, and projected along the rest.
-        boxes, points: what to draw on top, by the name to show in the legend; only their shown parameters matter.
-        view: range to show by parameter; by default what is bounded, the boxes and the points, with a margin.
-
-    Raises:
-        InputError: if the axes or the file's suffix do not fit, or the file cannot be written.
-    """
-    target = Path(path)
-    if target.suffix.lower() not in FORMATS:
-        raise InputError(f"{target}: cannot draw a file with suffix {target.suffix!r}; expected {', '.join(FORMATS)}")
-    import matplotlib  # noqa: PLC0415 - takes more than half a second
-
-    with matplotlib.rc_context({"svg.hashsalt": "robust", "svg.fonttype": "none"}):
-        figure = draw_region(region, axes=axes, at=at, boxes=boxes, points=points, view=view, title=title)
-        metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(target.suffix.lower())
-        try:
-            atomic_write(target, lambda beside: figure.savefig(beside, dpi=150, metadata=metadata), None)
-        except OSError as error:
-            raise InputError(f"{target}: cannot write the drawing ({error.strerror})") from error
-
-
 def draw_region(
     region: Region,
+    axes: Sequence[str],
     *,
-    axes: Sequence[str] | None = None,
     at: Point | None = None,
     boxes: Mapping[str, Box] | None = None,
     points: Mapping[str, Point] | None = None,
-    view: Mapping[str, tuple[Fraction, Fraction]] | None = None,
-    title: str = "",
 ) -> Figure:
-    """The drawing of `plot_region` as a matplotlib figure that belongs to no window."""
+    """A drawing of one or two parameters, as a figure that belongs to no window.
+
+    Args:
+        region: what is drawn, as far as it is near what is bounded in it, the boxes and the points.
+        axes: the parameters to show.
+        at: values for parameters that are not shown; the region is sliced there, and projected along the rest.
+        boxes, points: what to draw on top, by the name to show in the legend; only their shown parameters matter.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    shown = _shown(region, axes, at or {})
+    shown = _shown(region, tuple(axes), at or {})
     boxes, points = boxes or {}, points or {}
-    _check_overlays(shown.parameters, boxes, points)
-    rectangle = _view(shown, list(boxes.values()), list(points.values()), view or {})
+    rectangle = tuple(_range(shown, name, list(boxes.values()), list(points.values())) for name in shown.parameters)
     flat = len(shown.parameters) == 1
     figure = Figure(figsize=(6.4, 1.4 + 0.3 * len(boxes) if flat else 4.8), layout="constrained")
     FigureCanvasAgg(figure)
     canvas = figure.add_subplot()
     (_draw_line if flat else _draw_plane)(canvas, shown, rectangle, boxes, points)
-    if title:
-        canvas.set_title(title)
     if boxes or points:
         canvas.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize="small", frameon=False)
     return figure
 
 
-def _shown(region: Region, axes: Sequence[str] | None, at: Point) -> Region:
-    names = tuple(name for name in region.parameters if name not in at) if axes is None else tuple(axes)
-    if len(names) not in (1, 2) or any(name in at for name in names):
-        raise InputError(
-            f"cannot draw the parameters ({', '.join(names)}); expected one or two that are not fixed, "
-            f"chosen by `axes` from {', '.join(region.parameters) or 'none'}"
-        )
+def _shown(region: Region, names: tuple[str, ...], at: Point) -> Region:
     sliced = region.slice(at) if at else region
     if set(sliced.parameters) == set(names):
         return Region(names, sliced.pieces, sliced.base)
     return sliced.project(names)
 
 
-def _check_overlays(names: Sequence[str], boxes: Mapping[str, Box], points: Mapping[str, Point]) -> None:
-    for name in names:
-        for label, known in [*((k, box.intervals) for k, box in boxes.items()), *points.items()]:
-            if name not in known:
-                raise InputError(f"{label!r} has no value for parameter {name!r}, which is drawn")
-
-
-def _view(
-    region: Region,
-    boxes: Sequence[Box],
-    points: Sequence[Point],
-    given: Mapping[str, tuple[Fraction, Fraction]],
-) -> Rectangle:
-    """For each axis the given range, or one around everything finite."""
-    ranges = []
-    for name in region.parameters:
-        if name in given:
-            ranges.append((Fraction(given[name][0]), Fraction(given[name][1])))
-            continue
-        overlays = [end for box in boxes for end in (box.intervals[name].lower, box.intervals[name].upper)]
-        overlays += [point[name] for point in points]
-        values = [value for value in overlays if value is not None] + _landmarks(region, name)
-        low, high = min(values, default=Fraction(0)), max(values, default=Fraction(0))
-        margin = (high - low) * Fraction(2, 25) or max(abs(low) / 4, Fraction(1))
-        ranges.append((low - margin, high + margin))
-    return tuple(ranges)
+def _range(region: Region, name: str, boxes: Sequence[Box], points: Sequence[Point]) -> tuple[Fraction, Fraction]:
+    """The values of a parameter that are shown, around everything finite."""
+    overlays = [end for box in boxes for end in (box.intervals[name].lower, box.intervals[name].upper)]
+    overlays += [point[name] for point in points]
+    values = [value for value in overlays if value is not None] + _landmarks(region, name)
+    low, high = min(values, default=Fraction(0)), max(values, default=Fraction(0))
+    margin = (high - low) * Fraction(2, 25) or max(abs(low) / 4, Fraction(1))
+    return low - margin, high + margin
 
 
 def _landmarks(region: Region, name: str) -> list[Fraction]:
@@ -191,8 +130,8 @@ def _draw_plane(
         canvas.plot([float(point[names[0]])], [float(point[names[1]])], "k+", markersize=9, label=label, zorder=6)
     canvas.set_xlim(*map(float, rectangle[0]))
     canvas.set_ylim(*map(float, rectangle[1]))
-    canvas.set_xlabel(_escaped(names[0]))
-    canvas.set_ylabel(_escaped(names[1]))
+    canvas.set_xlabel(names[0])
+    canvas.set_ylabel(names[1])
 
 
 def _coloured(boxes: Mapping[str, Box]) -> Iterable[tuple[str, tuple[str, Box]]]:
@@ -342,7 +281,7 @@ def _draw_line(
     canvas.set_xlim(*map(float, rectangle[0]))
     canvas.set_ylim(-0.6, len(boxes) + 0.6)
     canvas.set_yticks([])
-    canvas.set_xlabel(_escaped(name))
+    canvas.set_xlabel(name)
 
 
 def _bar(
@@ -358,8 +297,3 @@ def _bar(
             canvas.plot(
                 [float(end)], [row], "o", color=colour, markersize=7, markerfacecolor=colour if closed else "white"
             )
-
-
-def _escaped(name: str) -> str:
-    """A name that matplotlib does not take for a formula."""
-    return name.replace("$", r"\$")

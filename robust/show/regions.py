@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from html import escape
 from pathlib import Path
 from string import Template
-from typing import Any
 
 from rich.console import Console
 from rich.text import Text
@@ -19,12 +18,13 @@ from robust.irr.search import Status
 from robust.numbers import duration, interval_text, readable
 from robust.options import place_of
 from robust.plan.model import ParametrizedPlan
-from robust.qe.box import Side
+from robust.qe.box import Box, Side
 from robust.qe.compute import RegionResult, RegionStatus
 from robust.qe.constraint import Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb
-from robust.qe.render import oriented
+from robust.qe.render import signed_sum
+from robust.show.drawing import save
 from robust.show.text import show_table, table
 
 MANY = 20
@@ -43,7 +43,7 @@ def in_form(region: Region, form: str | None) -> Region:
         case "difference":
             return tidied(region.as_difference())
         case _:
-            return short_union(region) or tidied(region)
+            return region.short_union(MANY) or tidied(region)
 
 
 def tidied(region: Region) -> Region:
@@ -51,22 +51,6 @@ def tidied(region: Region) -> Region:
     if len(region.pieces) <= MANY or region.base is None:
         return region.simplified()
     return Region.difference(region.base, absorb(region.pieces))
-
-
-def short_union(region: Region, most: int = MANY) -> Region | None:
-    """The region as a simplified union if at no moment of the conversion there are more pieces than `most`."""
-    if len(region.pieces) > 3 * most:
-        return None
-    current: list[Polyhedron] = []
-    for base, removed in region.parts():
-        rest = [base]
-        for piece in removed:
-            parts = [Region.difference(old, (piece,)).as_union().pieces for old in rest]
-            rest = list(absorb(part for pieces in parts for part in pieces))
-            if len(rest) > most:
-                return None
-        current += rest
-    return Region.union_of(region.parameters, current).simplified() if len(current) <= most else None
 
 
 # -- output ----------------------------------------------------------------------------------------------------------
@@ -112,25 +96,24 @@ def region_lines(region: Region, *, exact: bool) -> Iterator[str]:
         return
     if region.base is None and not region.pieces:
         yield "The plan is valid for no parameter values."
-    elif region.base is None and len(region.pieces) == 1:
+        return
+    if region.base is None and len(region.pieces) == 1:
         lines = polyhedron_lines(region.pieces[0])
         if lines:
             yield valid
             yield from (f"  {line}" for line in lines)
         else:
             yield f"The plan {'is' if exact else 'can be'} valid for all parameter values."
-    elif region.base is None:
+        return
+    if region.base is None:
         yield f"{valid} all lines of one of these {len(region.pieces)} groups hold"
-        for index, piece in enumerate(region.pieces, start=1):
-            yield f"  {index}."
-            yield from (f"     {line}" for line in polyhedron_lines(piece) or ["no condition"])
     else:
         yield valid
         yield from (f"  {line}" for line in polyhedron_lines(region.base) or ["(no condition)"])
         yield f"and not all lines of {'this group' if len(region.pieces) == 1 else 'one of these groups'} hold"
-        for index, piece in enumerate(region.pieces, start=1):
-            yield f"  {index}."
-            yield from (f"     {line}" for line in polyhedron_lines(piece) or ["no condition"])
+    for index, piece in enumerate(region.pieces, start=1):
+        yield f"  {index}."
+        yield from (f"     {line}" for line in polyhedron_lines(piece) or ["no condition"])
 
 
 def polyhedron_lines(piece: Polyhedron) -> list[str]:
@@ -142,8 +125,8 @@ def polyhedron_lines(piece: Polyhedron) -> list[str]:
             if constraint.is_false:
                 return ["0 = 1"]
             continue
-        terms, sign, constant = oriented(constraint)
-        form, number = _form(terms), readable(constant)
+        terms, sign, constant = constraint.oriented()
+        form, number = signed_sum(terms, "−", readable), readable(constant)
         if constraint.relation is Sense.EQUAL:
             upper[form], lower[form] = f" = {number}", ""
         elif sign in "≤<":
@@ -159,14 +142,6 @@ def _line(form: str, before: str, after: str) -> str:
         number, sign = before.split()
         return f"{form} {'≥' if sign == '≤' else '>'} {number}"
     return f"{before}{form}{after}"
-
-
-def _form(terms: Sequence[tuple[str, Fraction]]) -> str:
-    text = ""
-    for name, factor in terms:
-        sign = ("−" if factor < 0 else "") if not text else (" − " if factor < 0 else " + ")
-        text += f"{sign}{'' if abs(factor) == 1 else f'{readable(abs(factor))} '}{name}"
-    return text
 
 
 # -- drawings --------------------------------------------------------------------------------------------------------
@@ -190,20 +165,15 @@ def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
 
 
 def plot_slice(
-    region: Region,
-    plan: ParametrizedPlan,
-    path: Path,
-    axes: Sequence[str],
-    draw: Callable[..., None] | None = None,
-    **overlays: Any,
+    region: Region, plan: ParametrizedPlan, path: Path, axes: Sequence[str], boxes: Mapping[str, Box] | None = None
 ) -> None:
     """Draw one or two parameters, the others at their nominal values."""
-    from robust.show.region_plot import plot_region  # noqa: PLC0415 - late, as all that leads to matplotlib
+    from robust.show.region_plot import draw_region  # noqa: PLC0415 - late, as all that leads to matplotlib
 
     shown = shown_axes(plan, axes)
     nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}
     rest = {name: value for name, value in nominal.items() if name not in shown}
-    (draw or plot_region)(region, path, axes=shown, at=rest or None, points={"nominal values": nominal}, **overlays)
+    save(lambda: draw_region(region, shown, at=rest, boxes=boxes, points={"nominal values": nominal}), path)
 
 
 # -- comparisons -----------------------------------------------------------------------------------------------------
@@ -305,7 +275,7 @@ def plot_comparison(result: Comparison, path: Path, axes: Sequence[str]) -> None
     if result.region is None:
         return
     boxes = {_NAMES[entry.method]: entry.result.box for entry in result.entries if entry.result.verified}
-    plot_slice(result.region.region, result.plan, path, axes, boxes=boxes)
+    plot_slice(result.region.region, result.plan, path, axes, boxes)
 
 
 _PAGE = Template("""<!DOCTYPE html>

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
@@ -157,16 +158,10 @@ def _violation_cells(violation: Violation) -> tuple[Text, ...]:
 
 def _with_readable_numbers(detail: str) -> str:
     """Values in a violation's detail are exact fractions; those after `=` are shown like all other numbers."""
-    words = detail.split(" ")
-    for index, word in enumerate(words):
-        if index and words[index - 1] == "=" and _is_fraction(word):
-            words[index] = readable(Fraction(word))
-    return " ".join(words)
+    return _VALUE.sub(lambda match: readable(Fraction(match[0])), detail)
 
 
-def _is_fraction(word: str) -> bool:
-    numerator, slash, denominator = word.removeprefix("-").partition("/")
-    return bool(slash) and numerator.isdecimal() and denominator.isdecimal() and int(denominator) > 0
+_VALUE = re.compile(r"(?<= = )-?[0-9]+/0*[1-9][0-9]*(?= |$)")
 
 
 # -- envelopes -------------------------------------------------------------------------------------------------------
@@ -177,7 +172,10 @@ def print_envelope(
 ) -> None:
     """The box, or why there is none; unless `quiet` also how it was found. `promise` is what a complete box is."""
     if result.status is Status.INVALID:
-        _print_invalid(out, result, quiet, counterexample)
+        where = "the plan can fail at the nominal values: " if result.values else ""
+        out.print(Text.assemble(("invalid", "bold red"), f": {where}{result.reason}"), soft_wrap=True)
+        if counterexample is not None and not quiet:
+            print_counterexample(out, counterexample)
         return
     if not result.verified:
         word = _STOPPED[result.status]
@@ -238,14 +236,6 @@ def _total(result: EnvelopeResult) -> str:
         return ""
     weighted = any(parameter.weight != 1 for parameter in result.parameters)
     return f": total {'weighted ' if weighted else ''}width {readable(result.bound)}"
-
-
-def _print_invalid(out: Console, result: EnvelopeResult, quiet: bool, counterexample: Counterexample | None) -> None:
-    where = "" if not result.values else "the plan can fail at the nominal values: "
-    text = Text.assemble(("invalid", "bold red"), f": {where}{result.reason}")
-    out.print(text, soft_wrap=True)
-    if counterexample is not None and not quiet:
-        print_counterexample(out, counterexample)
 
 
 # -- shared ----------------------------------------------------------------------------------------------------------

@@ -1,18 +1,30 @@
-"""Time limits that are shared by everything that a computation starts."""
+"""Time limits that are shared by everything that a computation starts.
+
+Work inside this process that nothing can interrupt, such as a call of a solver's library, runs in a forked copy of the
+process that can be ended at any moment.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import os
+import pickle
 import select
 import signal
+import struct
+import sys
 import threading
 import time
-from collections.abc import Iterator
+import traceback
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
-from typing import Final
+from typing import Any, Final, NoReturn, TypeVar
 
-from robust.errors import InputError
+from robust.errors import InputError, SolverError
+
+T = TypeVar("T")
 
 LONGEST = 4_000_000
 """Seconds; z3 counts milliseconds in 32 bits."""
@@ -116,3 +128,85 @@ def raise_if_interrupted() -> None:
     """Raise KeyboardInterrupt if Ctrl-C was pressed in the block of :func:`noticing_interrupts` that is running."""
     if _Notes.noticed:
         raise KeyboardInterrupt
+
+
+# -- copies of this process --------------------------------------------------------------------------------------------
+
+_HEADER = struct.Struct("!?Q")
+"""Whether the work failed, and the size of what follows."""
+_DIE_WITH_PARENT = 1
+"""PR_SET_PDEATHSIG of Linux's `prctl`."""
+
+
+def from_copy(work: Callable[[], T], deadline: Deadline, task: str) -> T:
+    """What `work` returns, computed in a copy of this process; see :func:`stream_from_copy`."""
+    results = stream_from_copy(lambda: [work()], deadline, task)
+    try:
+        return next(results)
+    finally:
+        results.close()
+
+
+def stream_from_copy(work: Callable[[], Iterable[T]], deadline: Deadline, task: str) -> Generator[T]:
+    """What `work` yields, computed in a copy of this process; leaving the iteration early ends the copy.
+
+    The items are pickled, and none is None. `task` names the work in messages.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+        SolverError: if the work failed or the copy died.
+    """
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reader)
+        _run_in_copy(work, writer)
+    os.close(writer)
+    try:
+        while True:
+            failed, size = _HEADER.unpack(_read(reader, _HEADER.size, deadline, task))
+            item = pickle.loads(_read(reader, size, deadline, task))  # noqa: S301 - written by our own copy
+            if failed:
+                raise SolverError(f"{task} failed: {item}")
+            if item is None:
+                return
+            yield item
+    finally:
+        os.close(reader)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+
+
+def _run_in_copy(work: Callable[[], Iterable[Any]], writer: int) -> NoReturn:
+    """Runs in the copy, which must never return into the caller's stack; None marks the end."""
+    try:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if sys.platform == "linux":
+            ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
+        try:
+            for item in work():
+                _write(writer, False, item)
+            _write(writer, False, None)
+        except Exception:  # whatever it is, the caller must hear of it
+            _write(writer, True, traceback.format_exc(limit=-1).strip().splitlines()[-1])
+    finally:
+        os._exit(0)
+
+
+def _write(writer: int, failed: bool, item: Any) -> None:
+    content = pickle.dumps(item)
+    pending = memoryview(_HEADER.pack(failed, len(content)) + content)
+    while pending:
+        pending = pending[os.write(writer, pending) :]
+
+
+def _read(reader: int, size: int, deadline: Deadline, task: str) -> bytes:
+    content = bytearray()
+    while len(content) < size:
+        if not has_input(reader, deadline):
+            raise OutOfTimeError
+        chunk = os.read(reader, min(1 << 20, size - len(content)))
+        if not chunk:
+            raise SolverError(f"the process of {task} died; it may have run out of memory")
+        content += chunk
+    return bytes(content)

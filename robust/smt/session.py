@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
-import pickle
-import signal
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -21,7 +18,7 @@ from pysmt.logics import QF_LRA
 
 from robust.errors import SolverError, did_you_mean
 from robust.smt.export import Exporter
-from robust.smt.limits import NEVER, Deadline, has_input, raise_if_interrupted
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError, from_copy, raise_if_interrupted
 from robust.smt.terms import Formula, Terms
 
 
@@ -154,33 +151,18 @@ class Cvc5(Backend):
         return {symbol.symbol_name(): self._copied_values[symbol.symbol_name()] for symbol in symbols}
 
     def _check_in_copy(self, deadline: Deadline, symbols: list[Formula]) -> Verdict:
-        reader, writer = os.pipe()
-        child = os.fork()
-        if child == 0:
-            self._answer_in_copy(writer, symbols)
-        os.close(writer)
-        try:
-            answer = _read_until(reader, deadline)
-        finally:
-            os.close(reader)
-            os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-        if not answer:
-            return Verdict.UNKNOWN
-        verdict, self._copied_values = pickle.loads(answer)  # noqa: S301 - written by our own copy
-        return Verdict(verdict)
+        values = super().values
 
-    def _answer_in_copy(self, writer: int, symbols: list[Formula]) -> None:
-        """Runs in the copy, which must never return into the caller's stack."""
-        try:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        def answer() -> tuple[Verdict, dict[str, Value]]:
             self._solver.cvc5.setOption("tlimit-per", "0")
             verdict = _solve(self._solver)
-            values = super().values(symbols) if verdict is Verdict.SATISFIABLE else {}
-            with os.fdopen(writer, "wb") as stream:
-                stream.write(pickle.dumps((verdict.value, values)))
-        finally:
-            os._exit(0)
+            return verdict, values(symbols) if verdict is Verdict.SATISFIABLE else {}
+
+        try:
+            verdict, self._copied_values = from_copy(answer, deadline, self.name)
+        except (OutOfTimeError, SolverError):
+            return Verdict.UNKNOWN
+        return verdict
 
 
 BACKENDS: Mapping[str, type[Backend]] = {"z3": Z3, "cvc5": Cvc5}
@@ -220,18 +202,6 @@ def _solve(solver: Any) -> Verdict:
 def _python_value(constant: Formula) -> Value:
     value = constant.constant_value()
     return value if isinstance(value, bool) else Fraction(value.numerator, value.denominator)
-
-
-def _read_until(reader: int, deadline: Deadline) -> bytes:
-    """All that arrives before the deadline; empty if the writer does not finish in time."""
-    chunks: list[bytes] = []
-    while True:
-        if not has_input(reader, deadline):
-            return b""
-        chunk = os.read(reader, 65536)
-        if not chunk:
-            return b"".join(chunks)
-        chunks.append(chunk)
 
 
 class Session:

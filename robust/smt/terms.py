@@ -107,21 +107,14 @@ class Terms:
             return self.truth(relation.holds(expression.constant_term))
         key = (expression, relation)
         if key not in self._comparisons:
-            self._comparisons[key] = self._compare(expression, relation)
+            build = {
+                Relation.AT_LEAST: self.manager.GE,
+                Relation.GREATER: self.manager.GT,
+                Relation.EQUAL: self.manager.Equals,
+                Relation.DIFFERENT: self.manager.NotEquals,
+            }[relation]
+            self._comparisons[key] = build(self.linear(expression), self.number(Fraction(0)))
         return self._comparisons[key]
-
-    def _compare(self, expression: Polynomial[Hashable], relation: Relation) -> Formula:
-        zero = self.number(Fraction(0))
-        term = self.linear(expression)
-        match relation:
-            case Relation.AT_LEAST:
-                return self.manager.GE(term, zero)
-            case Relation.GREATER:
-                return self.manager.GT(term, zero)
-            case Relation.EQUAL:
-                return self.manager.Equals(term, zero)
-            case Relation.DIFFERENT:
-                return self.manager.Not(self.manager.Equals(term, zero))
 
     def at_least(self, expression: Polynomial[Hashable]) -> Formula:
         return self.compare(expression, Relation.AT_LEAST)

@@ -21,17 +21,24 @@ EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
 SCHEMAS = Path(benchmarks.__file__).parent / "schemas"
 
 MakeSuite = Callable[..., Path]
-Stand = Callable[[str], Path]
+Stand = Callable[[str], None]
+Trial = Callable[..., Report[Any]]
 
-ENVELOPE = {
-    "schema": "robust/envelope/1",
-    "status": "complete",
-    "checks": 3,
-    "first_widening_s": 0.01,
-    "seconds": 0.02,
-    "parameters": {"a": {"lower": "1/3", "upper": "inf", "lower_closed": True, "upper_closed": False}},
-}
-"""An answer of `robust envelope --json`, with the keys that the experiments read."""
+STAND = """
+import json, os, sys, time
+KIND = sys.argv[1]
+OPTION = {"envelope": "--method", "region": "--backend"}.get(KIND)
+NAME = sys.argv[sys.argv.index(OPTION) + 1] if OPTION in sys.argv else "recorded-box"
+BOX = {"lower": "0", "upper": "2", "lower_closed": True, "upper_closed": True}
+BOUND = {"coefficients": {"a": "1"}, "relation": "<=", "constant": "3"}
+STEPS = [{"check": 1, "seconds": 0.1, "share": 0.0}, {"check": 60, "seconds": 0.2, "share": 1.0}]
+ANSWER = {
+    "envelope": {"checks": 3, "first_widening_s": 0.01, "parameters": {"a": BOX}, "convergence": STEPS},
+    "region": {"parameters": ["a"], "form": "difference", "base": [BOUND], "minus": []},
+    "check": {"verdict": "proved"},
+}.get(KIND, {}) | {"schema": f"robust/{KIND}/1", "status": "complete", "seconds": 0.02}
+"""
+"""Answers as those of `python -m robust`, with the keys that the experiments read; an exact envelope is a ≤ 3."""
 
 
 def run(name: str, **options: Any) -> Report[Any]:
@@ -98,15 +105,27 @@ def make_suite(tmp_path: Path) -> MakeSuite:
 
 @pytest.fixture
 def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stand:
-    """Replaces `python -m robust` by a script in the current directory; what it needs is in `ANSWER` and `sys.argv`."""
+    """Replaces `python -m robust` by a script in the current directory, which answers if it comes to its end."""
     directory = tmp_path / "stand"
     directory.mkdir()
     monkeypatch.chdir(directory)
 
-    def put(script: str) -> Path:
-        path = directory / "robust.py"
-        head = f"import json, os, sys, time\nANSWER = json.loads({json.dumps(ENVELOPE)!r})\n"
-        path.write_text(head + script, encoding="utf-8")
-        return path
+    def put(script: str) -> None:
+        (directory / "robust.py").write_text(f"{STAND}{script}\nprint(json.dumps(ANSWER))\n", encoding="utf-8")
 
     return put
+
+
+@pytest.fixture
+def trial(make_suite: MakeSuite, stand: Stand) -> Trial:
+    """Runs an experiment on these instances with a script in place of the command; the report fits its schema."""
+
+    def run_it(name: str, script: str, *instances: Any, delivery: Any = None, **options: Any) -> Report[Any]:
+        stand(script)
+        if instances or delivery:
+            options["suite"] = make_suite(*instances, delivery=delivery)
+        report = run(name, **options)
+        checked(report)
+        return report
+
+    return run_it

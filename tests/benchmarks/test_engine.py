@@ -10,47 +10,26 @@ import sys
 import time
 import warnings
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from itertools import product
 from pathlib import Path
-from statistics import correlation, linear_regression
+from statistics import correlation, linear_regression, stdev
 
 import pytest
-from scipy import stats
 
 import robust
 from benchmarks.engine import pool
-from benchmarks.engine.codec import key_of
-from benchmarks.engine.measure import measured
-from benchmarks.engine.pool import ATTEMPTS
+from benchmarks.engine.pool import ATTEMPTS, Task
 from benchmarks.engine.show import quantile
 from benchmarks.engine.stats import LineFit, Mean, Pairing, Proportion
-from benchmarks.engine.store import SCHEMA, Store
-from benchmarks.engine.sweep import run_sweep
-from robust.errors import InputError, RobustError, UnsupportedError
-from robust.smt.limits import Deadline
-from tests.benchmarks.conftest import MakeSuite, Stand, navigation
+from benchmarks.engine.sweep import SCHEMA, Store, key_of, run_sweep
+from robust.errors import InputError, UnsupportedError
+from tests.benchmarks.conftest import navigation
+from tests.children import eventually, is_running
 
 ROOT = Path(__file__).parents[2]
-
-
-def eventually(holds, seconds=10.0):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if holds():
-            return True
-        time.sleep(0.02)
-    return holds()
-
-
-def is_running(pid):
-    """Whether the process exists and is not only waiting to be collected."""
-    with suppress(OSError, IndexError):
-        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0] != "Z"
-    return False
 
 
 class Colour(Enum):
@@ -58,41 +37,31 @@ class Colour(Enum):
 
 
 @dataclass(frozen=True)
-class Square:
-    """Squares a number; leaves a line in a file for each attempt."""
-
-    number: int
-    log: Path
-    seconds: float = 0.0
-    half: Fraction = Fraction(1, 2)
-    colour: Colour = Colour.RED
-
-    @property
-    def label(self):
-        return f"square {self.number}"
-
-
-@dataclass(frozen=True)
 class Squared:
     square: int
 
 
-def square(task):
-    with task.log.open("a") as log:
-        log.write(f"{task.number} {os.getpid()}\n")
-    time.sleep(task.seconds)
-    if task.number < 0:
+def square(number, log, seconds=0.0, *_):
+    """Leaves a line in a file for each attempt."""
+    with log.open("a") as file:
+        file.write(f"{number} {os.getpid()}\n")
+    time.sleep(seconds)
+    if number < 0:
         raise ValueError("negative\nsecond line")
-    return Squared(task.number**2)
+    return Squared(number**2)
 
 
-def deadly(task):
+def deadly(number, log, seconds=0.0):
     """Kills its own process for some numbers: always for 3, the first time for 5."""
-    attempts = Counter(line.split()[0] for line in (task.log.read_text().splitlines() if task.log.exists() else []))
-    result = square(task)
-    if task.number == 3 or (task.number == 5 and not attempts["5"]):
+    made = attempts(log) if log.exists() else Counter()
+    result = square(number, log, seconds)
+    if number == 3 or (number == 5 and not made[5]):
         os.kill(os.getpid(), signal.SIGKILL)
     return result
+
+
+def task(number, log, *more):
+    return Task(f"square {number}", (number, log, *more))
 
 
 def sweep_of(some, work=square, **options):
@@ -100,7 +69,7 @@ def sweep_of(some, work=square, **options):
 
 
 def tasks(log, count, seconds=0.0):
-    return [Square(number, log, seconds) for number in range(count)]
+    return [task(number, log, seconds) for number in range(count)]
 
 
 def attempts(log):
@@ -119,112 +88,63 @@ def values(sweep):
 
 
 def test_keys_are_stable_and_tell_tasks_apart():
-    task = Square(1, Path("log"))
-    assert key_of(task) == key_of(Square(1, Path("log"))) == "7a52981ab65669cafddedfc2bc35b940"
-    others = [Square(2, Path("log")), Square(1, Path("l")), Square(1, Path("log"), half=Fraction(1, 3))]
-    assert len({key_of(one) for one in (task, *others)}) == 4
+    given = (1, Path("log"), 0.0, Fraction(1, 2), Colour.RED)
+    assert key_of(square, task(*given)) == key_of(square, Task("other", given)) == "4f8e06daa3284f85e684412e249ba6c5"
+    others = [task(2, *given[1:]), task(1, Path("l"), *given[2:]), task(*given[:3], Fraction(1, 3), Colour.RED)]
+    assert len({key_of(square, one) for one in (task(*given), *others)} | {key_of(deadly, task(*given))}) == 5
+    for value, error in ((object(), NotImplementedError), (float("nan"), ValueError)):
+        with pytest.raises(error):
+            key_of(square, task(value, Path("log")))
 
 
-@pytest.mark.parametrize("value", [object(), float("nan")])
-def test_what_has_no_stable_form_is_no_task(value):
-    with pytest.raises(TypeError, match="no stable form"):
-        key_of(Square(value, Path("log")))
+HEADER = json.dumps({"schema": SCHEMA, "robust": robust.__version__})
 
 
-def test_a_store_keeps_results_once(tmp_path):
-    path = tmp_path / "store.jsonl"
-    with Store(path) as store:
-        assert store.add("a", "first", {"x": 1})
-        assert not store.add("a", "again", {"x": 2})
-    with Store(path) as store:
-        assert store.results == {"a": {"x": 1}}
-    header, line = path.read_text().splitlines()
-    assert json.loads(header) == {"schema": SCHEMA, "robust": robust.__version__}
-    assert json.loads(line) == {"key": "a", "task": "first", "result": {"x": 1}}
-
-
-def test_every_torn_end_is_dropped_and_written_over(tmp_path):
-    path = tmp_path / "store.jsonl"
-    with Store(path) as store:
-        store.add("a", "first", 1)
-        store.add("b", "second", "ü")
-    whole = path.read_bytes()
-    second = whole.index(b'{"key": "b"')
-    for length in range(len(whole)):
-        path.write_bytes(whole[:length])
-        with Store(path) as store:
-            kept = dict(store.results)
-            store.add("c", "third", 3)
-        with Store(path) as store:
-            assert store.results == {**kept, "c": 3}
-        assert ("a" in kept) == (length >= second)
-        assert "b" not in kept
-
-
-def test_what_is_no_store_is_left_alone(tmp_path):
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f'{HEADER}\n{{"key": 1, "result": 2}}\n', ":2: found no result, expected those of a store"),
+        ('{"schema": "x"}\n', ":1: found schema 'x', expected a store of results"),
+        (f'{{"schema": "{SCHEMA}", "robust": "0.0.0"}}\n', r":1: found results of robust 0\.0\.0"),
+    ],
+)
+def test_what_is_no_store_is_left_alone(text, message, tmp_path):
     path = tmp_path / "plan.stn"
-    header = json.dumps({"schema": SCHEMA, "robust": robust.__version__})
-    for text, place in (
-        ("parameter a;", ":1"),
-        ("parameter a;\n", ":1"),
-        ("[]\n", ":1"),
-        ('{"schema": "other"}\n', ":1"),
-        (f'{header}\n{{"key": 1, "result": 2}}\n', ":2"),
-        (f"{header}\nnonsense\n{{}}\n", ":2"),
-    ):
-        path.write_text(text)
-        with pytest.raises(InputError, match=rf"plan.stn{place}: found .*, expected a store"):
-            Store(path)
-        assert path.read_text() == text
-
-
-def test_stores_of_other_versions_in_use_or_nowhere(tmp_path):
-    path = tmp_path / "store.jsonl"
-    path.write_text(f'{{"schema": "{SCHEMA}", "robust": "0.0.0"}}\n')
-    with pytest.raises(InputError, match=r"found results of robust 0\.0\.0"):
+    path.write_text(text)
+    with pytest.raises(InputError, match="plan.stn" + message):
         Store(path)
-    path.unlink()
-    with Store(path), pytest.raises(InputError, match="in use by another run"):
-        Store(path)
-    with pytest.raises(InputError, match="cannot open the store: no such file or directory"):
-        Store(tmp_path / "nowhere" / "store.jsonl")
+    assert path.read_text() == text
 
 
 # -- sweeps on this machine --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_every_task_once_in_order(tmp_path, jobs):
+def test_every_task_once_in_order_and_not_again(tmp_path, jobs):
+    store, log = tmp_path / "store", tmp_path / "log"
     seen = []
-    again = [Square(2, tmp_path / "log")]
     sweep = sweep_of(
-        [*tasks(tmp_path / "log", 6), *again],
+        [*tasks(log, 4), task(2, log, 0.0)],
+        store=store,
         jobs=jobs,
-        describe=lambda task, record: f"{task.number}: {record.square}",
+        describe=lambda record: str(record.square),
         on_result=lambda done, total, line: seen.append((done, total, line)),
     )
-    assert values(sweep) == squares(6)
-    assert (sweep.complete, sweep.failures, sweep.notes, sweep.total) == (True, (), (), 6)
-    assert attempts(tmp_path / "log") == Counter(range(6))
-    assert [one[:2] for one in seen] == [(n, 6) for n in range(1, 7)]
-    assert {one[2] for one in seen} == {f"{n}: {n * n}" for n in range(6)}
-
-
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_a_rerun_resumes(tmp_path, jobs):
-    store, log = tmp_path / "store", tmp_path / "log"
-    assert sweep_of(tasks(log, 3), store=store, jobs=jobs).resumed == 0
-    sweep = sweep_of(tasks(log, 5), store=store, jobs=jobs)
-    assert values(sweep) == squares(5)
-    assert (sweep.resumed, sweep.notes) == (3, (f"3 of 5 results are from {store}",))
-    assert attempts(log) == Counter(range(5))
+    assert values(sweep) == squares(4)
+    assert (sweep.complete, sweep.failures, sweep.notes, sweep.total, sweep.resumed) == (True, (), (), 4, 0)
+    assert [one[:2] for one in seen] == [(n, 4) for n in range(1, 5)]
+    assert {one[2] for one in seen} == {f"square {n}: {n * n}" for n in range(4)}
+    again = sweep_of(tasks(log, 6), store=store, jobs=jobs)
+    assert values(again) == squares(6)
+    assert (again.resumed, again.notes) == (4, (f"4 of 6 results are from {store}",))
+    assert attempts(log) == Counter(range(6))
     assert sweep_of(tasks(log, 2), store=store, jobs=jobs).resumed == 2
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_errors_are_failures_that_a_rerun_tries_again(tmp_path, jobs):
     store, log = tmp_path / "store", tmp_path / "log"
-    some = [Square(2, log), Square(-1, log), Square(3, log)]
+    some = [task(2, log), task(-1, log), task(3, log)]
     for count in (1, 2):
         sweep = sweep_of(some, store=store, jobs=jobs)
         assert values(sweep) == [4, 9]
@@ -236,7 +156,7 @@ def test_errors_are_failures_that_a_rerun_tries_again(tmp_path, jobs):
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_what_earlier_records_settle_is_not_started(tmp_path, jobs):
-    def settled(task, records):
+    def settled(_, records):
         return Squared(0) if any(one.square >= 4 for one in records) else None
 
     sweep = sweep_of(tasks(tmp_path / "log", 6, 0.05), jobs=jobs, settled=settled)
@@ -256,17 +176,7 @@ def test_killed_processes(tmp_path):
     assert len(Store(store).results) == 7
 
 
-def test_nothing_starts_after_the_deadline(tmp_path):
-    for jobs in (1, 2):
-        sweep = sweep_of(tasks(tmp_path / "log", 3), jobs=jobs, deadline=Deadline.after(0))
-        assert (sweep.results, sweep.complete) == ((), False)
-        assert sweep.notes == ("incomplete: 0 of 3 tasks done; with --store FILE an interrupted run can be resumed",)
-    assert not (tmp_path / "log").exists()
-
-
-def test_wrong_options():
-    with pytest.raises(InputError, match="jobs is 0"):
-        sweep_of([], jobs=0)
+def test_jobs_and_a_cluster_exclude_each_other():
     with pytest.raises(InputError, match="expected one of them"):
         sweep_of([], jobs=2, cluster="tcp://127.0.0.1:1")
     assert sweep_of([]).complete
@@ -275,11 +185,11 @@ def test_wrong_options():
 DRIVER = """
 import json, sys
 from pathlib import Path
-from tests.benchmarks.test_engine import sweep_of, Square
+from tests.benchmarks.test_engine import sweep_of, task
 log, store, jobs = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
-some = [Square(number, log, 0 if number < 2 else 60) for number in range(6)]
+some = [task(number, log, 0 if number < 2 else 60) for number in range(6)]
 sweep = sweep_of(some, store=store, jobs=jobs)
-print(json.dumps([[task.number for task, _ in sweep.results], sweep.complete, sweep.notes]))
+print(json.dumps([[task.given[0] for task, _ in sweep.results], sweep.complete, sweep.notes]))
 """
 
 
@@ -321,14 +231,12 @@ print(json.dumps(RECORDED.run(suite=sys.argv[1], jobs=int(sys.argv[2])).as_dict(
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_the_children_end_when_only_their_parent_is_interrupted(
-    make_suite: MakeSuite, stand: Stand, tmp_path: Path, jobs: int
-) -> None:
+def test_the_children_end_when_only_their_parent_is_interrupted(make_suite, stand, tmp_path, jobs):
     stand(
         f"""
-if sys.argv[-2] == "--order=quick": print(json.dumps(ANSWER)); sys.exit()
-open({str(tmp_path)!r} + f"/pid{{os.getpid()}}", "w").close()
-time.sleep(60)
+if sys.argv[-2] != "--order=quick":
+    open({str(tmp_path)!r} + f"/pid{{os.getpid()}}", "w").close()
+    time.sleep(60)
 """
     )
     slow = (navigation(f"slow{i}", irr_order=["slow"]) for i in range(4))
@@ -384,22 +292,14 @@ def test_cluster_with_a_killed_worker(cluster, tmp_path):
     assert attempts(log) - made == Counter({30: 1, 31: 1})
 
 
-def test_cluster_failures_and_deadline(cluster, tmp_path):
-    log = tmp_path / "log"
-    sweep = sweep_of([Square(2, log), Square(-1, log)], cluster=cluster.scheduler_address)
-    assert values(sweep) == [4]
-    assert [one.reason for one in sweep.failures] == ["ValueError: negative"]
-    started = time.monotonic()
-    slow = sweep_of(tasks(log, 6, 3), cluster=cluster.scheduler_address, deadline=Deadline.after(1))
-    assert time.monotonic() - started < 2.5
-    assert (slow.complete, slow.results) == (False, ())
-
-
-def test_a_cluster_gives_up_on_a_task_that_kills_its_workers(cluster, tmp_path):
-    sweep = sweep_of(tasks(tmp_path / "log", 5), deadly, cluster=cluster.scheduler_address)
+def test_failures_on_a_cluster(cluster, tmp_path):
+    some = [*tasks(tmp_path / "log", 5), task(-1, tmp_path / "log")]
+    sweep = sweep_of(some, deadly, cluster=cluster.scheduler_address)
     assert values(sweep) == [0, 1, 4, 16]
-    assert [one.task for one in sweep.failures] == ["square 3"]
-    assert "its worker died again and again" in sweep.failures[0].reason
+    reasons = {one.task: one.reason for one in sweep.failures}
+    assert reasons.keys() == {"square 3", "square -1"}
+    assert "its worker died again and again" in reasons["square 3"]
+    assert reasons["square -1"] == "ValueError: negative"
 
 
 def test_no_cluster(monkeypatch, tmp_path):
@@ -417,87 +317,24 @@ def test_without_dask(monkeypatch, tmp_path):
         sweep_of(tasks(tmp_path / "log", 1), cluster="tcp://127.0.0.1:9")
 
 
-# -- measured processes ------------------------------------------------------------------------------------------------
-
-
-def python(code):
-    return [sys.executable, "-S", "-c", code]
-
-
-def sleeper(tmp_path):
-    return f"import os, time; open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(60)"
-
-
-def test_output_exit_code_and_time():
-    code = "import sys, time; print('out'); print('first\\nlast', file=sys.stderr); time.sleep(0.2); sys.exit(3)"
-    found = measured(python(code))
-    assert (found.stdout, found.exit_code, found.timed_out, found.last_error) == ("out\n", 3, False, "last")
-    assert 0.2 <= found.seconds < 5
-    assert measured(python("import os; os._exit(7)")).last_error == "exit code 7 without a message"
-    found = measured(python("import sys; print('x' * 10**6); print('y' * 10**6, file=sys.stderr)"))
-    assert (len(found.stdout), len(found.stderr)) == (10**6 + 1, 10**6 + 1)
-
-
-def test_memory_is_that_of_the_process_and_not_of_its_parent():
-    ballast = bytearray(300 * 2**20)
-    assert measured(python("pass")).memory_mb < 100
-    assert 200 < measured(python("x = bytearray(200 * 2**20)")).memory_mb < 300
-    assert measured(python("pass")).memory_mb < 100  # the maximum over earlier ones does not count
-    assert len(ballast) > 0
-
-
-def test_the_limit_kills(tmp_path):
-    started = time.monotonic()
-    found = measured(python("import time; print('early', flush=True); time.sleep(60)"), limit=0.5)
-    assert (found.timed_out, found.exit_code < 0, found.stdout) == (True, True, "early\n")
-    assert 0.5 <= found.seconds < 10
-    assert time.monotonic() - started < 20
-    assert found.memory_mb > 1
-    code = f"import subprocess, sys; subprocess.run([sys.executable, '-S', '-c', {sleeper(tmp_path)!r}])"
-    assert measured(python(code), limit=2).timed_out  # and what it has started as well
-    assert eventually(lambda: not is_running(int((tmp_path / "pid").read_text())))
-
-
-def test_a_command_that_does_not_exist(tmp_path):
-    with pytest.raises(RobustError, match=r"cannot run.*absent"):
-        measured([str(tmp_path / "absent")])
-
-
-def test_children_end_with_their_parent(tmp_path):
-    code = "import sys; from benchmarks.engine.measure import measured; measured([sys.executable, '-c', sys.argv[1]])"
-    with driver(code, sleeper(tmp_path)) as parent:
-        assert eventually(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text() != "", 30)
-        parent.kill()
-    assert eventually(lambda: not is_running(int((tmp_path / "pid").read_text())))
-
-
-def test_no_descriptor_is_left_open():
-    measured(python("pass"))
-    before = len(os.listdir("/proc/self/fd"))
-    for _ in range(3):
-        measured(python("pass"))
-    assert len(os.listdir("/proc/self/fd")) <= before
-
-
 # -- statistics --------------------------------------------------------------------------------------------------------
 
 
-def test_wilson_intervals():
-    # Newcombe (1998), Table I, method 3: 81/263, 15/148, 0/20, 1/29.
-    for successes, trials, lower, upper in (
-        (81, 263, 0.2553, 0.3662),
-        (15, 148, 0.0624, 0.1605),
-        (0, 20, 0.0, 0.1611),
-        (1, 29, 0.0061, 0.1718),
-    ):
-        assert Proportion(successes, trials).interval == pytest.approx((lower, upper), abs=5e-5)
-        low, high = Proportion(trials - successes, trials).interval
-        assert (1 - high, 1 - low) == pytest.approx((lower, upper), abs=5e-5)
-    assert Proportion(92, 100).share == Fraction(23, 25)
-    assert (Proportion(5, 5).interval[1], Proportion(0, 5).interval[0]) == (1, 0)
-    for successes, trials in ((0, 0), (-1, 3), (4, 3)):
-        with pytest.raises(ValueError, match="no proportion"):
-            Proportion(successes, trials)
+@pytest.mark.parametrize(
+    ("successes", "trials", "bounds"),
+    [(81, 263, (0.2553, 0.3662)), (15, 148, (0.0624, 0.1605)), (0, 20, (0.0, 0.1611)), (1, 29, (0.0061, 0.1718))],
+)
+def test_wilson_intervals(successes, trials, bounds):
+    """Newcombe (1998), Table I, method 3."""
+    assert Proportion(successes, trials).interval == pytest.approx(bounds, abs=5e-5)
+    low, high = Proportion(trials - successes, trials).interval
+    assert (1 - high, 1 - low) == pytest.approx(bounds, abs=5e-5)
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(0, 0), (-1, 3), (4, 3)])
+def test_what_is_no_proportion(successes, trials):
+    with pytest.raises(ValueError, match="no proportion"):
+        Proportion(successes, trials)
 
 
 def test_mcnemar_by_brute_force():
@@ -507,42 +344,31 @@ def test_mcnemar_by_brute_force():
         observed = abs(first - second)
         as_uneven = sum(abs(2 * sum(wins) - count) >= observed for wins in product((0, 1), repeat=count))
         assert Pairing(first, second, 3, 4).p_value == pytest.approx(as_uneven / 2**count)
-    assert Pairing(121, 59, 0, 0).p_value == pytest.approx(4.434e-06, rel=2e-2)
 
 
 def test_means():
     assert Mean.of([]) is None
     assert Mean.of([2.0]) == Mean(2.0, None)
-    mean = Mean.of([1.0, 2.0, 3.0])
-    assert mean.value == 2
-    assert mean.interval == pytest.approx((2 - 4.3027 / 3**0.5, 2 + 4.3027 / 3**0.5), abs=1e-4)
-    some = [0.5, 1.5, 4.0, 2.5]
-    assert Mean.of(some).interval == pytest.approx(stats.t.interval(0.95, 3, 2.125, stats.sem(some)))
+    found = Mean.of([0.5, 1.5, 4.0, 2.5])
+    assert found.value == 2.125
+    # Student's t for three degrees of freedom is 3.1824.
+    assert found.interval[1] - 2.125 == pytest.approx(3.1824 * stdev([0.5, 1.5, 4.0, 2.5]) / 2, rel=1e-4)
 
 
 def test_a_line():
     points = [(1, 0), (1, 1), (2, 1), (3, 2), (4, 2), (5, 4)]
     fit = LineFit.of(points)
-    slope, intercept = linear_regression(*zip(*points, strict=True))
-    assert fit.slope == pytest.approx(slope)
-    assert fit.intercept == pytest.approx(intercept)
-    assert fit.r_squared == pytest.approx(correlation(*zip(*points, strict=True)) ** 2)
-    # Student's t for four degrees of freedom is 2.776; the residual deviation over the spread is 0.5 / √(40/3) here.
-    residual = sum((y - intercept - slope * x) ** 2 for x, y in points)
-    spread = sum((x - 16 / 6) ** 2 for x, _ in points)
-    assert fit.interval[1] - slope == pytest.approx(2.7764 * (residual / 4 / spread) ** 0.5, rel=1e-4)
+    xs, ys = zip(*points, strict=True)
+    assert (fit.slope, fit.intercept) == pytest.approx(tuple(linear_regression(xs, ys)))
+    assert fit.r_squared == pytest.approx(correlation(xs, ys) ** 2)
+    # Student's t for four degrees of freedom is 2.7764; the spread of the abscissas is 40 / 3.
+    residual = sum((y - fit.intercept - fit.slope * x) ** 2 for x, y in points)
+    assert fit.interval[1] - fit.slope == pytest.approx(2.7764 * (residual / 4 / (40 / 3)) ** 0.5, rel=1e-4)
     assert LineFit.of([(1, 2), (1, 3)]) is None
-    two = LineFit.of([(1, 2), (2, 4)])
-    assert (two.slope, two.intercept, two.r_squared, two.interval) == (2, 0, 1, None)
+    assert LineFit.of([(1, 2), (2, 4)]) == LineFit(2, None, 0, 1)
     assert LineFit.of([(1, 2), (2, 2), (3, 2)]).r_squared == 1
 
 
-# -- tables ------------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("size", "share", "expected"), [(10, 0.9, 9), (11, 0.9, 10), (1, 0.9, 1), (100, 0.9, 90)])
-def test_a_quantile_is_the_least_that_enough_values_do_not_exceed(size, share, expected):
-    values = list(range(1, size + 1))
-    assert quantile(values, share) == expected
-    assert expected == min(each for each in values if sum(other <= each for other in values) >= share * size)
-    assert quantile([], share) is None
+@pytest.mark.parametrize(("size", "expected"), [(10, 9), (11, 10), (1, 1), (0, None)])
+def test_a_quantile_is_the_least_that_enough_values_do_not_exceed(size, expected):
+    assert quantile(list(range(1, size + 1)), 0.9) == expected

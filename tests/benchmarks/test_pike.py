@@ -11,34 +11,22 @@ import pytest
 from benchmarks.generators.pike import random_k_intents
 from benchmarks.pike import figure17_18
 from benchmarks.pike.baselines import draw_script
-from benchmarks.pike.figure17_18 import FIGURE18, Figure18Report, KIntentsRun, KIntentsTask, TeamExecution, run_problem
-from benchmarks.pike.figure20b import LatencyTask, measure_latency, run_execution
+from benchmarks.pike.figure17_18 import FIGURE18, SAVINGS, Figure18Report, KIntentsRun, TeamExecution, run_problem
+from benchmarks.pike.figure20b import measure_latency, run_execution
 from robust.smt.limits import Deadline
 from tests.benchmarks.conftest import checked, rendered, run
-
-FIGURES = ("figure17", "figure18")
-
 
 # -- figures 17 and 18 -------------------------------------------------------------------------------------------------
 
 
 def test_both_figures_are_made_of_one_run(tmp_path):
-    first, second = (run(figure, problems=2, largest=10, store=tmp_path / "store") for figure in FIGURES)
+    first, second = (run(name, problems=2, largest=10, store=tmp_path / "store") for name in ("figure17", "figure18"))
     assert first.rows == second.rows
     assert any("2 of 2 results are from" in note for note in second.notes)
 
 
-@pytest.mark.parametrize("index", range(3))
-def test_executions_of_a_problem_are_those_of_one_world(index):
-    """PIKE never plans anew; Kirk is later by exactly its recoveries."""
-    result = run_problem(KIntentsTask(1, index, 30, "smt", None))
-    pike, kirk = result.pike, result.kirk
-    assert (pike.outcome, pike.replans, pike.recovery) == ("succeeded", 0, 0)
-    assert kirk.time - pike.time == kirk.recovery
-    assert 0 <= kirk.replans <= len(result.structure)
-    assert (kirk.replans == 0) == (kirk.recovery == 0)
-    again = run_problem(KIntentsTask(1, index, 30, "smt", None))
-    assert (again.pike.time, again.kirk.time) == (pike.time, kirk.time)
+def execution(time, replans=0, recovery=0, seconds=0.0, outcome="succeeded"):
+    return TeamExecution(outcome, Fraction(time), replans, Fraction(recovery), seconds)
 
 
 def by_formula(seed, index, largest):
@@ -72,16 +60,18 @@ def by_formula(seed, index, largest):
         *(pytest.param(3, index, 10_000, marks=pytest.mark.slow) for index in range(30)),
     ],
 )
-def test_figures_by_formula(seed, index, largest):
-    result = run_problem(KIntentsTask(seed, index, largest, "smt", None))
-    assert (result.kirk.replans, result.pike.time, result.kirk.time) == by_formula(seed, index, largest)
+def test_executions_by_formula(seed, index, largest):
+    """PIKE never plans anew; Kirk is later by exactly its recoveries."""
+    result = run_problem(seed, index, largest, "smt")
+    replans, time, later = by_formula(seed, index, largest)
+    assert replace(result.pike, seconds=0.0) == execution(time)
+    assert replace(result.kirk, seconds=0.0) == execution(later, replans, later - time)
 
 
 def test_executions_that_take_too_long_are_left_out():
     report = run("figure18", problems=2, largest=10, limit=1e-6)
     assert [each.pike.outcome for each in report.rows] == ["timeout", "timeout"]
-    assert report.agrees  # too late is not wrong
-    assert report.compared == []
+    assert (report.agrees, report.compared) == (True, [])  # too late is not wrong
     assert "out of time: 2 problems" in rendered(report.tables)
     checked(report)
 
@@ -90,12 +80,7 @@ def test_a_success_that_is_none_is_said(monkeypatch):
     monkeypatch.setattr(figure17_18, "execution_faults", lambda plan, executive: ("wrong",))
     report = run("figure17", problems=1, largest=4)
     assert report.rows[0].pike.outcome == "incorrect"
-    assert not report.agrees
-    assert report.pike_failures == 1
-
-
-def execution(time, replans=0, recovery=0, seconds=0.0, outcome="succeeded"):
-    return TeamExecution(outcome, Fraction(time), replans, Fraction(recovery), seconds)
+    assert (report.agrees, report.pike_failures) == (False, 1)
 
 
 RUNS = (
@@ -110,33 +95,25 @@ def made(*runs):
     return Figure18Report(FIGURE18, FIGURE18.options(problems=len(runs), largest=100), None, runs)
 
 
-def test_what_is_saved():
-    first = RUNS[0]
-    assert first.improvement == 0.25
-    assert first.improvement_over_pike == pytest.approx(1 / 3)
-    assert first.computed_improvement == pytest.approx(1 - 4 / 4.5)
-    assert first.free_improvement == pytest.approx(1 - 4 / 3.5)
-    assert RUNS[1].wrong_guesses == Fraction(1, 2) + Fraction(2, 3)
-    assert RUNS[1].intents == 6
-
-
 def test_statistics_by_hand():
+    shares = [one.share(RUNS[0]) for one in SAVINGS.values()]
+    assert shares == pytest.approx([0.25, 1 / 3, 1 - 4 / 4.5, 1 - 4 / 3.5])
+    assert (RUNS[1].wrong_guesses, RUNS[1].intents) == (Fraction(1, 2) + Fraction(2, 3), 6)
     report = made(*RUNS)
     assert not report.agrees  # one of Kirk's executions failed
     assert list(report.by_choices) == [1, 2]
     assert report.mean(lambda each: each.kirk.replans).value == 1
     assert report.saved_of_totals == pytest.approx(1 - 15 / 18)
     assert report.fit.slope == 0
-    assert [cells[:3] for cells in report.replans().rows] == [("1", "1", "1.00"), ("2", "2", "1.00")]
+    assert [cells[:3] for cells in report.replans.rows] == [("1", "1", "1.00"), ("2", "2", "1.00")]
     assert report.times.rows[1][:5] == ("2", "2", "6.00", "7.00", "12.5")
-    assert report.improvements().rows[0][1] == "16.7"
+    assert report.improvements.rows[0][1] == "16.7"
 
 
-def test_pike_that_fails_counts():
-    failed = replace(RUNS[0], pike=execution(3, outcome="failed"))
-    assert made(failed).pike_failures == 1
-    assert not made(failed).agrees
-    assert made(replace(RUNS[0], pike=execution(3, replans=1))).pike_failures == 1
+@pytest.mark.parametrize("pike", [{"outcome": "failed"}, {"replans": 1}])
+def test_pike_that_fails_or_plans_anew_counts(pike):
+    report = made(replace(RUNS[0], pike=execution(3, **pike)))
+    assert (report.agrees, report.pike_failures) == (False, 1)
 
 
 # -- figures 20a and 21 ------------------------------------------------------------------------------------------------
@@ -161,10 +138,9 @@ def latencies(tmp_path_factory):
     """Of the first five plans, two admit a correct execution."""
     seen = []
     plot = tmp_path_factory.mktemp("plots") / "plot.svg"
-    found = run(
-        "figure20b", backends=("smt", "bdd"), problems=5, plot=plot, on_result=lambda *progress: seen.append(progress)
-    )
-    assert [done for done, _, _ in seen] == [1, 2, 3, 4, 5, 1, 2, 3, 4]
+    options = {"backends": ("smt", "bdd"), "problems": 5, "plot": plot}
+    found = run("figure20b", **options, on_result=lambda *progress: seen.append(progress[0]))
+    assert seen == [1, 2, 3, 4, 5, 1, 2, 3, 4]
     assert plot.stat().st_size > 0
     return found
 
@@ -173,40 +149,41 @@ def test_a_few_plans(latencies):
     assert latencies.agrees
     admitting = ("random_0_000", "random_0_004")
     assert latencies.facts.admitting == admitting
-    assert [(each.instance, each.backend) for each in latencies.rows] == [
-        (instance, backend) for instance in admitting for backend in ("smt", "bdd")
-    ]
+    pairs = [(instance, backend) for instance in admitting for backend in ("smt", "bdd")]
+    assert [(each.instance, each.backend) for each in latencies.rows] == pairs
     for each in latencies.rows:
         assert each.executed
         assert 0 < each.slowest < 60
         assert each.preparation_seconds > 0
         assert len(each.decided) == each.decisions > 0
     first, second = latencies.rows[:2]
-    assert first.decided == second.decided
-    assert len(first.step_seconds) == len(second.step_seconds)
-    value = checked(latencies)
-    text = rendered(latencies.tables)
-    assert "5 plans of seed 0: 2 of 5 decided ones admit a correct execution" in text
-    again = latencies.experiment.read(value)
+    assert (first.decided, len(first.step_seconds)) == (second.decided, len(second.step_seconds))
+    assert "5 plans of seed 0: 2 of 5 decided ones admit a correct execution" in rendered(latencies.tables)
+    again = latencies.experiment.read(checked(latencies))
     assert [each.slowest for each in again.rows] == [each.slowest for each in latencies.rows]
 
 
-def test_different_decisions_are_a_failure(latencies):
+@pytest.mark.parametrize(
+    ("outcome", "kept", "then", "agrees"),
+    [
+        ("succeeded", slice(None), (), True),
+        ("succeeded", slice(3), (), False),
+        ("timeout", slice(3), (), True),  # what a time-out has decided may be less, but not other
+        ("timeout", slice(3), ("other",), False),
+    ],
+)
+def test_different_decisions_are_a_failure(latencies, outcome, kept, then, agrees):
     *others, last = latencies.rows
-    decided = (*last.decided[:3], "something else", *last.decided[4:])
-    wrong = replace(latencies, rows=(*others, replace(last, decided=decided)))
-    assert wrong.differences == ["random_0_004: smt and bdd differ from decision 4 on"]
-    assert not wrong.agrees
-    assert "differ from decision 4 on" in rendered(wrong.tables)
-    # What a time-out has decided may be less, but not other.
-    late = replace(last, outcome="timeout", decided=last.decided[:3])
-    assert replace(latencies, rows=(*others, late)).agrees
-    assert not replace(latencies, rows=(*others, replace(last, decided=last.decided[:3]))).agrees
-    assert not replace(latencies, rows=(*others, replace(late, decided=("other",)))).agrees
+    decided = (*last.decided[kept], *then)
+    report = replace(latencies, rows=(*others, replace(last, outcome=outcome, decided=decided)))
+    assert report.agrees == agrees
+    said = [] if agrees else ["random_0_004: smt and bdd differ from decision 4 on"]
+    assert report.differences == said
+    assert ("differ from decision 4 on" in rendered(report.tables)) is not agrees
 
 
 def test_a_failed_process_is_a_failure(latencies):
-    failed = run_execution(LatencyTask(0, 0, "no such back end", 60.0))
+    failed = run_execution(0, 0, "no such back end", 60.0)
     assert "unknown reasoner" in failed.message
     assert not replace(latencies, rows=(failed, *latencies.rows)).agrees
 

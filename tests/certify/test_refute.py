@@ -60,19 +60,6 @@ def test_propositional_solver_agrees_with_truth_tables(seed):
             assert propagates_to_conflict(solver.clauses, step.clause, step.hints)
 
 
-def test_pigeons_do_not_fit():
-    solver = PropositionalSolver()
-    holes, pigeons = 4, 5
-    for pigeon in range(pigeons):
-        solver.add(1 + pigeon * holes + hole for hole in range(holes))
-    for hole in range(holes):
-        for first in range(pigeons):
-            for second in range(first):
-                solver.add((-(1 + first * holes + hole), -(1 + second * holes + hole)))
-    assert solver.solve(NONE) is None
-    assert solver.refutation is not None
-
-
 # -- linear ----------------------------------------------------------------------------------------------------------
 
 

@@ -8,7 +8,6 @@ import json
 import zlib
 from pathlib import Path
 
-from benchmarks.generators.pike import sat_plan
 from robust.api import envelope, region
 from robust.certify.produce import FormulaCertificate, PlanCertificate, digests
 from robust.certify.verify import checker_path
@@ -18,21 +17,17 @@ from robust.pike_bridge.semantics import Semantics
 from robust.plan.load import load_plan
 from robust.qe.box import Box
 from robust.smt.limits import Deadline
+from tests.pike_bridge.satisfiability import sat_plan
 
 EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
 NAVIGATION = tuple(EXAMPLES / "two_sample_navigation" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
 GENERATOR = tuple(EXAMPLES / "generator" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
 
 
-def load_checker():
-    """The checker as a module, which knows nothing of this package."""
-    spec = importlib.util.spec_from_file_location("certificate_checker", checker_path())
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-CHECKER = load_checker()
+_SPEC = importlib.util.spec_from_file_location("certificate_checker", checker_path())
+CHECKER = importlib.util.module_from_spec(_SPEC)
+"""The checker as a module, which knows nothing of this package."""
+_SPEC.loader.exec_module(CHECKER)
 
 
 def rejection(path, files=None):
@@ -50,26 +45,20 @@ def by_name(files):
 
 
 def certificate(files, path, *, kind="box", encoding="relational", box=None):
-    """A certificate of the plan in `files`, written to `path`; the plan and the box."""
+    """A certificate of the plan in `files`, written to `path`; the plan, and the box or the region."""
     plan = load_plan(*files)
-    if box is None:
-        box = Box.nominal(plan.parameters) if kind == "plan" else envelope(plan).box
-    inputs = digests(by_name(files))
-    made = PlanCertificate(create_encoding(encoding, plan), kind=kind, inputs=inputs, box=box)
-    made.add_box()
+    if kind == "region":
+        found = region(plan, encoding=encoding).region
+    else:
+        found = box or (Box.nominal(plan.parameters) if kind == "plan" else envelope(plan).box)
+    stated = {} if kind == "region" else {"box": found}
+    made = PlanCertificate(create_encoding(encoding, plan), kind=kind, inputs=digests(by_name(files)), **stated)
+    if kind == "region":
+        made.add_region(found)
+    else:
+        made.add_box()
     if kind == "maximal":
         made.add_witnesses()
-    made.writer.save(path)
-    return plan, box
-
-
-def region_certificate(files, path, *, encoding="relational"):
-    """A certificate of the envelope of the plan in `files`; the plan and the envelope."""
-    plan = load_plan(*files)
-    found = region(plan, encoding=encoding).region
-    inputs = digests(by_name(files))
-    made = PlanCertificate(create_encoding(encoding, plan), kind="region", inputs=inputs)
-    made.add_region(found)
     made.writer.save(path)
     return plan, found
 

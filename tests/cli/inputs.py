@@ -1,7 +1,7 @@
-"""A small plan, to be made wrong in many ways."""
+"""A small plan, and one table of what makes it wrong; `tests/recordings` has what is said of each."""
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 DOMAIN = """\
 (define (domain delivery)
@@ -30,21 +30,61 @@ c: g.end - g.start in [5, 5];
 """
 
 
-@dataclass(frozen=True)
-class Inputs:
+RIGHT = {"domain.pddl": DOMAIN, "problem.pddl": PROBLEM, "plan.stn": PLAN}
+
+
+class Inputs(NamedTuple):
     """Where the three texts are."""
 
-    domain: Path
-    problem: Path
-    plan: Path
-
-    @property
-    def files(self) -> tuple[Path, Path, Path]:
-        return self.domain, self.problem, self.plan
+    files: tuple[Path, ...]
 
 
 def write(directory: Path, domain: str = DOMAIN, problem: str = PROBLEM, plan: str = PLAN) -> Inputs:
-    inputs = Inputs(directory / "domain.pddl", directory / "problem.pddl", directory / "plan.stn")
+    inputs = Inputs(tuple(directory / name for name in RIGHT))
     for path, text in zip(inputs.files, (domain, problem, plan), strict=True):
         path.write_text(text, encoding="utf-8")
     return inputs
+
+
+class BadInput(NamedTuple):
+    """`old` in one of the three files becomes `new`."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+
+
+_ACTION = "(:durative-action go"
+_LATE = "c: g.end - g.start in [5, 5];\nc: g.end - .zero in [0, 1];"
+
+BAD_INPUTS = (
+    BadInput("unbalanced parenthesis", "domain.pddl", "(ready))", "(ready)"),
+    BadInput("too many parentheses", "problem.pddl", "(:goal (at b)))", "(:goal (at b))))"),
+    BadInput("unknown requirement", "domain.pddl", ":fluents)", ":fluents :magic)"),
+    BadInput("unknown type", "domain.pddl", "?to - place", "?to - plaice"),
+    BadInput("unknown predicate", "domain.pddl", "(at start (at ?from))", "(at start (att ?from))"),
+    BadInput("unknown predicate in the goal", "problem.pddl", "(:goal (at b))", "(:goal (on b))"),
+    BadInput("unknown function", "domain.pddl", "(decrease (fuel) 1)", "(decrease (feul) 1)"),
+    BadInput("unknown object", "problem.pddl", "(:goal (at b))", "(:goal (at c))"),
+    BadInput("unknown object in the plan", "plan.stn", "(go a b)", "(go a c)"),
+    BadInput("unknown action", "plan.stn", "(go a b)", "(fly a b)"),
+    BadInput("arity of a predicate", "domain.pddl", "(at end (at ?to))", "(at end (at ?to ?to))"),
+    BadInput("arity of an action", "plan.stn", "(go a b)", "(go a)"),
+    BadInput("undeclared time point", "plan.stn", "g.end - g.start", "h.end - g.start"),
+    BadInput("undeclared parameter", "plan.stn", "in [leave, leave]", "in [leave, late]"),
+    BadInput("a parameter named inf", "plan.stn", "parameter leave", "parameter inf"),
+    BadInput("lower above upper", "plan.stn", "in [5, 5]", "in [6, 5]"),
+    BadInput("crossed bounds", "plan.stn", "lb 0 ub 9", "lb 9 ub 0"),
+    BadInput("nominal value outside", "plan.stn", "default 2", "default 20"),
+    BadInput("no nominal value", "plan.stn", " default 2", ""),
+    BadInput("not a number", "plan.stn", "in [5, 5]", "in [5, 5x]"),
+    BadInput("missing semicolon", "plan.stn", "(go a b);", "(go a b)"),
+    BadInput("instantaneous", "plan.stn", "durative-action instance", "action instance"),
+    BadInput("no initial value", "problem.pddl", " (= (fuel) 3)", ""),
+    BadInput("another domain", "problem.pddl", "(:domain delivery)", "(:domain taxi)"),
+    BadInput("no schedule", "plan.stn", "c: g.end - g.start in [5, 5];", _LATE),
+    BadInput("process", "domain.pddl", _ACTION, f"(:process burn)\n  {_ACTION}"),
+    BadInput("event", "domain.pddl", _ACTION, f"(:event burn)\n  {_ACTION}"),
+    BadInput("non-linear effect", "domain.pddl", "(at end (decrease (fuel) 1))", "(decrease (fuel) (* #t (fuel)))"),
+)

@@ -17,11 +17,6 @@ def send(guard: Guard, number: signal.Signals = signal.SIGINT) -> None:
     signal.pthread_kill(guard._watcher.ident, number)
 
 
-def send_and_wait(guard: Guard, number: signal.Signals = signal.SIGINT) -> None:
-    send(guard, number)
-    time.sleep(10)
-
-
 def test_puts_everything_back():
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGALRM), signal.pthread_sigmask(0, [])
     threads = threading.active_count()
@@ -31,13 +26,20 @@ def test_puts_everything_back():
     assert threading.active_count() == threads
 
 
-def test_interrupts_work_that_waits():
+def wait_after_a_signal(guard: Guard, number: signal.Signals) -> None:
+    send(guard, number)
+    time.sleep(10)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupts_work_that_waits_and_leaves_what_follows_alone(number):
     with Guard() as guard:
         started = time.monotonic()
         with pytest.raises(KeyboardInterrupt), guard.working():
-            send_and_wait(guard, signal.SIGTERM)
+            wait_after_a_signal(guard, number)
         assert time.monotonic() - started < 10
         assert guard.cause is Cause.INTERRUPTED
+        time.sleep(0.5)
 
 
 def test_interrupts_again_what_swallowed_the_first():
@@ -73,13 +75,6 @@ def test_signal_before_work_is_remembered():
             time.sleep(0.01)
         with pytest.raises(KeyboardInterrupt), guard.working():
             pytest.fail("work began")
-
-
-def test_leaves_what_follows_the_work_alone():
-    with Guard() as guard:
-        with pytest.raises(KeyboardInterrupt), guard.working():
-            send_and_wait(guard)
-        time.sleep(0.5)
 
 
 def test_remaining():

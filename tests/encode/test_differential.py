@@ -1,56 +1,42 @@
-"""The relational encoding against the concrete simulator, on drawn plans and sampled schedules."""
+"""Both encodings against the concrete simulator, on drawn plans and sampled schedules, and against each other."""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
+from itertools import product
+from pathlib import Path
 from random import Random
+from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust.api import check
-from robust.encode.encoding import RelationalEncoding, Stage
+from robust.api import check, envelope
+from robust.encode.encoding import RelationalEncoding
+from robust.encode.interface import Stage
+from robust.encode.positions.encoding import PositionsEncoding
 from robust.errors import InputError, UnsupportedError
 from robust.irr.check import Answer, CheckResult
-from robust.plan.model import (
-    ZERO,
-    And,
-    Assignment,
-    AtomEffect,
-    Comparison,
-    Holds,
-    NumericEffect,
-    Or,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    Relation,
-    TemporalConstraint,
-    TimedLiteral,
-    TimePoint,
-)
-from robust.plan.polynomial import Polynomial
+from robust.irr.search import Status
+from robust.plan import model
+from robust.plan.load import load_plan
+from robust.plan.model import ZERO, And, Assignment, AtomEffect, Comparison, Holds, NumericEffect, Or, ParametrizedPlan
 from robust.plan.simulate import simulate
 from robust.qe.box import Interval
-from tests.plan.building import ALL, END, START, TRUE, F, G, P, action, flow, number, plan_of, value
+from robust.smt.session import Verdict
+from tests.encode.asking import both, difference, first_broken, is_broken
+from tests.plan import building
+from tests.plan.building import ALL, END, RANDOM, START, TRUE, F, G, P, action, between, drawn, flow, number, value
 from tests.sampling import Network, sample_parameters, sample_schedules
 from tests.strategies import plans
 
-RANDOM = st.randoms(use_true_random=True)
-Schedule = Mapping[TimePoint, Fraction]
-
-
-def drawn(examples: int) -> settings:
-    return settings(
-        max_examples=examples,
-        deadline=None,
-        derandomize=True,
-        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
-    )
+# -- the relational encoding -----------------------------------------------------------------------------------------
 
 
 @st.composite
@@ -64,13 +50,13 @@ def loosened(draw, **options) -> ParametrizedPlan:
 @st.composite
 def tangled(draw) -> ParametrizedPlan:
     """Unordered actions whose effects read what the others write: who comes first decides what a fluent is."""
-    k = Polynomial.variable(ParameterReference("k"))
+    k = building.reference("k")
     leaf = st.builds(
         lambda left, right, constant, relation: Comparison(left - right + number(constant), relation),
         st.sampled_from([value(F), value(G)]),
         st.sampled_from([value(F), value(G), k, number(0)]),
         st.integers(-2, 2),
-        st.sampled_from(Relation),
+        st.sampled_from(model.Relation),
     )
     condition = st.one_of(
         leaf,
@@ -96,15 +82,13 @@ def tangled(draw) -> ParametrizedPlan:
         instances.append(action(f"i{index}", *pieces))
     constraints = []
     for instance in instances:
-        length = number(draw(st.integers(1, 2)))
-        constraints.append(
-            TemporalConstraint(instance.start, instance.end, length, draw(st.sampled_from([length, k + 2])))
-        )
-        constraints.append(TemporalConstraint(ZERO, instance.start, number(draw(st.integers(0, 2))), number(3)))
+        length = draw(st.integers(1, 2))
+        constraints.append(between(instance.start, instance.end, length, draw(st.sampled_from([length, k + 2]))))
+        constraints.append(between(ZERO, instance.start, draw(st.integers(0, 2)), 3))
     if draw(st.booleans()):
-        constraints.append(TemporalConstraint(instances[0].end, instances[1].start, number(1), None))
-    literals = (TimedLiteral(Fraction(2), F, Fraction(1)),) if draw(st.integers(0, 3)) == 0 else ()
-    return plan_of(
+        constraints.append(between(instances[0].end, instances[1].start, 1))
+    literals = (model.TimedLiteral(Fraction(2), F, Fraction(1)),) if draw(st.integers(0, 3)) == 0 else ()
+    return building.plan_of(
         *instances,
         atoms=(P,),
         f=draw(st.sampled_from([0, 1, k])),
@@ -112,12 +96,13 @@ def tangled(draw) -> ParametrizedPlan:
         goal=draw(condition),
         literals=literals,
         constraints=tuple(constraints),
-        parameters=(Parameter("k", Fraction(1), lower=Fraction(0)),),
+        parameters=(model.Parameter("k", Fraction(1), lower=Fraction(0)),),
     )
 
 
 KINDS = {
     "anything linear": plans(linear=True),
+    "products": plans(linear=False),
     "mostly valid": plans(linear=True, tame=True),
     "mostly broken": plans(linear=True, tame=False, atoms=1),
     "continuous": plans(linear=True, tame=True, instances=3, durative_only=True, atoms=1, fluents=1),
@@ -126,9 +111,7 @@ KINDS = {
 }
 
 
-def compare(
-    plan: ParametrizedPlan, at: dict[str, Fraction], random: Random, solver: str, count: int = 8
-) -> Counter[object]:
+def compare(plan: ParametrizedPlan, at: dict[str, Fraction], random: Random, solver: str) -> Counter[object]:
     """Compare both forms of `check` at one parameter point with simulations; what came out, for statistics."""
     network = Network(plan, at)
     try:
@@ -137,6 +120,8 @@ def compare(
         if network.consistent:
             raise AssertionError("there is a schedule") from error
         return Counter(["no schedule anywhere"])
+    except UnsupportedError:
+        return Counter(["unsupported"])
     assert stopped.answer is full.answer
     if not network.consistent:
         assert full.answer is Answer.REFUTED
@@ -144,7 +129,7 @@ def compare(
         assert full.reason
         return Counter(["no schedule here"])
     assert full.reason is None
-    _compare_schedules(plan, at, sample_schedules(plan, at, random, count), full)
+    _compare_schedules(plan, at, sample_schedules(plan, at, random, 8), full)
     _confirm_counterexamples(plan, at, full)
     _confirm_counterexamples(plan, at, stopped)
     assert len(stopped.counterexamples) == (stopped.answer is Answer.REFUTED)
@@ -152,21 +137,20 @@ def compare(
 
 
 def _compare_schedules(
-    plan: ParametrizedPlan, at: dict[str, Fraction], schedules: list[dict[TimePoint, Fraction]], result: CheckResult
+    plan: ParametrizedPlan,
+    at: dict[str, Fraction],
+    schedules: list[dict[model.TimePoint, Fraction]],
+    result: CheckResult,
 ) -> None:
-    stage = {obligation.name: obligation.stage for obligation in RelationalEncoding(plan).obligations}
     assert result.answer in {Answer.PROVED, Answer.REFUTED}
-    assert set(result.obligations) == set(stage)
+    assert list(result.obligations) == [obligation.name for obligation in RelationalEncoding(plan).obligations]
     for schedule in schedules:
         simulation = simulate(plan, at, schedule)
         assert simulation.network_violations == ()
         broken = {violation.obligation for violation in simulation.violations}
-        assert broken <= set(stage), "the encoding lacks an obligation"
-        earliest = min((stage[name].value for name in broken), default=Stage.CONDITION.value)
-        for name in broken:
-            # Later stages are judged over the schedules that respect the earlier ones.
-            if stage[name].value == earliest:
-                assert result.obligations[name] is Answer.REFUTED, (name, schedule)
+        assert broken <= set(result.obligations), "the encoding lacks an obligation"
+        for name in first_broken(plan, broken):
+            assert result.obligations[name] is Answer.REFUTED, (name, schedule)
 
 
 def _confirm_counterexamples(plan: ParametrizedPlan, at: dict[str, Fraction], result: CheckResult) -> None:
@@ -185,11 +169,18 @@ def points(plan: ParametrizedPlan, random: Random) -> list[dict[str, Fraction]]:
     return [plan.nominal] if sampled == plan.nominal else [plan.nominal, sampled]
 
 
-@pytest.mark.parametrize(("kind", "solver"), [*((kind, "z3") for kind in KINDS), ("anything linear", "cvc5")])
-def test_check_agrees_with_simulations(kind, solver) -> None:
+@pytest.mark.parametrize(
+    ("kind", "solver", "count"),
+    [
+        *((kind, "z3", 25) for kind in KINDS),
+        ("anything linear", "cvc5", 10),
+        *(pytest.param(*pair, 1500, marks=pytest.mark.slow) for pair in product(KINDS, ("z3", "cvc5"))),
+    ],
+)
+def test_check_agrees_with_simulations(kind, solver, count) -> None:
     outcomes: Counter[object] = Counter()
 
-    @drawn(25 if solver == "z3" else 10)
+    @settings(drawn(count), derandomize=count < 100)
     @given(KINDS[kind], RANDOM)
     def run(plan, random) -> None:
         for at in points(plan, random):
@@ -198,53 +189,7 @@ def test_check_agrees_with_simulations(kind, solver) -> None:
     run()
     assert outcomes["refuted obligation"] >= 5, outcomes
     assert outcomes["proved obligation"] >= 5, outcomes
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("solver", ["z3", "cvc5"])
-@pytest.mark.parametrize("kind", KINDS)
-def test_check_agrees_with_many_simulations(kind, solver) -> None:
-    @settings(drawn(1500), derandomize=False)
-    @given(KINDS[kind], RANDOM)
-    def run(plan, random) -> None:
-        for at in points(plan, random):
-            compare(plan, at, random, solver, count=20)
-
-    run()
-
-
-def test_products_are_decided_or_refused() -> None:
-    outcomes: Counter[object] = Counter()
-
-    @drawn(30)
-    @given(plans(linear=False), RANDOM)
-    def run(plan, random) -> None:
-        try:
-            outcomes.update(compare(plan, plan.nominal, random, "z3"))
-        except UnsupportedError:
-            outcomes["unsupported"] += 1
-
-    run()
-    assert outcomes[Answer.PROVED] + outcomes[Answer.REFUTED] >= 10, outcomes
-    assert outcomes["unsupported"] >= 1, outcomes
-
-
-def test_solvers_and_verdicts_of_every_obligation_agree() -> None:
-    verdicts: Counter[Answer] = Counter()
-
-    @drawn(12)
-    @given(plans(linear=True, instances=3, infeasible=False))
-    def run(plan) -> None:
-        try:
-            z3, cvc5 = (check(plan, every=True, solver=solver) for solver in ("z3", "cvc5"))
-        except InputError:
-            return
-        assert z3.obligations == cvc5.obligations
-        verdicts.update(z3.obligations.values())
-
-    run()
-    assert verdicts[Answer.PROVED] >= 10
-    assert verdicts[Answer.REFUTED] >= 2
+    assert (outcomes["unsupported"] > 0) == (kind == "products"), outcomes
 
 
 @drawn(15)
@@ -262,3 +207,171 @@ def test_a_box_is_proved_only_if_its_points_are(plan, random) -> None:
         assert set(answers) <= {Answer.PROVED}
     if Answer.REFUTED in answers:
         assert answer is Answer.REFUTED
+
+
+# -- the encoding with positions -------------------------------------------------------------------------------------
+
+
+EPSILON = Fraction(1, 8)
+
+
+def compare_obligations(plan: ParametrizedPlan, random: Random, agreed: Counter[bool]) -> None:
+    """Every obligation that a schedule reaches, having respected the earlier stages; until something is unsupported."""
+    with suppress(UnsupportedError):
+        encoding = PositionsEncoding(plan, EPSILON)
+        early = {o.name for o in encoding.obligations if o.stage is not Stage.CONDITION}
+        for values in (plan.nominal, sample_parameters(plan, random)):
+            for schedule in sample_schedules(plan, values, random, 3, epsilon=EPSILON):
+                simulation = simulate(plan, values, schedule, epsilon=EPSILON)
+                broken = {violation.obligation for violation in simulation.violations}
+                for obligation in encoding.obligations if not broken & early else ():
+                    answer = is_broken(encoding, obligation, values, schedule)
+                    assert answer == (obligation.name in broken), f"{obligation.name} {values} {schedule}"
+                    agreed[answer] += 1
+
+
+OPTIONS = [
+    {"linear": True},
+    {"linear": True, "instances": 3, "atoms": 1, "fluents": 1, "durative_only": True},
+]
+SLOW = pytest.mark.slow
+THOROUGH = [(200, one) for one in (*OPTIONS, {}, {"instances": 6, "linear": True, "tame": True})]
+
+
+@pytest.mark.parametrize(
+    ("count", "options"), [*((40, one) for one in OPTIONS), *(pytest.param(*one, marks=SLOW) for one in THOROUGH)]
+)
+def test_agrees_with_the_simulator(count: int, options: dict[str, bool | int]) -> None:
+    agreed: Counter[bool] = Counter()
+
+    @drawn(count)
+    @given(plan=plans(**options), random=RANDOM)
+    def run(plan: ParametrizedPlan, random: Random) -> None:
+        compare_obligations(plan, random, agreed)
+
+    run()
+    assert agreed[True] > 1
+    assert agreed[False] > 50
+
+
+# -- against the other encoding ---------------------------------------------------------------------------------------
+
+VERY_SMALL = {"linear": True, "instances": 2, "atoms": 2, "fluents": 1, "parameters": 2}
+
+
+def verdict(
+    plan: ParametrizedPlan, encoding: str, at: Mapping[str, Fraction], every: bool = False
+) -> CheckResult | type[Exception]:
+    """The result, with every counterexample confirmed by the simulator, or the kind of error."""
+    try:
+        return check(plan, encoding=encoding, at=at, every=every)
+    except (InputError, UnsupportedError) as error:
+        return type(error)
+
+
+@pytest.mark.parametrize(
+    ("count", "options"),
+    [
+        (25, {}),
+        (50, {"linear": True}),
+        *(
+            pytest.param(200, options, marks=SLOW)
+            for options in ({}, {"linear": True, "instances": 5}, {"linear": True, "tame": True})
+        ),
+    ],
+)
+def test_same_verdicts(count: int, options: dict[str, bool | int]) -> None:
+    seen: Counter[Answer] = Counter()
+
+    @drawn(count)
+    @given(plan=plans(**options), random=RANDOM)
+    def run(plan: ParametrizedPlan, random: Random) -> None:
+        same_verdict(plan, random)
+        same_obligations(plan, seen)
+
+    run()
+    if options == {"linear": True}:
+        assert seen[Answer.PROVED] > 20
+        assert seen[Answer.REFUTED] > 2
+
+
+def same_verdict(plan: ParametrizedPlan, random: Random) -> None:
+    for at in (plan.nominal, sample_parameters(plan, random)):
+        found = [verdict(plan, encoding, at) for encoding in ("relational", "positions")]
+        if UnsupportedError not in found:
+            one, other = (result.answer if isinstance(result, CheckResult) else result for result in found)
+            assert one is other
+
+
+def same_obligations(plan: ParametrizedPlan, seen: Counter[Answer]) -> None:
+    """The relational encoding assumes less of the earlier stages: where one of them breaks it may refute more."""
+    one, other = (verdict(plan, name, {}, every=True) for name in ("relational", "positions"))
+    if not (isinstance(one, CheckResult) and isinstance(other, CheckResult)) or one.reason or other.reason:
+        return
+    assert check(plan, every=True, solver="cvc5").obligations == one.obligations
+    stages = {o.name: o.stage for o in both(plan)[1].obligations}
+    assert list(one.obligations) == list(other.obligations) == list(stages)
+    broken = any(one.obligations[name] is Answer.REFUTED for name in stages if stages[name] is not Stage.CONDITION)
+    for name, answer in one.obligations.items():
+        if broken and answer is Answer.REFUTED and stages[name] is not Stage.DURATION:
+            continue
+        assert answer is other.obligations[name], name
+        seen[answer] += 1
+
+
+def same_envelope(plan: ParametrizedPlan) -> Verdict:
+    """Equivalence for all parameter values, by quantifiers; UNKNOWN if the solver gives up."""
+    relational, positions = both(plan)
+    try:
+        answers = [difference(relational, positions), difference(positions, relational)]
+    except UnsupportedError:
+        return Verdict.UNKNOWN
+    assert Verdict.SATISFIABLE not in answers
+    return answers[0] if Verdict.UNKNOWN not in answers else Verdict.UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("count", "options"), [(15, {}), *(pytest.param(150, one, marks=SLOW) for one in ({}, {"tame": True}))]
+)
+def test_same_envelopes(count: int, options: dict[str, bool]) -> None:
+    seen: Counter[Verdict] = Counter()
+
+    @drawn(count)
+    @given(plan=plans(**VERY_SMALL, **options))
+    def run(plan: ParametrizedPlan) -> None:
+        seen[same_envelope(plan)] += 1
+
+    run()
+    assert seen[Verdict.UNSATISFIABLE] > 10
+
+
+# -- boxes of recorded instances: those of the original runs, and of the other encoding -------------------------------
+
+QUICK = [
+    *(f"auv_mission_10_0_{n}" for n in range(3)),
+    *(f"generator_linear_05_{n}" for n in (1, 2)),
+    *("solar_rover_01_1", "solar_rover_01_4", "solar_rover_02_1", "solar_rover_03_1"),
+]
+LATER = [
+    *(f"auv_mission_10_0_{n}" for n in range(3, 6)),
+    *(f"generator_linear_0{size}_{n}" for size in (6, 7) for n in (1, 2)),
+    *(f"solar_rover_0{size}_{n}" for size in (1, 2, 3) for n in (2, 3, 4) if (size, n) != (1, 4)),
+]
+
+
+@pytest.mark.parametrize("name", [*QUICK, *(pytest.param(name, marks=SLOW) for name in LATER)])
+def test_reproduces_recorded_boxes(dataset: Path, name: str) -> None:
+    records: list[dict[str, Any]] = json.loads((dataset / "recorded-results.json").read_text())
+    record = next(record for record in records if record["instance"] == name)
+    plan = load_plan(dataset / record["domain"], dataset / record["problem"], dataset / record["plan"])
+    order = record["irr_order"]
+    results = [
+        envelope(plan, method="irr", doubling=True, order=order, encoding=name) for name in ("relational", "positions")
+    ]
+    boxes = [{name: (i.lower, i.upper) for name, i in result.box.intervals.items()} for result in results]
+    assert [result.status for result in results] == [Status.COMPLETE] * 2
+    assert boxes[0] == boxes[1]
+    assert results[0].checks == results[1].checks
+    if "irr_box" in record:
+        assert boxes[1] == {name: (Fraction(low), Fraction(high)) for name, (low, high) in record["irr_box"].items()}
+        assert results[1].checks == record["irr"]["checks"]

@@ -1,42 +1,37 @@
-"""enc_valid against brute force: which parameter values leave a schedule, decided by Bellman–Ford at single points."""
+"""enc_valid: which parameter values leave a schedule, against its definition with quantifiers and at single points."""
 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from fractions import Fraction
 from itertools import product
 from random import Random
+from unittest.mock import Mock
 
 import pytest
+import z3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robust.backends import ENCODINGS
+from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
-from robust.encode.validity import Facet
-from robust.encode.variables import Range
-from robust.plan.model import (
-    ZERO,
-    Comparison,
-    DurationConstraint,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    Relation,
-    TemporalConstraint,
-    TimedLiteral,
-    Timing,
-)
+from robust.encode.interface import Encoding, Facet
+from robust.encode.positions.encoding import PositionsEncoding
+from robust.encode.variables import Range, is_over_parameters
+from robust.plan import model
+from robust.plan.model import ZERO, Comparison, DurationConstraint, Parameter, ParametrizedPlan, Relation, TimedLiteral
 from robust.plan.polynomial import Polynomial
-from robust.smt.limits import Deadline
+from robust.smt.limits import NEVER, Deadline
 from robust.smt.session import Session, Verdict
-from tests.plan.building import DURATION, P, action, instant, number, plan_of
+from tests.encode.asking import follows, hidden, in_z3, sampled
+from tests.plan import building
+from tests.plan.building import DURATION, RANDOM, START, P, at, between, drawn, instant, number, plan_of, reference
+from tests.sampling import Network
 
-FAR = Fraction(50)
-"""Stands for an infinite end when points are sampled; bounds and factors of drawn networks are much smaller."""
-
-
-def reference(name: str) -> Polynomial:
-    return Polynomial.variable(ParameterReference(name))
+SIDES = [(1, Relation.AT_LEAST), (-1, Relation.AT_LEAST), (1, Relation.EQUAL)]
+DECLARED = [(None, None), (None, None), (Fraction(-1), None), (Fraction(-2), Fraction(4))]
 
 
 @st.composite
@@ -55,13 +50,11 @@ def networks(draw) -> tuple[ParametrizedPlan, dict[str, Range]]:
     for index in range(draw(st.integers(1, 3))):
         rules = []
         for rule in range(draw(st.integers(0, 1))):
-            sign, relation = draw(
-                st.sampled_from([(1, Relation.AT_LEAST), (-1, Relation.AT_LEAST), (1, Relation.EQUAL)])
-            )
+            sign, relation = draw(st.sampled_from(SIDES))
             condition = Comparison((DURATION - bound()).scaled(sign), relation)
-            rules.append(DurationConstraint(Timing.AT_START, condition, f"rule {rule}"))
+            rules.append(DurationConstraint(START, condition, f"rule {rule}"))
         durative = draw(st.booleans()) or bool(rules)
-        instances.append(action(f"i{index}", *rules) if durative else instant(f"i{index}"))
+        instances.append(building.action(f"i{index}", *rules) if durative else instant(f"i{index}"))
     time_points = [ZERO, *(point for instance in instances for point in instance.time_points)]
     constraints = []
     for _ in range(draw(st.integers(1, 6))):
@@ -71,150 +64,104 @@ def networks(draw) -> tuple[ParametrizedPlan, dict[str, Range]]:
         if draw(st.integers(0, 3)) == 0:
             lower = upper = bound()
         if source != target:
-            constraints.append(TemporalConstraint(source, target, lower, upper))
+            constraints.append(between(source, target, lower, upper))
     literals = (TimedLiteral(Fraction(2), P, True),) if draw(st.integers(0, 4)) == 0 else ()
     parameters = []
     ranges: dict[str, Range] = {}
     for name in names:
         middle, half = draw(small), draw(st.sampled_from([Fraction(0), Fraction(1, 2), Fraction(2)]))
-        declared = draw(
-            st.sampled_from([(None, None), (None, None), (Fraction(-1), None), (Fraction(-2), Fraction(4))])
-        )
-        parameters.append(Parameter(name, middle, lower=declared[0], upper=declared[1]))
-        low: Fraction | None = middle - half
-        high: Fraction | None = middle + half
-        if draw(st.integers(0, 6)) == 0:
-            low, high = draw(st.sampled_from([(None, high), (low, None), (None, None)]))
-        ranges[name] = (low, high)
+        lower, upper = draw(st.sampled_from(DECLARED))
+        parameters.append(Parameter(name, middle, lower=lower, upper=upper))
+        low, high = middle - half, middle + half
+        infinite = draw(st.integers(0, 6)) == 0
+        ranges[name] = draw(st.sampled_from([(None, high), (low, None), (None, None)])) if infinite else (low, high)
     plan = plan_of(*instances, constraints=tuple(constraints), literals=literals, parameters=tuple(parameters))
     return plan, ranges
 
 
-def has_schedule(plan: ParametrizedPlan, values: dict[str, Fraction]) -> bool:
-    """Bellman–Ford over upper bounds `t_b − t_a ≤ w`."""
-    at = {ParameterReference(name): value for name, value in values.items()}
-    for parameter in plan.parameters:
-        value = values[parameter.name]
-        if (parameter.lower is not None and value < parameter.lower) or (
-            parameter.upper is not None and value > parameter.upper
-        ):
-            return False
-    edges = [(point, ZERO, Fraction(0)) for point in plan.time_points]
-    for literal in plan.timed_literals:
-        edges += [(ZERO, literal.point, literal.time), (literal.point, ZERO, -literal.time)]
-    for item in plan.constraints:
-        if item.upper is not None:
-            edges.append((item.source, item.target, item.upper.evaluate(at)))
-        if item.lower is not None:
-            edges.append((item.target, item.source, -item.lower.evaluate(at)))
-    distance = dict.fromkeys(plan.time_points, Fraction(0))
-    for _ in plan.time_points:
-        changed = False
-        for source, target, weight in edges:
-            if distance[source] + weight < distance[target]:
-                distance[target] = distance[source] + weight
-                changed = True
-        if not changed:
-            return True
-    return False
-
-
-def keeps_rules(plan: ParametrizedPlan, values: dict[str, Fraction], name: str) -> bool:
+def keeps_rule(plan: ParametrizedPlan, values: dict[str, Fraction], name: str) -> bool:
     """Whether some schedule of the network keeps the one duration obligation of that name."""
     extra = []
     for instance in plan.instances:
         if name == f"{instance.identifier} {instance.action}: non-negative duration":
-            extra.append(TemporalConstraint(instance.start, instance.end, number(0), None))
+            extra.append(between(instance.start, instance.end, 0))
         for rule in instance.durations:
             if instance.label(rule) == name:
                 factor = rule.condition.expression.terms[(next(iter(DURATION.variables)),)]
                 limit = DURATION - rule.condition.expression.scaled(1 / factor)
                 exact = rule.condition.relation is Relation.EQUAL
-                extra.append(
-                    TemporalConstraint(
-                        instance.start,
-                        instance.end,
-                        limit if factor > 0 or exact else None,
-                        limit if factor < 0 or exact else None,
-                    )
-                )
+                low, high = (limit if side > 0 or exact else None for side in (factor, -factor))
+                extra.append(between(instance.start, instance.end, low, high))
     assert extra, f"no such obligation: {name}"
-    constraints = (*plan.constraints, *extra)
-    return has_schedule(
-        plan_of(*plan.instances, constraints=constraints, literals=plan.timed_literals, parameters=plan.parameters),
-        values,
-    )
-
-
-def sampled(ranges: dict[str, Range], random: Random, count: int) -> list[dict[str, Fraction]]:
-    """Corners (far out where the box is infinite), the middle, and points in between."""
-    ends = {name: _ends(*pair) for name, pair in ranges.items()}
-    corners = [dict(zip(ends, corner, strict=True)) for corner in product(*ends.values())]
-    middle = {name: (low + high) / 2 for name, (low, high) in ends.items()}
-    inside = [
-        {name: low + (high - low) * Fraction(random.randint(0, 16), 16) for name, (low, high) in ends.items()}
-        for _ in range(count)
-    ]
-    return [*corners, middle, *inside]
-
-
-def _ends(low: Fraction | None, high: Fraction | None) -> tuple[Fraction, Fraction]:
-    low = low if low is not None else (high if high is not None else Fraction(0)) - FAR
-    return low, high if high is not None else low + 2 * FAR
+    return Network(replace(plan, constraints=(*plan.constraints, *extra)), values).consistent
 
 
 def value_at(facet: Facet, values: dict[str, Fraction]) -> Fraction:
-    return facet.expression.evaluate({ParameterReference(name): value for name, value in values.items()})
+    return facet.expression.evaluate({model.ParameterReference(name): value for name, value in values.items()})
 
 
-def judge(plan: ParametrizedPlan, ranges: dict[str, Range], random: Random, solver: str) -> str:
-    encoding = RelationalEncoding(plan)
-    sessions = []
+def some_point_has_no_schedule(encoding: Encoding, ranges: dict[str, Range]) -> bool:
+    """By the definition, with quantifiers."""
+    network = encoding.network_formulas()
+    solver = z3.Tactic("qsat").solver()
+    for name, (low, high) in ranges.items():
+        solver.add(*([] if low is None else [z3.Real(name) >= z3.Q(low.numerator, low.denominator)]))
+        solver.add(*([] if high is None else [z3.Real(name) <= z3.Q(high.numerator, high.denominator)]))
+    times, body = hidden(encoding, network), z3.Not(in_z3(encoding, network))
+    solver.add(z3.ForAll(times, body) if times else body)
+    answer = solver.check()
+    assert answer != z3.unknown
+    return bool(answer == z3.sat)
 
-    def make_session() -> Session:
-        sessions.append(Session(encoding.terms, solver=solver))
-        return sessions[-1]
 
-    facet = encoding.validity.broken_facet(ranges, make_session, Deadline())
-    inside = sampled(ranges, random, 8)
+def judge(plan: ParametrizedPlan, ranges: dict[str, Range], random: Random, name: str, solver: str) -> str:
+    encoding = create_encoding(name, plan)
+    make_session = Mock(wraps=lambda: Session(encoding.terms, solver=solver))
+    facet = encoding.validity.broken_facet(ranges, make_session, NEVER)
+    assert not isinstance(facet, Verdict)
+    by = ", by solver" if make_session.called else ""
+    if facet is None or facet.obligation is None:
+        assert (facet is not None) == some_point_has_no_schedule(encoding, ranges)
     if facet is None:
-        for values in inside:
-            assert has_schedule(plan, values), values
+        if name == "relational":
+            # What None also claims: parameters alone do not force a negative duration.
             for instance in plan.instances:
-                if instance.durative:
-                    # What None also claims: parameters alone do not force a negative duration.
-                    name = f"{instance.identifier} {instance.action}: non-negative duration"
-                    end = encoding.network.position(instance.end) - encoding.network.position(instance.start)
-                    if all(isinstance(unknown, ParameterReference) for unknown in end.variables):
-                        assert keeps_rules(plan, values, name)
-        return "none, by solver" if sessions else "none"
-    assert isinstance(facet, Facet)
-    assert all(isinstance(unknown, ParameterReference) for unknown in facet.expression.variables)
-    assert facet.origins
-    assert facet.breaks_in(ranges)
-    elsewhere = sampled({name: (Fraction(-6), Fraction(6)) for name in ranges}, random, 20)
-    broken = 0
-    for values in [*inside, *elsewhere]:
-        if value_at(facet, values) < 0:
-            broken += 1
-            if facet.obligation is None:
-                assert not has_schedule(plan, values), (facet, values)
-            else:
-                assert not keeps_rules(plan, values, facet.obligation), (facet, values)
-    assert broken, "some sampled corner of the box lies outside the facet"
+                end = encoding.places[instance.end] - encoding.places[instance.start]
+                if instance.durative and is_over_parameters(end):
+                    rule = f"{instance.identifier} {instance.action}: non-negative duration"
+                    assert all(keeps_rule(plan, values, rule) for values in sampled(ranges, random, 8))
+        return f"none{by}"
+    assert is_over_parameters(facet.expression)
+    points = [*sampled(ranges, random, 8), *sampled({name: (Fraction(-6), Fraction(6)) for name in ranges}, random, 20)]
+    outside = [values for values in points if value_at(facet, values) < 0]
+    assert outside, "some sampled corner of the box lies outside the facet"
+    if facet.obligation is None:
+        follows(encoding, facet, ranges)
+        assert not any(Network(plan, values).consistent for values in outside)
+    else:
+        assert facet.breaks_in(ranges)
+        assert not any(keeps_rule(plan, values, facet.obligation) for values in outside)
     if any(low is None or high is None for low, high in ranges.values()):
         return "facet of an infinite box"
-    return ("facet" if facet.obligation is None else "obligation") + (", by solver" if sessions else "")
+    return ("facet" if facet.obligation is None else "obligation") + by
 
 
-@pytest.mark.parametrize("solver", ["z3", "cvc5"])
-def test_broken_facets_are_right(solver) -> None:
+@pytest.mark.parametrize(
+    ("encoding", "solver", "count"),
+    [
+        ("relational", "z3", 250),
+        ("relational", "cvc5", 80),
+        ("positions", "z3", 100),
+        *(pytest.param(encoding, "z3", 20_000, marks=pytest.mark.slow) for encoding in ENCODINGS),
+    ],
+)
+def test_broken_facets_are_right(encoding, solver, count) -> None:
     outcomes: Counter[str] = Counter()
 
-    @settings(max_examples=250 if solver == "z3" else 80, deadline=None, derandomize=True)
-    @given(networks(), st.randoms(use_true_random=True))
-    def run(drawn, random) -> None:
-        outcomes[judge(*drawn, random, solver)] += 1
+    @settings(drawn(count), derandomize=count < 1000)
+    @given(networks(), RANDOM)
+    def run(network, random) -> None:
+        outcomes[judge(*network, random, encoding, solver)] += 1
 
     run()
     assert outcomes["none"] >= 5, outcomes
@@ -222,91 +169,98 @@ def test_broken_facets_are_right(solver) -> None:
     assert outcomes["obligation"] + outcomes["facet of an infinite box"] >= 5, outcomes
 
 
-@pytest.mark.slow
-@settings(max_examples=20_000, deadline=None)
-@given(networks(), st.randoms(use_true_random=True))
-def test_many_broken_facets_are_right(drawn, random) -> None:
-    judge(*drawn, random, "z3")
+def ask(encoding: Encoding, box: dict[str, Range], deadline: Deadline = NEVER) -> Facet | Verdict | None:
+    return encoding.validity.broken_facet(box, lambda: Session(encoding.terms), deadline)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
-@given(networks(), st.lists(st.fractions(-4, 4, max_denominator=2), min_size=6, max_size=6), st.randoms())
-def test_what_was_asked_before_changes_no_answer(drawn, ends, random) -> None:
-    plan, ranges = drawn
+@drawn(40)
+@given(networks(), st.lists(st.fractions(-4, 4, max_denominator=2), min_size=6, max_size=6))
+def test_what_was_asked_before_changes_no_answer(network, ends) -> None:
+    plan, ranges = network
     others = {name: tuple(sorted(ends[2 * i : 2 * i + 2])) for i, name in enumerate(ranges)}
     encoding = RelationalEncoding(plan)
-
-    def ask(encoding: RelationalEncoding, box: dict[str, Range]) -> bool:
-        return encoding.validity.broken_facet(box, lambda: Session(encoding.terms), Deadline()) is None
-
     ask(encoding, others)
-    answers = [ask(encoding, box) for box in (ranges, others, ranges)]
-    assert answers == [ask(RelationalEncoding(plan), box) for box in (ranges, others, ranges)]
+    for box in (ranges, others, ranges):
+        assert (ask(encoding, box) is None) == (ask(RelationalEncoding(plan), box) is None)
 
 
-def worst_at_different_points() -> tuple[ParametrizedPlan, RelationalEncoding]:
-    """A cycle through k on both sides: its edges are at their worst at different ends, the sum is never positive.
-
-    i starts between 2 and 3, and starts j after k as j starts k + 1 after i at most.
-    """
-    k = reference("k")
-    i, j = instant("i"), instant("j")
-    constraints = (
-        TemporalConstraint(ZERO, i.start, number(2), number(3)),
-        TemporalConstraint(i.start, j.start, k, None),
-        TemporalConstraint(i.start, j.start, None, k + 1),
-    )
-    plan = plan_of(i, j, constraints=constraints, parameters=(Parameter("k", Fraction(1)),))
-    return plan, RelationalEncoding(plan)
+# A cycle through k on both sides: its edges are at their worst at different ends, the sum is never positive.
+# i starts between 2 and 3, and starts j after k as j starts k + 1 after i at most.
+FIRST, THEN, K = instant("i"), instant("j"), reference("k")
+EDGES = between(FIRST.start, THEN.start, K), between(FIRST.start, THEN.start, None, K + 1)
+CIRCLE = (between(ZERO, FIRST.start, 2, 3), *EDGES)
+WORST_APART = plan_of(FIRST, THEN, constraints=CIRCLE, parameters=(Parameter("k", Fraction(1)),))
 
 
 def test_edges_at_their_worst_at_different_points_of_the_box() -> None:
-    _, encoding = worst_at_different_points()
+    encoding = RelationalEncoding(WORST_APART)
 
-    def ask(low: int | None, high: int | None) -> object:
-        box = {"k": (None if low is None else Fraction(low), None if high is None else Fraction(high))}
-        return encoding.validity.broken_facet(box, lambda: Session(encoding.terms), Deadline())
+    def asked(low: int | None, high: int | None) -> Facet | Verdict | None:
+        return ask(encoding, {"k": tuple(None if e is None else Fraction(e) for e in (low, high))})
 
-    assert ask(-4, 1000) is None
-    assert ask(-4, None) is None
-    broken = ask(-5, 1000)
+    assert (asked(-4, 1000), asked(-4, None)) == (None, None)
+    broken = asked(-5, 1000)
     assert isinstance(broken, Facet)
     assert value_at(broken, {"k": Fraction(-4)}) == 0
-    assert isinstance(ask(None, 0), Facet)
+    assert isinstance(asked(None, 0), Facet)
 
 
-def test_out_of_time_is_unknown_and_spoils_nothing() -> None:
-    _, encoding = worst_at_different_points()
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_out_of_time_is_unknown_and_spoils_nothing(encoding) -> None:
     box = {"k": (Fraction(-4), Fraction(1000))}
-    answers = [
-        encoding.validity.broken_facet(box, lambda: Session(encoding.terms), Deadline.after(seconds))
-        for seconds in (0, None)
-    ]
-    assert answers[0] in {None, Verdict.UNKNOWN}
-    assert answers[1] is None
+    asked = create_encoding(encoding, WORST_APART)
+    assert ask(asked, box, Deadline.after(0)) is Verdict.UNKNOWN
+    assert ask(asked, box) is None
 
 
 def test_a_plan_without_parameters_has_facets_without_variables() -> None:
     i = instant("i")
-    plan = plan_of(i, constraints=(TemporalConstraint(ZERO, i.start, number(3), number(2)),))
-    encoding = RelationalEncoding(plan)
-    facet = encoding.validity.broken_facet({}, lambda: Session(encoding.terms), Deadline())
+    facet = ask(RelationalEncoding(plan_of(i, constraints=(between(ZERO, i.start, 3, 2),))), {})
     assert isinstance(facet, Facet)
-    assert facet.expression.is_constant
-    assert facet.expression.constant_term == -1
+    assert facet.expression == number(-1)
 
 
 def test_the_statements_that_contradict_each_other_at_a_point() -> None:
     i = instant("i")
-    k = Polynomial.variable(ParameterReference("k"))
-    constraints = (TemporalConstraint(ZERO, i.start, k, None), TemporalConstraint(ZERO, i.start, None, number(3)))
-    plan = plan_of(i, constraints=constraints, parameters=(Parameter("k", Fraction(1), upper=Fraction(9)),))
-    validity = RelationalEncoding(plan).validity
+    constraints = (between(ZERO, i.start, reference("k")), between(ZERO, i.start, None, 3))
+    parameters = (Parameter("k", Fraction(1), upper=Fraction(9)),)
+    validity = RelationalEncoding(plan_of(i, constraints=constraints, parameters=parameters)).validity
     assert validity.contradiction({"k": Fraction(3)}) is None
     facet = validity.contradiction({"k": Fraction(5)})
     assert facet is not None
-    assert len(facet.origins) == 2
+    assert set(facet.origins) == set(map(str, constraints))
     assert value_at(facet, {"k": Fraction(5)}) == -2
-    beyond = validity.contradiction({"k": Fraction(10)})
-    assert beyond is not None
-    assert len(beyond.origins) == 1
+    assert validity.contradiction({"k": Fraction(10)}) == Facet(number(9) - reference("k"), ("parameter k ub 9",))
+
+
+@pytest.mark.parametrize(("time", "statements"), [(None, 2), (1, 1), (3, 1)])
+def test_equalities_can_contradict_each_other(time, statements) -> None:
+    """Those of one point, or one and the time of a timed literal."""
+    i = instant("i")
+    timed = TimedLiteral(Fraction(2), P, True)
+    constraints = (at(i.start, 1), at(i.start, 2) if time is None else at(timed.point, time))
+    plan = plan_of(i, constraints=constraints, literals=(timed,))
+    facet = RelationalEncoding(plan).validity.contradiction({})
+    assert facet is not None
+    assert len(set(facet.origins) & set(map(str, constraints))) == statements
+
+
+@pytest.mark.parametrize("shift", [0, -100])
+def test_crowded_bounds_are_thinned_by_a_solver(shift: int) -> None:
+    """Tangents of k², none of which another one covers, and lines between them that only two together cover."""
+    a, b = instant("a"), instant("b")
+    k = reference("k")
+    tangents = [k.scaled(2 * n) - n * n for n in range(-4, 5)]
+    covered = [k.scaled(2 * n + 1) - n * (n + 1) - Fraction(3, 5) for n in range(-4, 4)]
+    constraints = [between(a.start, b.start, bound + shift) for bound in (*covered, *tangents)]
+    top = between(a.start, b.start, None, 16 + shift)
+    plan = plan_of(a, b, constraints=(*constraints, top), parameters=(Parameter("k", Fraction(0)),))
+    encoding = PositionsEncoding(plan)
+    session = Mock(wraps=lambda: Session(encoding.terms))
+    for low, high in ((-4, 4), *product((-5, 0), (0, 5))):
+        box = {"k": (Fraction(low), Fraction(high))}
+        broken = encoding.validity.broken_facet(box, session, NEVER)
+        assert (broken is None) == (low >= -4 and high <= 4)
+        assert session.called
+    for unbounded in ((None, Fraction(4)), (Fraction(-4), None)):
+        assert isinstance(ask(PositionsEncoding(plan), {"k": unbounded}), Facet)

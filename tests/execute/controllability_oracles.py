@@ -4,7 +4,7 @@ from fractions import Fraction
 from functools import cache
 from itertools import chain, combinations, product
 
-from robust.execute.controllability.dynamic import ContingentLink, RequirementLink, Stnu
+from robust.execute.stnu import Link, Stnu
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 
 
@@ -20,10 +20,16 @@ def network(requirements, contingents):
     def number(bound):
         return None if bound is None else Fraction(bound)
 
-    links = [RequirementLink(places[a], places[b], number(low), number(high)) for a, b, low, high in requirements]
-    links += [RequirementLink(ZERO, places[name], Fraction(0), None) for name in names]
-    links += [ContingentLink(places[a], places[c], number(low), number(high), c) for a, c, low, high in contingents]
+    links = [Link(places[a], places[b], number(low), number(high)) for a, b, low, high in requirements]
+    links += [Link(ZERO, places[name], Fraction(0), None) for name in names]
+    links += [Link(places[a], places[c], number(low), number(high), True, c) for a, c, low, high in contingents]
     return Stnu(tuple(places.values()), tuple(links))
+
+
+def satisfies(link, times):
+    """Whether a schedule keeps to the bounds of a link."""
+    distance = times[link.target] - times[link.source]
+    return (link.lower is None or distance >= link.lower) and (link.upper is None or distance <= link.upper)
 
 
 def random_network(rng, executable, contingents, requirements, size, *, unbounded=False):
@@ -52,51 +58,36 @@ def bound(edges, source, target, lower, upper):
 
 
 def consistent(points, edges):
-    """Whether a simple temporal network has a schedule."""
-    contradiction = any(source == target and weight < 0 for (source, target), weight in edges.items())
-    return not contradiction and earliest_schedule(points, edges) is not None
+    """Whether a simple temporal network has a schedule: from zero on, all times are raised as far as edges demand."""
+    times = dict.fromkeys(points, Fraction(0))
+    for _ in range(len(points) + 1):
+        before = dict(times)
+        for (source, target), weight in edges.items():
+            times[source] = max(times[source], times[target] - weight)  # target - source <= weight
+        if times[ZERO] > 0 or times == before:
+            break
+    return times[ZERO] <= 0 and times == before
 
 
 def lengths(stnu):
     """Edges of the distance graph as {(source, target): weight}, without cased ones, and the contingent links."""
     edges = {}
     for link in stnu.links:
-        fixed = isinstance(link, ContingentLink) and link.lower == link.upper
-        if isinstance(link, RequirementLink) or fixed:
+        if not link.is_contingent or link.lower == link.upper:
             bound(edges, link.source, link.target, link.lower, link.upper)
     return edges, [link for link in stnu.contingents if link.lower != link.upper]
 
 
-def earliest_schedule(points, edges):
-    """The earliest schedule of a simple temporal network; None if it is inconsistent."""
-    times = dict.fromkeys(points, Fraction(0))
-    for _ in range(len(points) + 1):
-        changed = False
-        for (source, target), weight in edges.items():
-            # target - source <= weight
-            if times[source] < times[target] - weight:
-                times[source] = times[target] - weight
-                changed = True
-        if times[ZERO] > 0:
-            return None
-        if not changed:
-            return times
-    return None
-
-
-def is_consistent(stnu, chosen):
-    """Whether a schedule exists if contingent links have the chosen lengths, by link."""
-    edges, _ = lengths(stnu)
-    for link, length in chosen.items():
-        bound(edges, link.source, link.target, length, length)
-    return consistent(stnu.points, edges)
-
-
 def weak_by_corners(stnu):
     """Weak controllability: the lengths that leave a schedule are a convex set, so corners decide."""
-    links = [link for link in stnu.contingents if link.lower != link.upper]
-    corners = product(*((link.lower, link.upper) for link in links))
-    return all(is_consistent(stnu, dict(zip(links, corner, strict=True))) for corner in corners)
+    edges, links = lengths(stnu)
+    for corner in product(*((link.lower, link.upper) for link in links)):
+        chosen = dict(edges)
+        for link, length in zip(links, corner, strict=True):
+            bound(chosen, link.source, link.target, length, length)
+        if not consistent(stnu.points, chosen):
+            return False
+    return True
 
 
 def dynamic_by_reductions(stnu):
@@ -106,21 +97,16 @@ def dynamic_by_reductions(stnu):
     every round, the graph without lower-case edges has to be consistent.
     """
     ordinary, links = lengths(stnu)
-    ordinary = dict(ordinary)
     upper = {(link.target, link.source, link): -link.upper for link in links}
     for _ in range(10_000):
-        if not _all_max_consistent(stnu, ordinary, upper):
+        edges = dict(ordinary)
+        for (source, target, _), weight in upper.items():
+            bound(edges, source, target, None, weight)
+        if not consistent(stnu.points, edges):
             return False
         if not _reduce(ordinary, upper, links):
             return True
     raise AssertionError("no fixpoint")
-
-
-def _all_max_consistent(stnu, ordinary, upper):
-    edges = dict(ordinary)
-    for (source, target, _), weight in upper.items():
-        bound(edges, source, target, None, weight)
-    return consistent(stnu.points, edges)
 
 
 def _reduce(ordinary, upper, links):
@@ -160,7 +146,7 @@ def dynamic_by_game(stnu, horizon):
     """
     links = stnu.contingents
     ends = {link.target: link for link in links}
-    requirements = [link for link in stnu.links if isinstance(link, RequirementLink)]
+    requirements = [link for link in stnu.links if not link.is_contingent]
     order = {p: i for i, p in enumerate(stnu.points)}
 
     def fine(times, now):

@@ -1,21 +1,148 @@
-"""Time-triggered plans for tests: small ones, drawn ones, and the earliest schedules of plan files."""
+"""What is executed and planned in tests: plans with boxes, drawn values, conversions, and planners as small scripts."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-from dataclasses import replace
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
+from random import Random
+from textwrap import dedent
 
+from robust.api import envelope
 from robust.execute.convert import Conversion, Mode, convert
-from robust.plan.load import load_plan
-from robust.plan.model import ParametrizedPlan, TimePoint
+from robust.execute.dispatchable import Dispatchable, make_dispatchable
+from robust.execute.worlds import Rule, Rules, Subject
+from robust.plan.load import assemble, load_plan
+from robust.plan.model import ParametrizedPlan
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
-from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan
-from tests.sampling import Network
+from robust.plan.stn import parse_stn
+from robust.plan.timed import parse_timed_plan
+from robust.qe.box import Box, Interval
 
 EPSILON = Fraction(1, 1000)
+
+ROOT = Path(__file__).parents[2]
+DOMAINS = ROOT / "benchmarks" / "domains"
+PLANS = (
+    ("robot_delivery", "domain", "problem-two-orders", "two-orders-10"),
+    ("robot_delivery", "domain", "problem-one-order", "one-order-preparation-3"),
+    ("robot_delivery", "domain-battery", "problem-battery", "one-order-battery-6"),
+    ("generator", "domain", "problem-5", "plan-5-2"),
+    ("generator", "domain", "problem-5", "plan-5-pauses-3"),
+    ("solar_rover", "domain-yield", "problem-yield", "plan-yield"),
+    ("auv_survey", "domain", "problem-two-vehicles", "two-vehicles-5"),
+)
+
+TASKS = """
+(define (domain tasks)
+  (:requirements :typing :durative-actions :fluents :duration-inequalities :timed-initial-literals)
+  (:types task)
+  (:predicates (free) (ready ?t - task) (done ?t - task) (open))
+  (:functions (need ?t - task) (stock))
+  (:durative-action work
+    :parameters (?t - task)
+    :duration (>= ?duration 1)
+    :condition (and (at start (ready ?t)) (over all (open)))
+    :effect (and (at start (not (ready ?t))) (at end (done ?t))))
+  (:durative-action fetch
+    :parameters (?t - task)
+    :duration (= ?duration 2)
+    :condition (at start (>= (stock) (need ?t)))
+    :effect (and (at end (decrease (stock) (need ?t))) (at end (ready ?t))))
+  (:action call :parameters (?t - task) :precondition (done ?t) :effect (free)))
+"""
+TWO_TASKS = """
+(define (problem two) (:domain tasks) (:objects a b - task)
+  (:init (ready a) (open) (at 60 (not (open))) (= (need a) 3) (= (need b) 4) (= (stock) 10))
+  (:goal (and (done a) (done b))))
+"""
+PLAN = """
+parameter first default 10;
+durative-action instance w1 : (work a);
+durative-action instance f : (fetch b);
+durative-action instance w2 : (work b);
+action instance c : (call a);
+c: w1.end - w1.start in [first, first];
+c: f.end - f.start in [2, 2];
+c: f.start - w1.end in [0.001, inf];
+c: w2.start - f.end in [0.001, inf];
+c: w2.end - w2.start in [5, 8];
+c: w2.end - .zero in [0, 60];
+c: c - w1.end in [0.001, inf];
+"""
+
+
+def tasks(plan: str = PLAN, *specs: str, problem: str = TWO_TASKS) -> ParametrizedPlan:
+    """The small plan: `work a` takes as long as nature wants, `work b` from 5 to 8 as the dispatcher wants."""
+    domain = parse_domain(TASKS)
+    return assemble(domain, parse_problem(problem, domain), parse_stn(plan), parse_specs(specs))
+
+
+def working(*constraints: str, on: Sequence[str] = "ab") -> str:
+    """A plan in which w1 works on the first task as long as nature wants, w2 on the second one, and so on."""
+    instances = (f"durative-action instance w{number} : (work {task});" for number, task in enumerate(on, 1))
+    first = "parameter first default 10;", *instances, "c: w1.end - w1.start in [first, first];"
+    return "\n".join([*first, *(f"c: {one};" for one in constraints)])
+
+
+def nothing_else(on: Sequence[str], until: int = 300) -> str:
+    """The problem of working on these tasks, all of which are ready."""
+    ready, done = (" ".join(f"({what} {task})" for task in on) for what in ("ready", "done"))
+    initial = f"{ready} (open) (at {until} (not (open))) (= (stock) 0)"
+    objects = f"(:objects {' '.join(on)} - task)"
+    return f"(define (problem p) (:domain tasks) {objects} (:init {initial}) (:goal (and {done})))"
+
+
+def tasks_dispatchable(box: Mapping[str, tuple[int, int]] | None = None, plan: str = PLAN, *specs: str) -> Dispatchable:
+    """That plan with a box."""
+    ends = {"first": (4, 20)} if box is None else box
+    intervals = {name: Interval(Fraction(low), Fraction(high)) for name, (low, high) in ends.items()}
+    return make_dispatchable(tasks(plan, *specs), Box(intervals))
+
+
+def interval(text: str) -> Interval:
+    """An interval as people write it."""
+    lower, upper = (None if end == "inf" else Fraction(end) for end in text[1:-1].split(", "))
+    return Interval(lower, upper, text[0] == "[", text[-1] == "]")
+
+
+@cache
+def with_box(folder: str, domain: str, problem: str, plan: str) -> Dispatchable:
+    """A benchmark plan with its box by exact widening."""
+    base = DOMAINS / folder
+    loaded = load_plan(base / f"{domain}.pddl", base / f"{problem}.pddl", base / f"{plan}.stn")
+    found = envelope(loaded)
+    assert found.verified
+    return make_dispatchable(loaded, found.box)
+
+
+def drawn(box: Box, random: Random, *, width: Fraction = Fraction(50)) -> dict[str, Fraction]:
+    """A point of a box, often a corner; infinite sides are cut."""
+    values = {}
+    for name, interval in box.intervals.items():
+        low, high = interval.lower, interval.upper
+        low = (high or Fraction(0)) - width if low is None else low
+        high = low + width if high is None else high
+        share = random.choice([Fraction(0), Fraction(1), Fraction(random.randint(1, 99), 100)])
+        chosen = low + (high - low) * share
+        values[name] = chosen if chosen in interval else (low + high) / 2
+    return values
+
+
+def constant(subject: Subject, name: str, value: Fraction | int | str) -> Rule:
+    """The rule that something always has this value."""
+    return Rule(subject, name, "constant", {"value": Fraction(value)})
+
+
+def fixed(values: Mapping[str, Fraction]) -> Rules:
+    """A world in which parameters have these values."""
+    return Rules(tuple(constant(Subject.PARAMETER, name, value) for name, value in values.items()))
+
+
+# -- conversions -------------------------------------------------------------------------------------------------------
 
 
 def converted(
@@ -36,48 +163,43 @@ def durative(name: str, duration: str, conditions: str, effects: str) -> str:
     )
 
 
-def lines(found: Conversion) -> set[str]:
-    """The constraints without durations."""
-    return {
-        f"{one.target} - {one.source} in [{one.lower}, {one.upper}]"
-        for one in found.plan.constraints
-        if one.source.instance is None or one.source.instance != one.target.instance
-    }
+# -- planners ----------------------------------------------------------------------------------------------------------
+
+ERRANDS = """(define (domain errands)
+(:requirements :typing :fluents :durative-actions :timed-initial-literals)
+(:types place)
+(:predicates (at ?p - place) (done ?p - place) (open))
+(:functions (distance ?a ?b - place))
+(:durative-action go :parameters (?a ?b - place) :duration (= ?duration (distance ?a ?b))
+ :condition (at start (at ?a)) :effect (and (at start (not (at ?a))) (at end (at ?b))))
+(:durative-action shop :parameters (?p - place) :duration (and (>= ?duration 2) (<= ?duration 5))
+ :condition (and (over all (at ?p)) (over all (open))) :effect (at end (done ?p))))
+"""
+ERRAND = """(define (problem one) (:domain errands) (:objects home market - place)
+(:init (at home) (open) (at 20 (not (open))) (= (distance home market) 7.5) (= (distance market home) 7.5))
+(:goal (done market)))
+"""
+VALID = "0.000: (GO HOME MARKET) [7.500]\n7.501: (shop market)  [2.000]\n"
+BETTER = "0: (go home market) [7.5]\n7.5: (shop market) [2]\n"
+TOO_LATE = "0.000: (go home market) [7.5]\n18.5: (shop market) [2.0]\n"
+
+errands = parse_domain(ERRANDS)
+errand = parse_problem(ERRAND, errands)
 
 
-def earliest(plan: ParametrizedPlan) -> dict[TimePoint, Fraction]:
-    """The earliest schedule at nominal parameter values."""
-    network = Network(plan, plan.nominal)
-    assert network.consistent
-    column = [row[0] for row in network.distances]
-    return {point: Fraction(-(column[i] or 0), network.scale) for i, point in enumerate(network.points)}
+@dataclass(frozen=True)
+class Fake:
+    """A script in a folder; `command` is the template that starts it."""
+
+    folder: Path
+
+    def command(self, body: str, arguments: str = "{domain} {problem} {output} {timeout}") -> str:
+        script = self.folder / "fake.py"
+        script.write_text(f"import os, signal, subprocess, sys, time\n{dedent(body)}", encoding="utf-8")
+        return f"command:{shlex.quote(sys.executable)} -I {shlex.quote(str(script))} {arguments}"
+
+    def printing(self, text: str, then: str = "") -> str:
+        return self.command(f"print({text!r}, flush=True)\n{dedent(then)}")
 
 
-def timed(plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction]) -> TimedPlan:
-    """The plan's instances at these times."""
-    lengths = {one: times[one.end] - times[one.start] if one.durative else None for one in plan.instances}
-    steps = (TimedStep(times[one.start], one.action, one.arguments, length) for one, length in lengths.items())
-    return TimedPlan(tuple(steps))
-
-
-def bare(domain: Path, problem: Path, plan: Path) -> tuple[ParametrizedPlan, dict[TimePoint, Fraction]]:
-    """A plan file without its constraints, and its earliest schedule."""
-    loaded = load_plan(domain, problem, plan)
-    return replace(loaded, constraints=()), earliest(loaded)
-
-
-def allows(outer: ParametrizedPlan, inner: ParametrizedPlan) -> list[str]:
-    """The constraints of `outer` that some schedule of `inner` breaks, at nominal values: none if it allows all."""
-    network = Network(inner, inner.nominal)
-    index = {point: i for i, point in enumerate(network.points)}
-    broken = []
-    for one in outer.constraints:
-        for source, target, bound in ((one.source, one.target, one.upper), (one.target, one.source, one.lower)):
-            if bound is None:
-                continue
-            sign = 1 if bound is one.upper and source == one.source else -1
-            most = network.distances[index[source]][index[target]]
-            limit = sign * bound.constant_term
-            if most is None or Fraction(most, network.scale) > limit:
-                broken.append(f"{target} - {source} <= {limit}")
-    return broken
+FIRST_ORDER = (ROOT / "robust/examples/delivery/steps.plan").read_text(encoding="utf-8")

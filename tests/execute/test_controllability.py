@@ -1,26 +1,18 @@
-"""Dynamic controllability: against all reductions, against a game, and on known examples."""
+"""Dynamic controllability: against all reductions, a game and known examples; in execution, all requirements hold."""
 
-import random
 import time
 from dataclasses import replace
 from fractions import Fraction
+from random import Random
 
 import pytest
 
 from robust.errors import InputError
-from robust.execute.controllability.dynamic import (
-    ContingentLink,
-    RequirementLink,
-    Step,
-    Stnu,
-    Way,
-    dynamic,
-    explain,
-    negative_cycle,
-    total,
-    weight_in,
-)
+from robust.execute.dispatchable import NaturalLink, Windows, strategy
+from robust.execute.stnu import Link, Step, Stnu, Wait, Way, dynamic, explain, negative_cycle, total, waits, weight_in
 from robust.plan.model import ZERO
+from robust.plan.polynomial import Polynomial
+from robust.qe.box import Interval
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.execute.controllability_oracles import (
     dynamic_by_game,
@@ -28,6 +20,7 @@ from tests.execute.controllability_oracles import (
     network,
     point,
     random_network,
+    satisfies,
     weak_by_corners,
 )
 
@@ -37,7 +30,6 @@ EXAMPLES = [
     ("a contradiction", [("Z", "x", 3, 2)], [], False, False),
     ("a delay that is waited for", [("c", "x", 0, 1)], [("Z", "c", 1, 9)], True, True),
     ("a delay that is not", [("Z", "x", 0, 5), ("c", "x", 0, None)], [("Z", "c", 1, 9)], False, False),
-    # To be ready shortly before something that comes by surprise.
     ("to know beforehand", [("x", "c", 1, 2)], [("Z", "c", 5, 9)], True, False),
     ("to know well enough", [("x", "c", 1, 6)], [("Z", "c", 5, 9)], True, True),
     # Conditional waits as in Morris, Muscettola and Vidal (2001): until c, or for so long.
@@ -50,7 +42,6 @@ EXAMPLES = [
     ("two ends that must meet", [("c", "d", 0, 0)], [("Z", "c", 1, 2), ("Z", "d", 1, 2)], False, False),
     ("start late enough", [("c", "d", 0, 4)], [("x", "c", 1, 3), ("y", "d", 1, 3)], True, True),
     ("the second starts with the first", [("c", "d", 0, 2)], [("Z", "c", 1, 3), ("c", "d", 1, 2)], True, True),
-    # Two links in a row, and something that has to be between their ends.
     ("between two", [("c", "x", 0, 2), ("x", "d", 1, 3)], [("Z", "c", 1, 5), ("c", "d", 1, 4)], True, False),
     ("between two, more room", [("c", "x", 0, 2), ("x", "d", 0, 3)], [("Z", "c", 1, 5), ("c", "d", 1, 4)], True, True),
     ("an end that never has to come", [("c", "x", 0, 1)], [("Z", "c", 1, None)], True, True),
@@ -75,7 +66,7 @@ def test_examples(example):
 def agree(seeds, sizes, oracle):
     verdicts = []
     for seed in seeds:
-        rng = random.Random(seed)  # noqa: S311
+        rng = Random(seed)  # noqa: S311
         executable, contingents, requirements, size = sizes
         stnu = random_network(
             rng, rng.randint(1, executable), rng.randint(1, contingents), rng.randint(1, requirements), size
@@ -105,60 +96,54 @@ def confirm(stnu, cycle):
         assert Step(cycle.steps[at].link, Way.LONGEST) not in moat
 
 
-def test_against_all_reductions():
-    agree(range(700), (4, 3, 7, 5), dynamic_by_reductions)
+def slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
 
 
-def test_against_a_game():
-    agree(range(350), (2, 2, 5, 3), lambda stnu: dynamic_by_game(stnu, 30))
+@pytest.mark.parametrize(
+    ("seeds", "sizes"), [(range(700), (4, 3, 7, 5)), slow(range(1000, 21_000), (5, 4, 9, 6))], ids=["short", "long"]
+)
+def test_against_all_reductions(seeds, sizes):
+    agree(seeds, sizes, dynamic_by_reductions)
 
 
-@pytest.mark.slow
-def test_against_all_reductions_at_length():
-    agree(range(1000, 21_000), (5, 4, 9, 6), dynamic_by_reductions)
-
-
-@pytest.mark.slow
-def test_against_a_game_at_length():
-    agree(range(1000, 9000), (3, 2, 6, 3), lambda stnu: dynamic_by_game(stnu, 30))
-
-
-def with_lengths(stnu, change):
-    """The network with other ends of its contingent links."""
-    links = (replace(one, **change(one)) if isinstance(one, ContingentLink) else one for one in stnu.links)
-    return Stnu(stnu.points, tuple(links))
+@pytest.mark.parametrize(
+    ("seeds", "sizes"), [(range(350), (2, 2, 5, 3)), slow(range(1000, 9000), (3, 2, 6, 3))], ids=["short", "long"]
+)
+def test_against_a_game(seeds, sizes):
+    agree(seeds, sizes, lambda stnu: dynamic_by_game(stnu, 30))
 
 
 def test_what_may_never_end_is_what_may_take_very_long():
     seen = set()
     for seed in range(400):
-        stnu = random_network(random.Random(seed), 3, 3, 5, 5, unbounded=True)  # noqa: S311
-        finite = with_lengths(stnu, lambda link: {} if link.upper is not None else {"upper": Fraction(10_000)})
+        stnu = random_network(Random(seed), 3, 3, 5, 5, unbounded=True)  # noqa: S311
+        links = (
+            replace(one, upper=Fraction(10_000)) if one.is_contingent and one.upper is None else one
+            for one in stnu.links
+        )
+        finite = Stnu(stnu.points, tuple(links))
         controllable = dynamic(stnu).is_controllable
         assert controllable is dynamic(finite).is_controllable, seed
         seen.add((controllable, finite != stnu))
     assert len(seen) == 4
 
 
-def test_a_longer_link_is_never_easier():
-    lost = 0
-    for seed in range(300):
-        stnu = random_network(random.Random(seed), 3, 3, 4, 4)  # noqa: S311
-        wide = with_lengths(stnu, lambda link: {"lower": link.lower / 2, "upper": link.upper + Fraction(1, 3)})
-        before, after = dynamic(stnu).is_controllable, dynamic(wide).is_controllable
-        assert before or not after
-        lost += before and not after
-    assert lost
-
-
-def test_the_explanation_names_what_contradicts():
-    stnu = network([("x", "c", 1, 3)], [("Z", "c", 1, 10)])
-    text = explain(stnu, dynamic(stnu).cycle)
-    assert text == "c as long as 10, c as short as 1 cannot be met with c - x in [1, 3]"
-    text = explain(stnu := network([("Z", "x", 3, 2)], []), dynamic(stnu).cycle)
-    assert text == "contradiction: x - .zero in [3, 2]"
-    stnu = network([("c", "x", 0, 1), ("Z", "x", 0, 99)], [("Z", "c", 1, None)])
-    assert explain(stnu, dynamic(stnu).cycle).startswith("c is unbounded cannot be met with ")
+@pytest.mark.parametrize(
+    ("requirements", "contingents", "text"),
+    [
+        (
+            [("x", "c", 1, 3)],
+            [("Z", "c", 1, 10)],
+            "c as long as 10, c as short as 1 cannot be met with c - x in [1, 3]",
+        ),
+        ([("Z", "x", 3, 2)], [], "contradiction: x - .zero in [3, 2]"),
+        ([("c", "x", 0, 1), ("Z", "x", 0, 99)], [("Z", "c", 1, None)], "c is unbounded cannot be met with "),
+    ],
+)
+def test_the_explanation_names_what_contradicts(requirements, contingents, text):
+    stnu = network(requirements, contingents)
+    assert explain(stnu, dynamic(stnu).cycle).startswith(text)
 
 
 def test_a_walk_that_proves_nothing_is_no_certificate():
@@ -170,23 +155,17 @@ def test_a_walk_that_proves_nothing_is_no_certificate():
 @pytest.mark.parametrize(
     ("links", "message"),
     [
-        ([ContingentLink(ZERO, point("c"), Fraction(3), Fraction(2))], "expected 0 <= lower <= upper"),
-        ([ContingentLink(ZERO, point("c"), Fraction(-1), Fraction(2))], "expected 0 <= lower <= upper"),
-        ([ContingentLink(point("x"), ZERO, Fraction(0), Fraction(2))], "which happens at time zero"),
-        ([ContingentLink(ZERO, point("c"), Fraction(1), None)] * 2, "where another one ends already"),
-        ([RequirementLink(ZERO, point("d"), None, None)], "not in the network"),
-        (
-            [ContingentLink(*map(point, pair), Fraction(1), Fraction(2)) for pair in ("xc", "cx")],
-            "go round in a circle",
-        ),
+        ([Link(ZERO, point("c"), Fraction(3), Fraction(2), True)], "expected 0 <= lower <= upper"),
+        ([Link(ZERO, point("c"), Fraction(-1), Fraction(2), True)], "expected 0 <= lower <= upper"),
+        ([Link(point("x"), ZERO, Fraction(0), Fraction(2), True)], "which happens at time zero"),
+        ([Link(ZERO, point("c"), Fraction(1), None, True)] * 2, "where another one ends already"),
+        ([Link(ZERO, point("d"), None, None)], "not in the network"),
+        ([Link(*map(point, pair), Fraction(1), Fraction(2), True) for pair in ("xc", "cx")], "go round in a circle"),
     ],
 )
 def test_networks_that_make_no_sense(links, message):
     with pytest.raises(InputError, match=message):
         Stnu((ZERO, point("x"), point("c")), tuple(links))
-
-
-def test_zero_comes_first():
     with pytest.raises(InputError, match="the network begins with"):
         Stnu((point("x"), ZERO), ())
 
@@ -201,8 +180,154 @@ def test_long_plans_do_not_exhaust_the_stack():
     started = time.perf_counter()
     assert dynamic(chain(400)).is_controllable
     assert time.perf_counter() - started < 20
-
-
-def test_the_deadline_is_kept():
     with pytest.raises(OutOfTimeError):
         dynamic(chain(3), Deadline.after(0))
+
+
+# -- execution: whatever nature does, all requirements hold in the end -------------------------------------------------
+
+
+class Executing:
+    """The strategy of a controllable network as the dispatcher follows it."""
+
+    def __init__(self, stnu, answer):
+        links = [
+            NaturalLink(one.source, one.target, Polynomial.variable(one.name), Interval(one.lower, one.upper))
+            for one in answer.form.stnu.contingents
+        ]
+        self.stnu, self.windows = stnu, Windows(strategy(answer, links))
+        self.index = self.windows.network.index
+        self.happened(ZERO, Fraction(0))
+
+    def happened(self, one, time):
+        self.windows.happened(self.index[one], time)
+
+    @property
+    def times(self):
+        return {self.stnu.points[number]: time for number, time in self.windows.times.items()}
+
+    @property
+    def waiting(self):
+        return [one for one in self.stnu.executable if one not in self.times]
+
+    def next_end(self, length):
+        """When and where the next contingent link ends, if any is on."""
+        times = self.times
+        on = (link for link in self.stnu.contingents if link.source in times and link.target not in times)
+        return min(((times[one.source] + length[one], str(one.target), one.target) for one in on), default=None)
+
+    def ready(self, one, now=Fraction(0)):
+        """When a time point may be executed if nothing is observed before; None waits for an observation."""
+        ready = self.windows.ready(self.index[one])
+        return None if ready is None else max(ready, now)
+
+    def latest(self, one):
+        return self.windows.window(self.index[one])[1]
+
+    def run(self, length, rng=None):
+        """The moments at which something happens: as early as possible, or at any that is allowed, in any order."""
+        now = Fraction(0)
+        for _ in range(500):
+            if len(self.times) == len(self.stnu.points):
+                return
+            end = self.next_end(length)
+            first = {one: ready for one in self.waiting if (ready := self.ready(one, now)) is not None}
+            last = {one: late for one in self.waiting if (late := self.latest(one)) is not None}
+            ready = [one for one, time in first.items() if time == now]
+            due = [one for one in ready if last.get(one) == now]
+            if end is not None and end[0] == now and (rng is None or not due or rng.random() < 0.5):
+                self.happened(end[2], now)
+                yield now
+            elif ready and (rng is None or due or rng.random() < 0.3):
+                chosen = ready[0] if rng is None else rng.choice(due or ready)
+                assert chosen not in last or now <= last[chosen]
+                self.happened(chosen, now)
+                yield now
+            else:
+                ends = [] if end is None else [end[0]]
+                limit = min([*ends, *(last if rng else first).values()], default=now + 5)
+                assert limit > now, "nothing may happen, and something has to"
+                now += (limit - now) * (Fraction(rng.choice([1, 2, 3, 4, 4]), 4) if rng else 1)
+        raise AssertionError("the execution does not end")
+
+
+def chosen_length(rng, link):
+    """A length that nature may choose, often an extreme one."""
+    if link.upper is None:
+        return link.lower + Fraction(rng.choice([0, 1, 3, 1000, rng.randint(0, 200)]), 7)
+    share = rng.choice([0, 1, Fraction(rng.randint(0, 60), 60)])
+    return link.lower + (link.upper - link.lower) * share
+
+
+def simulate(seed, shape, runs, *, unbounded=False):
+    """Executions of one random network; how many there were, and whether it has waits."""
+    rng = Random(seed)  # noqa: S311
+    stnu = random_network(rng, *shape, unbounded=unbounded)
+    answer = dynamic(stnu)
+    if answer.cycle is not None:
+        return 0, False
+    for run in range(runs):
+        dispatch = Executing(stnu, answer)
+        length = {link: chosen_length(rng, link) for link in stnu.contingents}
+        list(dispatch.run(length, rng if run % 2 else None))
+        times = dispatch.times
+        broken = [link for link in stnu.links if not link.is_contingent and not satisfies(link, times)]
+        assert not broken, (seed, run, *map(str, stnu.links))
+        assert all(times[link.target] - times[link.source] == length[link] for link in stnu.contingents)
+    return runs, bool(waits(answer))
+
+
+@pytest.mark.parametrize(
+    ("seeds", "expected"), [(range(2000), 3000), slow(range(10_000, 60_000), 50_000)], ids=["short", "long"]
+)
+def test_all_requirements_hold_whatever_nature_does(seeds, expected):
+    executed, with_waits = 0, 0
+    for seed in seeds:
+        shape = (1 + seed % 4, 1 + seed % 3, 1 + seed % 7, 6)
+        count, has_waits = simulate(seed, shape, 6, unbounded=seed % 5 == 0)
+        executed, with_waits = executed + count, with_waits + has_waits
+    assert executed > expected
+    assert with_waits > 40
+
+
+def test_the_rest_stays_controllable():
+    """After each step of an execution, what is left is still dynamically controllable, decided anew."""
+    asked = 0
+    for seed in range(300):
+        rng = Random(seed)  # noqa: S311
+        stnu = random_network(rng, 3, 2, 5, 5)
+        answer = dynamic(stnu)
+        if answer.cycle is None:
+            dispatch = Executing(stnu, answer)
+            length = {link: chosen_length(rng, link) for link in stnu.contingents}
+            for now in dispatch.run(length):
+                assert dynamic(rest_of(stnu, dispatch.times, now)).is_controllable, seed
+                asked += 1
+    assert asked > 150
+
+
+def rest_of(stnu, times, now):
+    """The network with what has happened as facts, and all else not before now."""
+    links = [Link(ZERO, one, time, time) for one, time in times.items()]
+    links += [Link(ZERO, one, now, None) for one in stnu.points if one not in times]
+    for link in stnu.links:
+        if not link.is_contingent:
+            links.append(link)
+        elif link.target not in times:
+            least = max(link.lower, now - times[link.source]) if link.source in times else link.lower
+            links.append(Link(link.source, link.target, least, link.upper, True))
+    return Stnu(stnu.points, tuple(links))
+
+
+def test_a_wait_ends_with_the_observation_or_by_itself():
+    x, c = point("x"), point("c")
+    stnu = network([("x", "c", -5, 3)], [("Z", "c", 1, 10)])
+    (wait,) = waits(dynamic(stnu))
+    assert (wait, str(wait)) == (Wait(x, ZERO, Fraction(7), c), "x waits for c, at most 7 after .zero")
+    dispatch = Executing(stnu, dynamic(stnu))
+    assert dispatch.ready(x) == 7
+    dispatch.happened(c, Fraction(2))
+    assert (dispatch.ready(x, Fraction(2)), dispatch.latest(x)) == (2, 7)
+    endless = network([("x", "c", None, 3)], [("Z", "c", 1, None)])
+    assert [str(wait) for wait in waits(dynamic(endless))] == ["x waits for c"]
+    assert Executing(endless, dynamic(endless)).ready(x) is None

@@ -1,7 +1,6 @@
 """Planners that behave and planners that do not, and the text that they read and print."""
 
-from __future__ import annotations
-
+import re
 from fractions import Fraction
 from pathlib import Path
 
@@ -21,10 +20,10 @@ from robust.plan.pddl.write import decimal, domain_text, problem_text
 from robust.plan.timed import parse_timed_plan
 from robust.smt.limits import Deadline
 from tests.children import Told, interrupted_after
-from tests.execute.planner_fakes import BETTER, DOMAIN, PROBLEM, TOO_LATE, VALID, Fake, errand, errands
+from tests.execute.plans import BETTER, EPSILON, ERRAND, ERRANDS, TOO_LATE, VALID, Fake, errand, errands
+from tests.plan.building import EVERYTHING
 
 ROOT = Path(__file__).parents[2]
-EPSILON = Fraction(1, 1000)
 
 
 @pytest.fixture
@@ -36,115 +35,86 @@ def ask(command: str, seconds: float | None = 20) -> PlannerAnswer:
     return create_planner(command).solve(errands, errand, Deadline.after(seconds))
 
 
-# -- answers -----------------------------------------------------------------------------------------------------------
+SOLVED, TIMEOUT, CRASHED = PlannerStatus.SOLVED, PlannerStatus.TIMEOUT, PlannerStatus.CRASHED
+NOTHING = "no valid plan before the deadline"
+SEGFAULT = "os.kill(os.getpid(), signal.SIGSEGV)"
 
 
-def test_a_valid_plan_among_other_text(fake):
-    answer = ask(fake.printing(f"searching: 12 states (fast) [ok]\n; cost 9.501\n{VALID}\nbye"))
-    assert (answer.status, answer.plan, answer.message) == (PlannerStatus.SOLVED, parse_timed_plan(VALID), "")
+@pytest.mark.parametrize(
+    ("text", "then", "seconds", "status", "plan", "message"),
+    [
+        (f"searching: 12 states (fast) [ok]\n; cost 9.501\n{VALID}\nbye", "", 20, SOLVED, VALID, ""),
+        (VALID, "", None, SOLVED, VALID, ""),
+        # the last valid plan counts, whatever the exit code, and at the deadline
+        (f"{VALID}\n{BETTER}", "", 20, SOLVED, BETTER, ""),
+        (f"{BETTER}\nnext\n{TOO_LATE}", "", 20, SOLVED, BETTER, ""),
+        (VALID, "sys.exit(3)", 20, SOLVED, VALID, ""),
+        (VALID, "time.sleep(60)", 1, SOLVED, VALID, ""),
+        ("", "time.sleep(60)", 0.5, TIMEOUT, None, NOTHING),
+        (VALID, "time.sleep(60)", 0, TIMEOUT, None, NOTHING),
+        (VALID.splitlines()[0], "time.sleep(60)", 0.5, TIMEOUT, None, NOTHING),
+        ("", "raise RuntimeError('out of ideas')", 20, CRASHED, None, "exit code 1: RuntimeError: out of ideas"),
+        ("", "sys.exit(9)", 20, CRASHED, None, "exit code 9: no message"),
+        ("so far so good", SEGFAULT, 20, CRASHED, None, "killed by signal 11: so far so good"),
+        ("", "x = bytearray(2**36)", 20, CRASHED, None, "exit code 1: MemoryError"),
+    ],
+)
+def test_answers(fake, text, then, seconds, status, plan, message):
+    answer = ask(fake.printing(text, then), seconds)
+    assert (answer.status, answer.message) == (status, message)
+    assert answer.plan == (None if plan is None else parse_timed_plan(plan))
     assert 0 < answer.seconds < 20
 
 
-def test_no_deadline(fake):
-    assert ask(fake.printing(VALID), None).status is PlannerStatus.SOLVED
-
-
-def test_the_last_valid_plan_counts(fake):
-    assert ask(fake.printing(f"{VALID}\n{BETTER}")).plan == parse_timed_plan(BETTER)
-    assert ask(fake.printing(f"{BETTER}\nnext\n{TOO_LATE}")).plan == parse_timed_plan(BETTER)
-
-
-def test_a_valid_plan_counts_whatever_the_exit_code_and_at_the_deadline(fake):
-    assert ask(fake.printing(VALID, "sys.exit(3)")).status is PlannerStatus.SOLVED
-    assert ask(fake.printing(VALID, "time.sleep(60)"), 1).status is PlannerStatus.SOLVED
-
-
-def test_a_plan_in_the_output_file(fake):
-    write = f"open(sys.argv[3], 'w').write({VALID!r})\nprint('0: (go home home) [1]')"
-    assert ask(fake.command(write)).plan == parse_timed_plan(VALID)
-    numbered = f"[open(sys.argv[3] + f'.{{i}}', 'w').write(p) for i, p in enumerate([{VALID!r}, {BETTER!r}])]"
-    assert ask(fake.command(numbered)).plan == parse_timed_plan(BETTER)
-
-
-def test_the_planner_reads_what_was_asked(fake):
+def test_what_the_planner_reads_and_where_it_writes(fake):
     body = f"""
     texts = [open(path).read() for path in sys.argv[1:3]]
     open({str(fake.folder / "seen")!r}, "w").write(chr(0).join(texts))
     assert 15 < float(sys.argv[4]) <= 20
-    print({VALID!r})
+    open(sys.argv[3], "w").write({VALID!r})
+    print("0: (go home home) [1]")
     """
-    assert ask(fake.command(body)).status is PlannerStatus.SOLVED
+    assert ask(fake.command(body)).plan == parse_timed_plan(VALID)
     domain, problem = (fake.folder / "seen").read_text().split("\0")
-    assert parse_domain(domain) == errands
-    assert parse_problem(problem, errands) == errand
+    assert (parse_domain(domain), parse_problem(problem, errands)) == (errands, errand)
+    numbered = f"[open(sys.argv[3] + f'.{{i}}', 'w').write(p) for i, p in enumerate([{VALID!r}, {BETTER!r}])]"
+    assert ask(fake.command(numbered)).plan == parse_timed_plan(BETTER)
 
 
-def test_slow(fake):
-    answer = ask(fake.command("time.sleep(60)"), 0.5)
-    assert (answer.status, answer.plan) == (PlannerStatus.TIMEOUT, None)
-    assert 0 < answer.seconds < 60
-    assert answer.message == "no valid plan before the deadline"
-
-
-def test_a_deadline_that_has_passed(fake):
-    assert ask(fake.printing(VALID, "time.sleep(60)"), 0).status is PlannerStatus.TIMEOUT
-
-
-def test_half_a_plan_at_the_deadline_is_no_nonsense(fake):
-    assert ask(fake.printing(VALID.splitlines()[0], "time.sleep(60)"), 0.5).status is PlannerStatus.TIMEOUT
-
-
-def test_crashing(fake):
-    answer = ask(fake.command("raise RuntimeError('out of ideas')"))
-    assert (answer.status, answer.message) == (PlannerStatus.CRASHED, "exit code 1: RuntimeError: out of ideas")
-    assert ask(fake.command("sys.exit(9)")).message == "exit code 9: no message"
-    killed = ask(fake.printing("so far so good", "os.kill(os.getpid(), signal.SIGSEGV)"))
-    assert (killed.status, killed.message) == (PlannerStatus.CRASHED, "killed by signal 11: so far so good")
-
-
-def test_a_program_that_does_not_exist():
-    answer = ask("command:/no/such/planner {domain} {problem}")
-    assert answer.status is PlannerStatus.CRASHED
-    assert "cannot start '/no/such/planner': No such file or directory" in answer.message
-
-
-def test_more_memory_than_allowed(fake):
-    answer = ask(fake.command("x = bytearray(2**36)\nprint('done')"))
-    assert (answer.status, answer.message) == (PlannerStatus.CRASHED, "exit code 1: MemoryError")
-
-
-@pytest.mark.parametrize("text", ["", "; No plan found", "the problem is UNSOLVABLE", "goal unreachable"])
-def test_no_plan(fake, text):
-    assert ask(fake.printing(text)).status is PlannerStatus.NO_PLAN
+NONSENSE, NO_PLAN = PlannerStatus.NONSENSE, PlannerStatus.NO_PLAN
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "status", "message"),
     [
-        ("42", "found no plan in what it printed, ending with '42'"),
-        ("\x00\xff garbage", "ending with"),
-        ("0: (fly home market) [7.5]", "found action 'fly', expected one of domain 'errands'"),
-        ("0: (go home moon) [7.5]", "found 'moon'"),
-        ("0: (go home) [7.5]", "go"),
-        ("1.2.3: (go home market) [7.5]", "found '1.2.3' as time"),
-        ("0: (go home market) [soon]", "found 'soon' as duration"),
-        ("0: (go home market) [7.5]", "goal"),
-        ("0: (go home market) [7]\n7: (shop market) [2]", "invalid plan"),
-        (TOO_LATE, "'n1 shop: over all (open)' broken at time 20"),
+        ("", NO_PLAN, ""),
+        ("; No plan found", NO_PLAN, ""),
+        ("the problem is UNSOLVABLE", NO_PLAN, ""),
+        ("goal unreachable", NO_PLAN, ""),
+        ("42", NONSENSE, "found no plan in what it printed, ending with '42'"),
+        ("\x00\xff garbage", NONSENSE, "ending with"),
+        ("0: (fly home market) [7.5]", NONSENSE, "found action 'fly', expected one of domain 'errands'"),
+        ("0: (go home moon) [7.5]", NONSENSE, "found 'moon'"),
+        ("1.2.3: (go home market) [7.5]", NONSENSE, "found '1.2.3' as time"),
+        ("0: (go home market) [7.5]", NONSENSE, "goal"),
+        ("0: (go home market) [7]\n7: (shop market) [2]", NONSENSE, "invalid plan"),
+        (TOO_LATE, NONSENSE, "'n1 shop: over all (open)' broken at time 20"),
     ],
 )
-def test_nonsense(fake, text, message):
+def test_nonsense_and_no_plan(fake, text, status, message):
     answer = ask(fake.printing(text))
-    assert (answer.status, answer.plan) == (PlannerStatus.NONSENSE, None)
+    assert (answer.status, answer.plan) == (status, None)
     assert message in answer.message
     assert "\n" not in answer.message
 
 
-def test_an_answer_has_a_plan_exactly_when_solved():
-    with pytest.raises(ValueError, match="a plan goes with 'solved' only"):
-        PlannerAnswer("p", PlannerStatus.SOLVED, None, 1.0)
-    with pytest.raises(ValueError, match="a plan goes with 'solved' only"):
-        PlannerAnswer("p", PlannerStatus.TIMEOUT, parse_timed_plan(VALID), 1.0)
+def test_what_is_no_answer():
+    answer = ask("command:/no/such/planner {domain} {problem}")
+    assert answer.status is PlannerStatus.CRASHED
+    assert "cannot start '/no/such/planner': No such file or directory" in answer.message
+    for status, plan in ((SOLVED, None), (TIMEOUT, parse_timed_plan(VALID))):
+        with pytest.raises(ValueError, match="a plan goes with 'solved' only"):
+            PlannerAnswer("p", status, plan)
 
 
 def test_ending_with_whoever_asked(fake):
@@ -160,9 +130,6 @@ def test_ending_with_whoever_asked(fake):
     with pytest.raises(KeyboardInterrupt), interrupted_after(1.5):
         ask(fake.command(body))
     assert told.gone()
-
-
-# -- names and templates -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -194,36 +161,16 @@ def test_missing_packages(monkeypatch):
             create_planner(name)
 
 
-# -- text --------------------------------------------------------------------------------------------------------------
-
-ODD = """(define (domain odd)
-(:requirements :adl :fluents :durative-actions :continuous-effects)
-(:types a b - object c - a d - (either a b))
-(:constants k - c)
-(:predicates (p ?x - a ?y) (q))
-(:functions (f ?x - a) (g))
-(:action i :parameters (?x - a ?z - d) :precondition (or (p ?x k) (not (exists (?y - b) (p ?x ?y))) (= ?x k))
- :effect (and (forall (?y - a) (when (q) (and (not (p ?y ?x)) (assign (g) (/ (f ?y) 3))))) (scale-up (f ?x) 2)))
-(:action j :parameters () :precondition () :effect (q))
-(:durative-action e :parameters (?x - (either a b))
- :duration (and (at start (>= ?duration 1.25)) (at end (< ?duration (g))))
- :condition (and (at start (forall (?y) (imply (q) (p k ?y)))) (over all (>= (g) (- (f k) ?duration))) (at end (q)))
- :effect (and (increase (g) (* #t (+ (f k) 2))) (at end (decrease (g) ?duration))
-  (when (at start (q)) (at start (p k k)))))
-(:durative-action w :parameters () :duration () :condition () :effect ()))
-"""
-
-
 def test_text_of_a_domain_with_everything():
-    domain = parse_domain(ODD)
+    text = re.sub(r":synth-parameters (\(\?rate\)|\?speed)", "", EVERYTHING).replace("()\n", "")
+    text = text.replace("?speed", "5").replace("?rate", "2").replace("(decrease (total) 3)", "(scale-up (total) 3)")
+    domain = parse_domain(text.rstrip()[:-1] + "(:durative-action w :duration () :condition () :effect ()))")
     assert parse_domain(domain_text(domain)) == domain
 
 
-def _files():
-    return sorted([*(ROOT / "robust/examples").rglob("*domain*.pddl")])
-
-
-@pytest.mark.parametrize("path", _files(), ids=lambda path: path.parent.name)
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "robust/examples").rglob("*domain*.pddl")), ids=lambda path: path.parent.name
+)
 def test_text_of_the_examples(path):
     domain = read_domain(path)
     if domain.parameters or any(action.synth_parameters for action in domain.actions.values()):
@@ -232,14 +179,13 @@ def test_text_of_the_examples(path):
         return
     again = parse_domain(domain_text(domain))
     assert again == domain
-    problems = [read_problem(one, domain) for one in path.parent.glob("*problem*.pddl")]
-    for problem in problems:
+    for problem in (read_problem(one, domain) for one in path.parent.glob("*problem*.pddl")):
         assert parse_problem(problem_text(problem, domain), again) == problem
 
 
 def test_times_that_are_no_decimals_are_rounded_to_the_safe_side():
     problem = parse_problem(
-        PROBLEM.replace("(at 20 (not (open)))", "(at 9.00049 (not (open))) (at 8.00051 (open))"), errands
+        ERRAND.replace("(at 20 (not (open)))", "(at 9.00049 (not (open))) (at 8.00051 (open))"), errands
     )
     text = problem_text(problem, errands)
     assert "(at 9 (not (open)))" in text
@@ -269,9 +215,6 @@ def test_parts_of_a_text_that_look_like_plans(lines):
         assert times == sorted(times)
 
 
-# -- Aries and Kairos --------------------------------------------------------------------------------------------------
-
-
 @pytest.fixture(params=["aries", "kairos"])
 def planner(request):
     pytest.importorskip({"aries": "up_aries", "kairos": "kairos"}[request.param])
@@ -283,26 +226,22 @@ def solve(planner, domain: str, problem: str, seconds: float = 60) -> PlannerAns
     return planner.solve(read, parse_problem(problem, read), Deadline.after(seconds))
 
 
-def test_errand(planner):
-    answer = planner.solve(errands, errand, Deadline.after(60))
-    assert answer.status is PlannerStatus.SOLVED, answer.message
-    assert [step.action for step in answer.plan.steps] == ["go", "shop"]
-    assert answer.plan.steps[0].duration == Fraction(15, 2)
-
-
 @pytest.mark.parametrize("variant", DeliveryVariant)
 def test_delivery(planner, variant):
     """A problem of the tables, and what is left of it when the first order has to be given up after its preparation."""
     domain = parse_domain(delivery_domain(variant))
-    table = table_problems(variant, battery=Fraction(600))[0]
-    first = parse_problem(table.text, domain)
-    late = table.text.replace("(window_open order1)\n", "\n").replace("(at 420.389 (not (window_open order1)))", "")
-    late = late.replace("(robot_at robot1 dock1)", "(robot_at robot1 base_station)").replace(
-        "(at 739.779 ", "(at 514.278 "
-    )
-    late = late.replace("(hand_empty robot1)", "(holding robot1 spindle1_1)").replace("(on_shelf spindle1_1)", "")
-    assert "(at 514.278" in late
-    for problem, delivered in ((first, None), (parse_problem(late, domain), "order2")):
+    text = late = table_problems(variant, battery=Fraction(600))[0].text
+    for old, new in (
+        ("(window_open order1)\n", "\n"),
+        ("(at 420.389 (not (window_open order1)))", ""),
+        ("(robot_at robot1 dock1)", "(robot_at robot1 base_station)"),
+        ("(at 739.779 ", "(at 514.278 "),
+        ("(hand_empty robot1)", "(holding robot1 spindle1_1)"),
+        ("(on_shelf spindle1_1)", ""),
+    ):
+        assert old in late
+        late = late.replace(old, new)
+    for problem, delivered in ((parse_problem(text, domain), None), (parse_problem(late, domain), "order2")):
         answer = planner.solve(domain, problem, Deadline.after(60))
         assert answer.status is PlannerStatus.SOLVED, answer.message
         check(answer.plan, domain, problem, EPSILON)
@@ -311,7 +250,7 @@ def test_delivery(planner, variant):
 
 def test_no_plan_before_the_window_closes(planner):
     """Whether it is proved or not depends on the planner; there is no plan either way."""
-    answer = solve(planner, DOMAIN, PROBLEM.replace("(at 20 (", "(at 9 ("), 2)
+    answer = solve(planner, ERRANDS, ERRAND.replace("(at 20 (", "(at 9 ("), 2)
     assert answer.status in (PlannerStatus.NO_PLAN, PlannerStatus.TIMEOUT)
 
 
@@ -325,8 +264,8 @@ def test_kairos_proves_that_there_is_no_plan():
 
 def test_long_times(planner):
     """Beyond the horizon that Aries has by itself."""
-    problem = PROBLEM.replace("7.5)", "40000.25)").replace("(at 20 ", "(at 50000 ")
-    answer = solve(planner, DOMAIN, problem)
+    problem = ERRAND.replace("7.5)", "40000.25)").replace("(at 20 ", "(at 50000 ")
+    answer = solve(planner, ERRANDS, problem)
     assert answer.status is PlannerStatus.SOLVED, answer.message
     assert answer.plan.steps[0].duration == Fraction("40000.25")
 
@@ -350,6 +289,9 @@ def test_aries_on_the_logic_of_pddl():
     answer = solve(create_planner("aries"), LOGIC, LOGIC_PROBLEM)
     assert answer.status is PlannerStatus.SOLVED, answer.message
     assert {step.action: step.duration is None for step in answer.plan.steps} == {"light": True, "drive": False}
+    for epsilon in (Fraction(1), Fraction(1, 10**6), Fraction(0)):
+        with pytest.raises(InputError, match="expected 1/20000 to 1/10"):
+            create_planner("aries", epsilon=epsilon)
 
 
 @pytest.mark.parametrize(
@@ -364,13 +306,6 @@ def test_aries_on_the_logic_of_pddl():
 )
 def test_what_aries_does_not_solve_is_known_beforehand(old, new, message):
     pytest.importorskip("up_aries")
-    assert old in DOMAIN
+    assert old in ERRANDS
     with pytest.raises(UnsupportedError, match=message):
-        solve(aries.aries_planner(), DOMAIN.replace(old, new), PROBLEM)
-
-
-def test_separations_that_aries_cannot_count():
-    pytest.importorskip("up_aries")
-    for epsilon in (Fraction(1), Fraction(1, 10**6), Fraction(0)):
-        with pytest.raises(InputError, match="expected 1/20000 to 1/10"):
-            create_planner("aries", epsilon=epsilon)
+        solve(aries.aries_planner(), ERRANDS.replace(old, new), ERRAND)

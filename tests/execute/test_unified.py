@@ -25,10 +25,8 @@ def deliveries(deadline=Fraction(20)):
     """A van drives and honks; driving takes a third of a minute a mile and burns fuel all the while."""
     place = up.UserType("Place")
     at = up.Fluent("at", up.BoolType(), p=place)
-    lit = up.Fluent("lit", up.BoolType())
-    heard = up.Fluent("heard", up.BoolType())
-    fuel = up.Fluent("fuel", up.RealType())
-    miles = up.Fluent("miles", up.RealType(), a=place, b=place)
+    lit, heard = (up.Fluent(name, up.BoolType()) for name in ("lit", "heard"))
+    fuel, miles = up.Fluent("fuel", up.RealType()), up.Fluent("miles", up.RealType(), a=place, b=place)
     drive = up.DurativeAction("Drive", a=place, b=place)
     a, b = drive.parameter("a"), drive.parameter("b")
     drive.set_closed_duration_interval(up.Times(THIRD, miles(a, b)), up.Times(2, miles(a, b)))
@@ -46,12 +44,10 @@ def deliveries(deadline=Fraction(20)):
     problem.add_fluents([at, lit, heard, fuel, miles])
     problem.add_actions([drive, honk])
     home, shop = problem.add_objects([up.Object("home", place), up.Object("Shop", place)]) or problem.all_objects
-    problem.set_initial_value(at(home), True)
-    problem.set_initial_value(lit, True)
-    problem.set_initial_value(fuel, Fraction(22, 3))
-    for x in (home, shop):
-        for y in (home, shop):
-            problem.set_initial_value(miles(x, y), 3)
+    initial = {at(home): True, lit: True, fuel: Fraction(22, 3)}
+    initial |= {miles(x, y): 3 for x in (home, shop) for y in (home, shop)}
+    for fluent, value in initial.items():
+        problem.set_initial_value(fluent, value)
     problem.add_timed_effect(up.GlobalStartTiming(deadline), lit, False)
     problem.add_goal(heard)
     problem.add_goal(at(shop))
@@ -100,12 +96,6 @@ def test_conversion_there_and_back():
     assert returned.is_consistent
 
 
-def test_a_plan_that_unified_planning_finds_valid_but_is_not():
-    problem = deliveries(deadline=Fraction(2))
-    with pytest.raises(InvalidPlanError, match=r"invalid plan: found 'n0 drive: over all \(lit\)' broken at time 2"):
-        convert(*from_unified_planning(problem, plan_of(problem)))
-
-
 def test_parameters_stand_for_their_values():
     problem = deliveries()
     found = convert(*from_unified_planning(problem, plan_of(problem)), specs=parse_specs(["duration:drive"]))
@@ -115,30 +105,21 @@ def test_parameters_stand_for_their_values():
     assert Fraction(10, 7) in values
 
 
-def test_what_pddl_cannot_say_is_refused():
-    problem = deliveries()
+def test_what_cannot_be_converted_is_refused():
+    problem, soon = deliveries(), deliveries(deadline=Fraction(2))
     plan = plan_of(problem)
+    # which unified-planning finds valid
+    with pytest.raises(InvalidPlanError, match=r"invalid plan: found 'n0 drive: over all \(lit\)' broken at time 2"):
+        convert(*from_unified_planning(soon, plan_of(soon)))
+    with pytest.raises(InputError, match="found a SequentialPlan, expected a TimeTriggeredPlan"):
+        from_unified_planning(problem, plans.SequentialPlan([]))
+    with pytest.raises(InputError, match="empty plan: found no step"):
+        convert(*from_unified_planning(problem, plans.TimeTriggeredPlan([], problem.environment)))
+    with pytest.raises(InputError, match="found action 'drive', expected one of the problem"):
+        to_unified_planning(convert(*from_unified_planning(problem, plan)).stn, up.Problem("empty"))
     problem.add_timed_goal(up.GlobalStartTiming(5), problem.fluent("lit")())
     with pytest.raises(UnsupportedError, match="found timed goals"):
         from_unified_planning(problem, plan)
-
-
-def test_another_kind_of_plan_is_refused():
-    with pytest.raises(InputError, match="found a SequentialPlan, expected a TimeTriggeredPlan"):
-        from_unified_planning(deliveries(), plans.SequentialPlan([]))
-
-
-def test_an_empty_plan_is_refused():
-    problem = deliveries()
-    with pytest.raises(InputError, match="empty plan: found no step"):
-        convert(*from_unified_planning(problem, plans.TimeTriggeredPlan([], problem.environment)))
-
-
-def test_an_action_that_the_problem_lacks():
-    problem = deliveries()
-    found = convert(*from_unified_planning(problem, plan_of(problem)))
-    with pytest.raises(InputError, match="found action 'drive', expected one of the problem"):
-        to_unified_planning(found.stn, up.Problem("empty"))
 
 
 def test_a_missing_extra_is_said(monkeypatch):

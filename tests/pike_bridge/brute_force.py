@@ -3,37 +3,33 @@
 Strict constraints are expressed through an infinitesimal.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Iterator, Mapping
+from copy import copy
 from fractions import Fraction
 from itertools import combinations, pairwise, product
-from types import MappingProxyType
-from typing import TypeAlias
 
-from robust.pike_bridge.model import Condition, Constraint, Environment, Guard, TeamPlan, Tpnu, Vocabulary
+from robust.pike_bridge.model import Vocabulary, guard
 
-Bound: TypeAlias = tuple[Fraction, int]
+Bound = tuple[Fraction, int]
 """A number and how many infinitesimals are added to it."""
 
-ZERO: Bound = (Fraction(0), 0)
-STRICTLY_LESS: Bound = (Fraction(0), -1)
+ZERO = (Fraction(0), 0)
+STRICTLY_LESS = (Fraction(0), -1)
 
 
 class Stn:
     """The tightest upper bound on t(target) − t(source) for each pair of events, kept while constraints are added."""
 
-    def __init__(self, events: Iterable[str]) -> None:
+    def __init__(self, events):
         self.events = tuple(events)
-        self.bounds: dict[tuple[str, str], Bound] = {(event, event): ZERO for event in self.events}
+        self.bounds = {(event, event): ZERO for event in self.events}
         self.consistent = True
 
-    def copy(self) -> Stn:
-        other = Stn(())
-        other.events, other.bounds, other.consistent = self.events, dict(self.bounds), self.consistent
+    def copy(self):
+        other = copy(self)
+        other.bounds = dict(self.bounds)
         return other
 
-    def at_most(self, source: str, target: str, bound: Bound) -> Stn:
+    def at_most(self, source, target, bound):
         """Add t(target) − t(source) ≤ bound."""
         if (source, target) in self.bounds and self.bounds[source, target] <= bound:
             return self
@@ -46,19 +42,19 @@ class Stn:
         self.consistent = self.consistent and all(self.bounds[event, event] >= ZERO for event in self.events)
         return self
 
-    def strictly(self, earlier: str, later: str) -> Stn:
+    def strictly(self, earlier, later):
         return self.at_most(later, earlier, STRICTLY_LESS)
 
-    def same(self, one: str, other: str) -> Stn:
+    def same(self, one, other):
         return self.at_most(one, other, ZERO).at_most(other, one, ZERO)
 
-    def at_times(self, times: Mapping[str, Fraction]) -> Stn:
+    def at_times(self, times):
         """Add that these events are as far apart as their times are."""
         for (one, first), (other, second) in pairwise(times.items()):
             self.at_most(one, other, (second - first, 0)).at_most(other, one, (first - second, 0))
         return self
 
-    def add(self, constraints: Iterable[Constraint]) -> Stn:
+    def add(self, constraints):
         for constraint in constraints:
             if constraint.upper is not None:
                 self.at_most(constraint.source, constraint.target, (constraint.upper, 0))
@@ -66,7 +62,7 @@ class Stn:
                 self.at_most(constraint.target, constraint.source, (-constraint.lower, 0))
         return self
 
-    def schedule(self) -> dict[str, Fraction]:
+    def schedule(self):
         """Some times that satisfy all constraints, the earliest of them zero."""
         # The distance from a point that is at or before all events; the infinitesimal is then made small enough.
         times = {
@@ -84,32 +80,60 @@ class Stn:
         return {event: time - start for event, time in concrete.items()}
 
 
-def holds(guard: Guard, scenario: Mapping[str, str]) -> bool:
+def holds(guard, scenario):
     return all(scenario[variable] == value for variable, value in guard)
 
 
-def candidate_subplan(network: Tpnu, scenario: Mapping[str, str]) -> Stn:
+def broken_constraints(network, scenario, times):
+    """The activated constraints that the times do not satisfy."""
+    activated = [each for each in network.temporal_constraints if holds(each.guard, scenario)]
+    apart = [times[each.target] - times[each.source] for each in activated]
+    return {
+        each
+        for each, between in zip(activated, apart, strict=True)
+        if (each.lower is not None and between < each.lower) or (each.upper is not None and between > each.upper)
+    }
+
+
+def candidate_subplan(network, scenario):
     """The network of the events and constraints that a scenario activates."""
     stn = Stn(event.name for event in network.events if holds(event.guard, scenario))
     return stn.add(each for each in network.temporal_constraints if holds(each.guard, scenario))
 
 
-def scenarios(domains: Mapping[str, tuple[str, ...]]) -> Iterable[dict[str, str]]:
+def scenarios(domains):
     return (dict(zip(domains, values, strict=True)) for values in product(*domains.values()))
+
+
+def environments(network):
+    """Every partial assignment to the choices."""
+    for made in scenarios({name: (None, *domain) for name, domain in network.domains.items()}):
+        yield guard({name: value for name, value in made.items() if value is not None})
+
+
+def extending(network, environment=frozenset()):
+    """Every full assignment to the choices that extends an environment."""
+    return (scenario for scenario in map(guard, scenarios(network.domains)) if environment <= scenario)
+
+
+def distances(network, scenario):
+    """Shortest paths between activated events; None if there is a negative cycle."""
+    stn = candidate_subplan(network, dict(scenario))
+    return {pair: number for pair, (number, _) in stn.bounds.items()} if stn.consistent else None
 
 
 class ExactPrecedence:
     """Precedence and temporal conflicts by looking at every scenario."""
 
-    def __init__(self, network: Tpnu) -> None:
+    def __init__(self, network):
         self.vocabulary = Vocabulary(network.domains)
         self._guards = network.guards
         self._subplans = [
-            (self.vocabulary.encode(frozenset(scenario.items())), candidate_subplan(network, scenario))
+            (self.vocabulary.encode(guard(scenario)), candidate_subplan(network, scenario))
             for scenario in scenarios(network.domains)
         ]
 
-    def precedes(self, first: str, second: str, context: Environment) -> bool:
+    def precedes(self, first, second, context):
         environment = context | self.vocabulary.encode(self._guards[first] | self._guards[second])
         return all(
             (second, first) in subplan.bounds and subplan.bounds[second, first] < ZERO
@@ -117,54 +141,57 @@ class ExactPrecedence:
             if scenario & environment == environment and subplan.consistent
         )
 
-    def conflicting(self, environment: Environment) -> bool:
+    def conflicting(self, environment):
         return not any(
             subplan.consistent for scenario, subplan in self._subplans if scenario & environment == environment
         )
 
 
+def check_precedence(network, found, *, complete):
+    """Whatever is claimed to precede does so in every scenario with a schedule; the reverse, too, if complete."""
+    exact = ExactPrecedence(network)
+    for context, first, second in product(environments(network), network.events, network.events):
+        encoded = exact.vocabulary.encode(context)
+        possible = not exact.conflicting(encoded | exact.vocabulary.encode(first.guard | second.guard))
+        precedes = exact.precedes(first.name, second.name, encoded)
+        claimed = found.precedes(first.name, second.name, encoded)
+        assert precedes or not claimed
+        assert not complete or claimed == (precedes and possible)
+
+
 class Ignorance:
     """A precedence that knows nothing."""
 
-    def __init__(self, network: Tpnu) -> None:
+    def __init__(self, network):
         self.vocabulary = Vocabulary(network.domains)
 
-    def precedes(self, first: str, second: str, context: Environment) -> bool:
+    def precedes(self, first, second, context):
         return False
 
-    def conflicting(self, environment: Environment) -> bool:
+    def conflicting(self, environment):
         return False
 
 
 class HalfKnowledge(ExactPrecedence):
     """A precedence that is right, but does not see about half of what there is to see."""
 
-    def precedes(self, first: str, second: str, context: Environment) -> bool:
+    def precedes(self, first, second, context):
         return sum(map(ord, first + second)) * (context + 7) % 5 < 2 and super().precedes(first, second, context)
 
-    def conflicting(self, environment: Environment) -> bool:
+    def conflicting(self, environment):
         return environment * 11 % 5 < 2 and super().conflicting(environment)
 
 
-NO_TIMES: Mapping[str, Fraction] = MappingProxyType({})
-
-
-def correct_scenarios(plan: TeamPlan) -> set[frozenset[tuple[str, str]]]:
+def correct_scenarios(plan):
     """The team scenarios that admit a correct execution."""
-    return {
-        frozenset(scenario.items())
-        for scenario in scenarios(plan.network.domains)
-        if admits_correct_execution(plan, scenario)
-    }
+    return {guard(each) for each in scenarios(plan.network.domains) if admits_correct_execution(plan, each)}
 
 
-def admits_correct_execution(plan: TeamPlan, scenario: Mapping[str, str]) -> bool:
+def admits_correct_execution(plan, scenario):
     return next(correct_orders(plan, scenario), None) is not None
 
 
-def correct_orders(
-    plan: TeamPlan, scenario: Mapping[str, str], fixed: Mapping[str, Fraction] = NO_TIMES
-) -> Iterator[Stn]:
+def correct_orders(plan, scenario, fixed=None):
     """The network of the scenario under each weak order of its events that meets all conditions."""
     conditions = [condition for condition in plan.conditions if holds(condition.guard, scenario)]
     for ranks, ordered in weak_orders(plan, scenario, fixed):
@@ -172,63 +199,52 @@ def correct_orders(
             yield ordered
 
 
-def weak_orders(
-    plan: TeamPlan, scenario: Mapping[str, str], fixed: Mapping[str, Fraction] = NO_TIMES
-) -> Iterator[tuple[dict[str, int], Stn]]:
+def weak_orders(plan, scenario, fixed=None):
     """Each consistent weak order of the events that have effects or conditions, with the network that it leaves.
 
     Some events may have fixed times; all of them must be activated.
     """
-    subplan = candidate_subplan(plan.network, scenario).at_times(fixed)
-    if subplan.consistent:
-        conditions = [condition for condition in plan.conditions if holds(condition.guard, scenario)]
-        mentioned = {event for each in conditions for event in (each.first, each.last)}
-        mentioned |= {effect.event for effect in plan.effects if holds(effect.guard, scenario)}
-        yield from _weak_orders(frozenset(mentioned), {}, frozenset(), subplan)
+    subplan = candidate_subplan(plan.network, scenario).at_times(fixed or {})
+    conditions = [condition for condition in plan.conditions if holds(condition.guard, scenario)]
+    mentioned = {event for each in conditions for event in (each.first, each.last)}
+    mentioned |= {effect.event for effect in plan.effects if holds(effect.guard, scenario)}
 
-
-def _weak_orders(
-    left: frozenset[str], ranks: dict[str, int], latest: frozenset[str], stn: Stn
-) -> Iterator[tuple[dict[str, int], Stn]]:
-    if not left:
-        yield ranks, stn
-        return
-    rank = max(ranks.values(), default=0) + 1
-    for size in range(1, len(left) + 1):
-        for block in combinations(sorted(left), size):
+    def orders(left, ranks, latest, stn):
+        if not left:
+            yield ranks, stn
+        blocks = (block for size in range(1, len(left) + 1) for block in combinations(sorted(left), size))
+        for block in blocks:
             ordered = stn.copy()
             for event in block:
                 ordered.same(block[0], event)
             for event in latest:
                 ordered.strictly(event, block[0])
             if ordered.consistent:
-                now = ranks | dict.fromkeys(block, rank)
-                yield from _weak_orders(left - set(block), now, frozenset(block), ordered)
+                now = ranks | dict.fromkeys(block, max(ranks.values(), default=0) + 1)
+                yield from orders(left - set(block), now, block, ordered)
+
+    return orders(mentioned, {}, (), subplan) if subplan.consistent else iter(())
 
 
-def is_met(
-    plan: TeamPlan, scenario: Mapping[str, str], condition: Condition, times: Mapping[str, Fraction] | Mapping[str, int]
-) -> bool:
+def is_met(plan, scenario, condition, times):
     """The definition: a producer, and no threat from it to the end; times may also be ranks."""
+
+    def own(effect, event):
+        return condition.activity is not None and (effect.activity, effect.event) == (condition.activity, event)
+
     activated = [effect for effect in plan.effects if holds(effect.guard, scenario)]
     threats = [
         times[effect.event]
         for effect in activated
-        if effect.literal == condition.literal.negation
-        and not (
-            effect.activity is not None and effect.activity == condition.activity and effect.event == condition.last
+        if effect.literal == condition.literal.negation and not own(effect, condition.last)
+    ]
+    producers = [
+        times[effect.event]
+        for effect in activated
+        if effect.literal == condition.literal
+        and (
+            times[effect.event] < times[condition.first]
+            or (condition.first != condition.last and own(effect, condition.first))
         )
     ]
-    for effect in activated:
-        if effect.literal != condition.literal:
-            continue
-        own_start = (
-            condition.first != condition.last
-            and effect.activity is not None
-            and effect.activity == condition.activity
-            and effect.event == condition.first
-        )
-        in_time = own_start or times[effect.event] < times[condition.first]
-        if in_time and not any(times[effect.event] <= threat <= times[condition.last] for threat in threats):
-            return True
-    return False
+    return any(not any(made <= threat <= times[condition.last] for threat in threats) for made in producers)

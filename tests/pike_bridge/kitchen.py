@@ -1,10 +1,7 @@
 """A kitchen to test with: a human takes a mug or a glass and makes food, and a robot pours into what was taken."""
 
-from __future__ import annotations
-
 from robust.pike_bridge import builder
 from robust.pike_bridge.builder import act, choose, parallel, sequence
-from robust.pike_bridge.model import Tpnu
 
 DOMAIN = """
 (define (domain kitchen)
@@ -34,7 +31,7 @@ PROBLEM = """
 """
 
 
-def kitchen() -> Tpnu:
+def kitchen():
     taking = {vessel: act(f"(get human {vessel})", "0.5", 2, agent="human") for vessel in ("mug", "glass")}
     pouring = {vessel: act(f"(pour robot {vessel})", 1, 3, agent="robot") for vessel in ("mug", "glass")}
     making = {food: act(f"(make human {food})", 2, 4, agent="human") for food in ("bagel", "cereal")}

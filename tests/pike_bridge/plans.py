@@ -1,18 +1,19 @@
-"""Hypothesis strategies for small team plans, with shared events, threats, negative literals, conditions over all."""
+"""Small random plans and networks, from seeds and for hypothesis, and random times for them.
 
-from __future__ import annotations
+Events are shared, literals negative, and conditions over all of an activity. Bounds are multiples of 1/2 and drawn
+times of 1/8: what can be strictly before something can be ε = 1/1000 before it.
+"""
 
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import count
+from functools import partial
+from itertools import combinations, permutations
 
 from hypothesis import strategies as st
 
-from robust.pike_bridge import builder
+from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
 from robust.pike_bridge.model import (
     ALWAYS,
-    EPSILON,
-    GOAL,
-    INITIAL,
     Activity,
     Assignment,
     Choice,
@@ -20,192 +21,200 @@ from robust.pike_bridge.model import (
     Constraint,
     Effect,
     Event,
-    Guard,
     Literal,
     TeamPlan,
     Tpnu,
+    guard,
 )
 from robust.pike_bridge.theory import is_consistent
 from robust.plan.model import Atom
 
-ATOMS = (Atom("p"), Atom("q"))
-literals = st.builds(Literal, st.sampled_from((ATOMS[0], ATOMS[0], ATOMS[1])), st.booleans())
+P, Q = Literal(Atom("p")), Literal(Atom("q"))
+STEP = Fraction(1, 8)
+HALF = Fraction(1, 2)
 
 
-@st.composite
-def choices(draw: st.DrawFn, most: int) -> tuple[Choice, ...]:
-    sizes = draw(st.lists(st.sampled_from((2, 2, 3)), max_size=most))
-    return tuple(
-        Choice(name, tuple(str(value + 1) for value in range(size)), draw(st.booleans()), None)
-        for name, size in zip("xyz", sizes, strict=False)
-    )
+@dataclass(frozen=True)
+class Style:
+    """What random plans are like."""
+
+    literals: tuple[Literal, ...]  # what effects are about
+    guarded: float = 0.35  # how many events have a guard, or have effects with more of one than they have
+    densities: tuple[float, ...] = (0.3, 0.5, 0.9)  # how many pairs of events have a constraint
+    certain: float = 0.0  # how many pairs of events are ordered by their numbers
+    effects: tuple[int, ...] = (0, 1, 1, 1, 2)  # how many effects an event may have
+    choices: tuple[int, ...] = (1, 2, 2, 3)  # how many choices there may be
 
 
-@st.composite
-def guards(draw: st.DrawFn, variables: tuple[Choice, ...], most: int = 1) -> Guard:
-    if not variables:
-        return frozenset()
-    chosen = draw(st.lists(st.sampled_from(variables), max_size=most, unique_by=lambda choice: choice.name))
-    return frozenset(Assignment(choice.name, draw(st.sampled_from(choice.domain))) for choice in chosen)
+MIXED = Style((P, P, P, P.negation, P.negation, Q, Q.negation))
+ORDERED = Style((P, P, P, P, P.negation, Q), certain=0.85, densities=(0.1, 0.3))
+"""There are many producers, and one dominates another."""
+CONTESTED = Style((P, P, P.negation), guarded=0.1, densities=(0.1, 0.3, 0.4), effects=(0, 1, 1, 1), choices=(1, 1, 2))
+"""Threats may come on either side of links."""
 
 
-@st.composite
-def networks(draw: st.DrawFn, events: int) -> Tpnu:
-    """Arbitrary networks around a reference schedule, in which several activities may share an event."""
-    variables = draw(choices(3 if events > 3 else 2))
-    points = [Event(f"e{at}", draw(guards(variables))) for at in range(1, events + 1)]
-    reference = {event.name: draw(st.integers(0, 4)) for event in points}
-    pairs = [
-        (source, target)
-        for source in points
-        for target in points
-        if source.name < target.name and is_consistent(source.guard | target.guard)
-    ]
-    if not pairs:
-        return Tpnu("arbitrary", variables, tuple(points), (), ())
-    activities, constraints = [], []
-    for at in range(draw(st.integers(2, 4))):
-        source, target = draw(st.sampled_from(pairs))
-        label = source.guard | target.guard
-        extra = draw(guards(variables))
-        label = label | extra if is_consistent(label | extra) else label
-        span = max(1, reference[target.name] - reference[source.name])
-        upper = draw(st.sampled_from((None, None, span, span + 1)))
-        lower = draw(st.integers(1, span))
-        activities.append(Activity(f"(act{at})", source.name, target.name, Fraction(lower), _exact(upper), guard=label))
-    for _ in range(draw(st.integers(0, 3))):
-        source, target = draw(st.sampled_from(pairs))
-        span = reference[target.name] - reference[source.name]
-        lower = draw(st.sampled_from((None, span, span - 1, Fraction(span) - Fraction(1, 2))))
-        upper = draw(st.sampled_from((None, None, span, span + 2)))
-        constraints.append(
-            Constraint(source.name, target.name, _exact(lower), _exact(upper), source.guard | target.guard)
+def random_plan(random, *, events=5, style=None):
+    """Events that make an atom or two true or false, and activities that need them, rather late than early."""
+    style = style or random.choice((MIXED, ORDERED, CONTESTED, CONTESTED))
+    network = random_network(random, events=events, contradictory=0.05, style=style)
+    effects = [
+        Effect(
+            random.choice(style.literals), each.name, _refined(random, each.guard, network.choices, style.guarded), None
         )
-    return Tpnu("arbitrary", variables, tuple(points), tuple(constraints), tuple(activities))
-
-
-def _exact(number: int | Fraction | None) -> Fraction | None:
-    return None if number is None else Fraction(number)
-
-
-@st.composite
-def programs(draw: st.DrawFn, most_activities: int = 5) -> Tpnu:
-    """Networks written with the builder: sequences, parallel branches and choices."""
-    left = [draw(st.integers(2, most_activities))]
-    names = count(1)
-    variables = iter("xyz")
-
-    def activity() -> builder.Element:
-        left[0] -= 1
-        lower = draw(st.integers(1, 2))
-        upper = draw(st.sampled_from((lower, lower + 1, None)))
-        return builder.act(f"(act{next(names)})", lower, upper)
-
-    def element(depth: int) -> builder.Element:
-        kind = draw(st.sampled_from(("act", "act", "choose", "parallel", "skip"))) if depth else "act"
-        if kind == "act" and left[0] > 0:
-            return activity()
-        if kind == "choose" and (name := next(variables, None)) is not None:
-            return builder.choose(name, {"1": element(depth - 1), "2": element(depth - 1)})
-        if kind == "parallel":
-            return builder.parallel(element(depth - 1), element(depth - 1))
-        return builder.sequence()
-
-    top: builder.Element = builder.parallel(element(2), element(2)) if draw(st.booleans()) else element(2)
-    upper = draw(st.sampled_from((None, None, 3, 5)))
-    return builder.build("program", builder.within(builder.sequence(top, element(1)), upper=upper))
-
-
-@st.composite
-def with_knowledge(draw: st.DrawFn, network: Tpnu, *, ends: bool | None = None) -> TeamPlan:
-    """Random conditions and effects for the activities of a network, perhaps an initial state and a goal."""
-    ends = draw(st.booleans()) if ends is None else ends
-    initial = draw(st.lists(literals, min_size=1, max_size=2)) if ends else []
-    effects: list[Effect] = []
-    conditions: list[Condition] = []
-    for at, activity in enumerate(network.activities):
-        for _ in range(draw(st.integers(0, 2))):
-            event = draw(st.sampled_from((activity.source, activity.target, activity.target)))
-            effects.append(Effect(draw(literals), event, activity.guard, at))
-    known = [effect.literal for effect in effects] + initial
-    wanted = st.one_of(st.sampled_from(known), st.sampled_from(known), literals) if known else literals
-    for at, activity in enumerate(network.activities):
-        start, end = activity.source, activity.target
-        for _ in range(draw(st.sampled_from((0, 0, 1, 1, 2)))):
-            first, last = draw(st.sampled_from(((start, start), (start, start), (end, end), (start, end))))
-            conditions.append(Condition(draw(wanted), first, last, activity.guard, at))
-    plan = TeamPlan(network, tuple(conditions), tuple(effects))
-    return _between_ends(plan, initial, draw(st.lists(wanted, max_size=1))) if ends else plan
-
-
-def _between_ends(plan: TeamPlan, initial: list[Literal], goal: list[Literal]) -> TeamPlan:
-    network = plan.network
-    ordered = [
-        *(Constraint(INITIAL, event.name, EPSILON, None, event.guard) for event in network.events),
-        *(Constraint(event.name, GOAL, EPSILON, None, event.guard) for event in network.events),
+        for each in network.events
+        for _ in range(random.choice(style.effects))
     ]
-    return TeamPlan(
-        Tpnu(
-            network.name,
-            network.choices,
-            (Event(INITIAL), *network.events, Event(GOAL)),
-            (*network.constraints, *ordered, Constraint(INITIAL, GOAL, EPSILON, None)),
-            network.activities,
-        ),
-        (*plan.conditions, *(Condition(literal, GOAL, GOAL, frozenset(), None) for literal in goal)),
-        (*plan.effects, *(Effect(literal, INITIAL, frozenset(), None) for literal in initial)),
+    activities, conditions = [], []
+    pairs = [(one, other) for one, other in combinations(network.events, 2) if is_consistent(one.guard | other.guard)]
+    for at in range(random.choice((1, 2, 2)) if pairs else 0):
+        start, end = max(random.choice(pairs), random.choice(pairs), key=lambda pair: pair[0].name)
+        label = _refined(random, start.guard | end.guard, network.choices, style.guarded)
+        activities.append(Activity(f"(use{at})", start.name, end.name, HALF, None, guard=label))
+        first, last = random.choice(((start, start), (end, end), (start, end)))
+        known = [each.literal for each in effects if each.event not in {first.name, last.name}]
+        wanted = random.choice(known if known and random.random() < 0.9 else style.literals)
+        conditions.append(Condition(wanted, first.name, last.name, label, at))
+        if random.random() < 0.4:
+            effects.append(Effect(random.choice(style.literals), random.choice((start, end)).name, label, at))
+    if random.random() < 0.2:
+        goal = random.choice(network.events)
+        conditions.append(Condition(random.choice(style.literals), goal.name, goal.name, goal.guard, None))
+    whole = replace(network, activities=tuple(activities))
+    return TeamPlan(whole, tuple(conditions), tuple(dict.fromkeys(effects)))
+
+
+def random_network(random, *, events=5, contradictory, style=MIXED):
+    """Up to three choices; events with random guards around a reference schedule, which some bounds contradict."""
+    density, tight = random.choice(style.densities), random.choice((0.1, 0.3, 0.9))
+    choices = tuple(
+        Choice(name, ("1", "2", "3")[: random.choice((2, 2, 2, 3))], random.random() < 0.5, None)
+        for name in "xyz"[: random.choice(style.choices)]
+    )
+    names = [f"e{at}" for at in range(1, random.randint(3, events) + 1)]
+    points = [Event(name, _refined(random, ALWAYS, choices, style.guarded)) for name in names]
+    by_number = random.random() < 0.6
+    places = {name: Fraction(at if by_number else random.randint(0, 6), 2) for at, name in enumerate(names)}
+    constraints = []
+    for one, other in combinations(points, 2):
+        both = one.guard | other.guard
+        if is_consistent(both) and random.random() < style.certain:
+            constraints.append(Constraint(one.name, other.name, HALF, None, both))
+        if is_consistent(both) and random.random() < density:
+            span = places[other.name] - places[one.name]
+            if random.random() < contradictory:
+                span += random.choice((-2, -HALF, HALF, 2))
+            bounds = ((span, None), (HALF, None), (span, span + 1), (span, span), (None, span))
+            lower, upper = random.choice(bounds if random.random() < tight else bounds[:2])
+            label = _refined(random, both, choices, style.guarded)
+            constraints.append(Constraint(one.name, other.name, lower, upper, label))
+    return Tpnu("random", choices, tuple(points), tuple(constraints), ())
+
+
+def random_differences(random):
+    """A network of random bounds in any direction: in some scenarios they mostly contradict each other."""
+    network = random_network(random, events=5, contradictory=0)
+    pairs = [(one, other) for one, other in permutations(network.events, 2) if is_consistent(one.guard | other.guard)]
+    constraints = []
+    for _ in range(random.randint(3, 9) if pairs else 0):
+        one, other = random.choice(pairs)
+        number = Fraction(random.randint(-4, 6), 2)
+        lower, upper = random.choice(((number, None), (None, number), (number, number + 1)))
+        label = _refined(random, one.guard | other.guard, network.choices, 0.35)
+        constraints.append(Constraint(one.name, other.name, lower, upper, label))
+    return replace(network, constraints=tuple(constraints))
+
+
+seeds = st.randoms(use_true_random=False)
+differences = seeds.map(random_differences)
+plans = seeds.map(random_plan)
+tiny_plans = seeds.map(partial(random_plan, events=4))
+
+
+def network(events, *constraints, choices=(), activities=()):
+    """By hand: events by name, perhaps with what guards assign; constraints; choices with their values and events."""
+    labels = events if isinstance(events, dict) else {name: {} for name in events.split()}
+    return Tpnu(
+        "by hand",
+        tuple(Choice(name, tuple(values), True, event) for name, values, event in choices),
+        tuple(Event(name, guard(label)) for name, label in labels.items()),
+        tuple(constraint(*each) for each in constraints),
+        tuple(activities),
     )
 
 
-@st.composite
-def tiny_plans(draw: st.DrawFn) -> TeamPlan:
-    """Plans of at most five events, all orders of which can be tried."""
-    ends = draw(st.booleans())
-    network = draw(networks(events=draw(st.integers(2, 3 if ends else 5))))
-    return draw(with_knowledge(network, ends=ends))
+def constraint(source, target, lower, upper, label=ALWAYS):
+    lower, upper = (None if bound is None else Fraction(bound) for bound in (lower, upper))
+    return Constraint(source, target, lower, upper, guard(dict(label)))
 
 
 @st.composite
-def team_plans(draw: st.DrawFn) -> TeamPlan:
-    """Plans of up to six activities."""
-    network = draw(st.one_of(programs(), networks(events=5)))
-    return draw(with_knowledge(network))
+def elements(draw, size=6, names=None):
+    """Sequences, parallel branches and up to three choices, nested or not, of up to so many activities."""
+    names = names or iter("xyz")
+    if size <= 1:
+        lower = draw(st.integers(1, 4))
+        return act("(move)", lower, draw(st.none() | st.integers(lower, 6))) if size else sequence()
+    left = draw(st.integers(0, size - 1))
+    first, second = draw(elements(left, names)), draw(elements(size - max(left, 1), names))
+    kind = draw(st.sampled_from(("sequence", "parallel", "choice", "choice")))
+    if kind == "choice" and (name := next(names, None)) is not None:
+        whole = choose(name, {"1": first, "2": second}, controllable=draw(st.booleans()))
+    else:
+        whole = parallel(first, second) if kind == "parallel" else sequence(first, second)
+    bound = draw(st.none() | st.none() | st.integers(2, 8))
+    return within(whole, upper=bound) if draw(st.booleans()) else within(whole, lower=bound)
 
 
-@st.composite
-def contested_plans(draw: st.DrawFn) -> TeamPlan:
-    """One or two conditions about one atom that nearly every event makes true or false, and few other constraints."""
-    variables = draw(choices(2))
-    names = [f"e{at}" for at in range(1, draw(st.integers(4, 5)) + 1)]
-    points = [Event(name, draw(guards(variables)) if draw(st.booleans()) else ALWAYS) for name in names]
-    places = {event.name: draw(st.integers(0, 3)) for event in points}
-    pairs = [
-        (one, other)
-        for one in points
-        for other in points
-        if places[one.name] < places[other.name] and is_consistent(one.guard | other.guard)
-    ]
-    constraints = [
-        Constraint(one.name, other.name, Fraction(1), _exact(draw(st.sampled_from((None, None, 1, 3)))), label)
-        for one, other in pairs
-        if draw(st.booleans())
-        for label in (one.guard | other.guard,)
-    ]
-    effects = []
-    for event in points:
-        for _ in range(draw(st.sampled_from((0, 1, 1, 1, 2)))):
-            extra = event.guard | draw(guards(variables))
-            label = extra if is_consistent(extra) and draw(st.booleans()) else event.guard
-            effects.append(Effect(Literal(ATOMS[0], draw(st.booleans())), event.name, label, None))
-    activities, conditions = [], []
-    for at in range(draw(st.sampled_from((1, 1, 2))) if pairs else 0):
-        start, end = draw(st.sampled_from(pairs))
-        label = start.guard | end.guard
-        activities.append(Activity(f"(use{at})", start.name, end.name, Fraction(1), None, guard=label))
-        first, last = draw(st.sampled_from(((start, end), (start, end), (start, start), (end, end))))
-        conditions.append(Condition(Literal(ATOMS[0]), first.name, last.name, label, at))
-        if draw(st.booleans()):
-            at_start, positive = draw(st.booleans()), draw(st.booleans())
-            effects.append(Effect(Literal(ATOMS[0], positive), (start if at_start else end).name, label, at))
-    network = Tpnu("contested", variables, tuple(points), tuple(constraints), tuple(activities))
-    return TeamPlan(network, tuple(conditions), tuple(effects))
+def programs(activities=6):
+    sizes = st.integers(1, activities)
+    return sizes.flatmap(elements).map(lambda whole: build("program", whole, epsilon=Fraction(1, 4)))
+
+
+networks = st.one_of(differences, programs())
+
+
+def random_schedule(stn, random):
+    """Random times that satisfy all constraints, if there is room for each event in turn."""
+    left = stn.copy()
+    times = {}
+    for event in random.sample(stn.events, len(stn.events)):
+        anchor = next(iter(times), None)
+        if anchor is None:
+            times[event] = Fraction(random.randint(0, 16), 8)
+            continue
+        room = list(_room(left.bounds.get((event, anchor)), left.bounds.get((anchor, event)), random))
+        if not room:
+            return None
+        difference = random.choice(room)
+        left.at_most(anchor, event, (difference, 0)).at_most(event, anchor, (-difference, 0))
+        times[event] = times[anchor] + difference
+    return times
+
+
+def random_times(stn, random):
+    """Times that need not satisfy anything."""
+    return {event: Fraction(random.randint(0, 8), 2) for event in stn.events}
+
+
+def _room(back, forth, random):
+    """Multiples of the step within bounds on t(anchor) − t(event) and t(event) − t(anchor), at most 3 wide if open."""
+    if back is None and forth is None:
+        back, forth = (Fraction(random.randint(0, 3)), 0), (Fraction(random.randint(0, 3)), 0)
+    low = (-back[0], -back[1]) if back is not None else None
+    if low is None:
+        assert forth is not None
+        low = (forth[0] - 3, 0)
+    high = forth if forth is not None else (low[0] + 3, 0)
+    number = low[0] // STEP * STEP
+    while (number, 0) <= high:
+        if (number, 0) >= low:
+            yield number
+        number += STEP
+
+
+def _refined(random, label, choices, share):
+    """The guard, sometimes with an assignment more, if it has none to that choice."""
+    choice = random.choice(choices)
+    if random.random() > share or any(choice.name == each.variable for each in label):
+        return label
+    return label | {Assignment(choice.name, random.choice(choice.domain))}

@@ -1,5 +1,7 @@
 """Parameters by option and by TOML file: the specifications themselves, and what they do to a plan."""
 
+import re
+from collections import Counter
 from fractions import Fraction
 from pathlib import Path
 
@@ -7,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.errors import InputError, RobustError
+from robust.errors import InputError
 from robust.plan.model import Expression, Fluent, ParameterReference
 from robust.plan.parameters import (
     ParameterSpec,
@@ -21,85 +23,51 @@ from robust.plan.parameters import (
 )
 from robust.plan.polynomial import Polynomial
 from robust.plan.stn import parse_stn, write_stn
+from tests.plan.building import error_of, refused
 
 CHARGE = Fluent("charge", ("auv",))
 
-GOOD_SPECS = [
-    ("duration:n3", ParameterSpec(Target.DURATION, "n3")),
-    ("d=duration:n3", ParameterSpec(Target.DURATION, "n3", "d")),
-    (" n3.d = duration: n3 ", ParameterSpec(Target.DURATION, "n3", "n3.d")),
-    ("start:N-3,lb=0", ParameterSpec(Target.START, "N-3", None, {"lower": Fraction(0)})),
-    ("fluent:(Charge  AUV)", ParameterSpec(Target.FLUENT, "(charge auv)")),
-    (
-        "c=fluent:(charge auv), weight=1/3,lb=-inf,ub=1e3,default=0.1",
-        ParameterSpec(
-            Target.FLUENT,
-            "(charge auv)",
-            "c",
-            {"weight": Fraction(1, 3), "lower": None, "upper": Fraction(1000), "default": Fraction(1, 10)},
-        ),
-    ),
-    ("dur_1", ParameterSpec(Target.EXISTING, "dur_1")),
-    ("n3.rate,ub=+inf", ParameterSpec(Target.EXISTING, "n3.rate", None, {"upper": None})),
-]
+DURATION, START, FLUENT, EXISTING = Target.DURATION, Target.START, Target.FLUENT, Target.EXISTING
+BOUNDS = {"weight": Fraction(1, 3), "lower": None, "upper": Fraction(1000), "default": Fraction(1, 10)}
+GOOD_SPECS = {
+    "duration:n3": ParameterSpec(DURATION, "n3"),
+    "d=duration:n3": ParameterSpec(DURATION, "n3", "d"),
+    " n3.d = duration: n3 ": ParameterSpec(DURATION, "n3", "n3.d"),
+    "start:N-3,lb=0": ParameterSpec(START, "N-3", None, {"lower": Fraction(0)}),
+    "fluent:(Charge  AUV)": ParameterSpec(FLUENT, "(charge auv)"),
+    "c=fluent:(charge auv), weight=1/3,lb=-inf,ub=1e3,default=0.1": ParameterSpec(FLUENT, "(charge auv)", "c", BOUNDS),
+    "dur_1": ParameterSpec(EXISTING, "dur_1"),
+    "n3.rate,ub=+inf": ParameterSpec(EXISTING, "n3.rate", None, {"upper": None}),
+}
 
 
-@pytest.mark.parametrize(("text", "spec"), GOOD_SPECS, ids=[text for text, _ in GOOD_SPECS])
-def test_specification(text: str, spec: ParameterSpec) -> None:
-    assert parse_spec(text) == spec
+@pytest.mark.parametrize("text", GOOD_SPECS)
+def test_specification(text: str) -> None:
+    assert parse_spec(text) == GOOD_SPECS[text]
 
 
 BAD_SPECS = [
     ("", ["found ''", "a parameter name"]),
     ("inf", ["found 'inf'", "cannot be told from a bound"]),
-    ("3,weight=2", ["found '3'", "a parameter name"]),
     ("dur_1=5", ["found 'dur_1=5'", "[NAME=]duration:ID"]),
-    ("length:n3", ["found 'length'", "'duration', 'start' or 'fluent'"]),
     ("duratoin:n3", ["found 'duratoin'", "did you mean 'duration'?"]),
     ("zero=duration:n3", ["found 'zero'", "cannot be told from a bound"]),
-    ("=duration:n3", ["found ''", "a parameter name"]),
-    ("duration:", ["nothing after 'duration'", "an instance identifier"]),
     ("fluent:charge", ["found 'charge'", "such as '(charge auv)'"]),
-    ("fluent:()", ["found '()'", "such as '(charge auv)'"]),
-    ("fluent:(charge ?v)", ["found '(charge ?v)'"]),
     ("d,weight", ["found 'weight'", "weight=W"]),
     ("d,wieght=2", ["found 'wieght=2'", "did you mean 'weight'"]),
     ("d,weight=0", ["found weight '0'", "above 0"]),
-    ("d,weight=-1", ["found weight '-1'", "above 0"]),
-    ("d,weight=x", ["found 'x' as 'weight'", "a number"]),
     ("d,lb=inf", ["found 'inf' as 'lb'", "or -inf"]),
     ("d,ub=-inf", ["found '-inf' as 'ub'", "or inf"]),
     ("d,default=inf", ["found 'inf' as 'default'"]),
     ("d,lb=1/0", ["found '1/0'", "denominator is not 0"]),
     ("d,lb=1,lb=1", ["second value for 'lb'"]),
-    ("d,", ["found ''", "weight=W"]),
     ("d,lb=9e999", ["found '9e999'", "300 digits"]),
 ]
 
 
 @pytest.mark.parametrize(("text", "parts"), BAD_SPECS, ids=[text for text, _ in BAD_SPECS])
 def test_bad_specification(text: str, parts: list[str]) -> None:
-    with pytest.raises(InputError) as caught:
-        parse_spec(text)
-    message = str(caught.value)
-    assert message.startswith(f"--parameter {text!r}: found ")
-    assert "\n" not in message
-    for part in parts:
-        assert part in message
-
-
-@given(st.text())
-def test_random_specification(text: str) -> None:
-    try:
-        parse_spec(text)
-    except RobustError as error:
-        message = str(error)
-    else:
-        message = ""
-    assert "\n" not in message
-
-
-# TOML
+    refused(lambda: parse_spec(text), f"--parameter {text!r}: found ", parts)
 
 
 def test_parameter_file(tmp_path: Path) -> None:
@@ -122,25 +90,16 @@ def test_parameter_file(tmp_path: Path) -> None:
         """,
         encoding="utf-8",
     )
+    bounds = {"weight": Fraction(2), "lower": Fraction(1, 3), "upper": Fraction(1, 10), "default": Fraction(105, 10000)}
     assert read_parameter_file(file) == (
-        ParameterSpec(
-            Target.DURATION,
-            "n3",
-            "d3",
-            {
-                "weight": Fraction(2),
-                "lower": Fraction(1, 3),
-                "upper": Fraction(1, 10),
-                "default": Fraction(105, 10000),
-            },
-        ),
-        ParameterSpec(Target.START, "n3", "launch"),
-        ParameterSpec(Target.FLUENT, "(charge auv)", "endurance", {"lower": None}),
-        ParameterSpec(Target.EXISTING, "n3.rate", None, {"upper": None}),
+        ParameterSpec(DURATION, "n3", "d3", bounds),
+        ParameterSpec(START, "n3", "launch"),
+        ParameterSpec(FLUENT, "(charge auv)", "endurance", {"lower": None}),
+        ParameterSpec(EXISTING, "n3.rate", None, {"upper": None}),
     )
-
-
-def test_empty_parameter_file() -> None:
+    file.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError):
+        read_parameter_file(file)
     assert parse_parameter_file("") == ()
 
 
@@ -158,46 +117,23 @@ BAD_FILES = [
     ("[parameters.d]\nweight = [1]", "p.toml: [parameters.d]: ", ["found a list as 'weight'"]),
     ("[parameters.d]\nweight = 1979-05-27", "p.toml: [parameters.d]: ", ["found a date as 'weight'"]),
     ("[parameters.d]\nweight = nan", "p.toml: [parameters.d]: ", ["found 'nan' as 'weight'"]),
-    ("[parameters.d]\nweight = 'two'", "p.toml: [parameters.d]: ", ["found 'two' as 'weight'"]),
     ("[parameters.d]\nlb = 1\nlower = 1", "p.toml: [parameters.d]: ", ["second value for 'lower'"]),
-    ("[parameters.d]\nlb = 1\nlb = 1", "p.toml: ", ["not TOML"]),
     ("[parameters.d]\nfluent = 'charge'", "p.toml: [parameters.d]: ", ["found 'charge'"]),
-    (f"[parameters.d]\nlb = {'9' * 5000}", "p.toml: ", ["not TOML"]),
     (f"x = {'[' * 5000}", "p.toml: ", ["not TOML"]),
 ]
 
 
 @pytest.mark.parametrize(("text", "place", "parts"), BAD_FILES, ids=[text[:40] for text, _, _ in BAD_FILES])
 def test_bad_parameter_file(text: str, place: str, parts: list[str]) -> None:
-    with pytest.raises(InputError) as caught:
-        parse_parameter_file(text, "p.toml")
-    message = str(caught.value)
-    assert message.startswith(place), message
-    assert "\n" not in message
-    for part in parts:
-        assert part in message
+    refused(lambda: parse_parameter_file(text, "p.toml"), place, parts)
 
 
 @given(st.text() | st.text(alphabet="[].=\"'\n0123456789 parmetslbu"))
-def test_random_parameter_file(text: str) -> None:
+def test_random_texts(text: str) -> None:
+    error_of(lambda: parse_spec(text))
     for content in (text, f"[parameters.d]\n{text}", f"[parameters.d]\nlb = {text}", f"[parameters]\n{text} = 1"):
-        try:
-            parse_parameter_file(content)
-        except RobustError as error:
-            message = str(error)
-        else:
-            message = ""
-        assert "\n" not in message
+        error_of(lambda content=content: parse_parameter_file(content))
 
-
-def test_parameter_file_of_bytes(tmp_path: Path) -> None:
-    file = tmp_path / "parameters.toml"
-    file.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError):
-        read_parameter_file(file)
-
-
-# what specifications do to a plan
 
 PLAN = """\
 parameter p default 7 weight 3;
@@ -231,99 +167,76 @@ def lines(wiring: Wiring) -> list[str]:
 
 GIVEN = lines(wire(parse_stn(PLAN), (), FLUENTS))
 
-EFFECTS = [
-    (
-        ["duration:n0"],
-        ["parameter dur_n0 weight 1 default 5;", "c: n0.end - n0.start in [dur_n0, dur_n0];"],
-        ["c: n0.end - n0.start in [5, 5];"],
-    ),
-    (
-        ["d=duration:n1,weight=2,lb=1"],
-        ["parameter d weight 2 default 6.5 lb 1;", "c: n1.end - n1.start in [d, d];"],
-        ["c: n1.start - n1.end in [-6.5, -6.5];"],
-    ),
-    (
-        ["duration:GO"],
-        [
-            "parameter dur_n0 weight 1 default 5;",
-            "parameter dur_n1 weight 1 default 6.5;",
-            "c: n0.end - n0.start in [dur_n0, dur_n0];",
-            "c: n1.end - n1.start in [dur_n1, dur_n1];",
-        ],
-        ["c: n0.end - n0.start in [5, 5];", "c: n1.start - n1.end in [-6.5, -6.5];"],
-    ),
-    (
-        ["start:n0"],
-        ["parameter start_n0 weight 1 default 0;", "c: n0.start - .zero in [start_n0, start_n0];"],
-        ["c: n0.start - .zero in [0, 0];"],
-    ),
-    (
-        ["start:n1,default=2"],
-        ["parameter start_n1 weight 1 default 2;", "c: n1.start - .zero in [start_n1, start_n1];"],
-        ["c: n1.start - .zero in [1, 9];"],
-    ),
-    (
-        ["start:beep,default=2"],
-        ["parameter start_beep weight 1 default 2;", "c: beep - .zero in [start_beep, start_beep];"],
-        [],
-    ),
-    (
-        ["spare=duration:n0,ub=10"],
-        ["parameter spare weight 1 default 5 lb 0 ub 10;", "c: n0.end - n0.start in [spare, spare];"],
-        ["parameter spare weight 1 lb 0;", "c: n0.end - n0.start in [5, 5];"],
-    ),
-    (
-        ["p,default=8,ub=9"],
-        ["parameter p weight 3 default 8 ub 9;"],
-        ["parameter p weight 3 default 7;"],
-    ),
-    (
-        ["dur_n1,weight=4", "duration:go"],
-        [
-            "parameter dur_n0 weight 1 default 5;",
-            "parameter dur_n1 weight 4 default 6.5;",
-            "c: n0.end - n0.start in [dur_n0, dur_n0];",
-            "c: n1.end - n1.start in [dur_n1, dur_n1];",
-        ],
-        ["c: n0.end - n0.start in [5, 5];", "c: n1.start - n1.end in [-6.5, -6.5];"],
-    ),
-    (["spare,lb=-inf"], ["parameter spare weight 1;"], ["parameter spare weight 1 lb 0;"]),
-    (["fluent:(charge auv)"], ["parameter charge_auv weight 1 default 100;"], []),
-]
+EFFECTS = """
+duration:n0
+- c: n0.end - n0.start in [5, 5];
++ parameter dur_n0 weight 1 default 5;
++ c: n0.end - n0.start in [dur_n0, dur_n0];
+d=duration:n1,weight=2,lb=1
+- c: n1.start - n1.end in [-6.5, -6.5];
++ parameter d weight 2 default 6.5 lb 1;
++ c: n1.end - n1.start in [d, d];
+duration:GO
+- c: n0.end - n0.start in [5, 5];
+- c: n1.start - n1.end in [-6.5, -6.5];
++ parameter dur_n0 weight 1 default 5;
++ parameter dur_n1 weight 1 default 6.5;
++ c: n0.end - n0.start in [dur_n0, dur_n0];
++ c: n1.end - n1.start in [dur_n1, dur_n1];
+start:n0
+- c: n0.start - .zero in [0, 0];
++ parameter start_n0 weight 1 default 0;
++ c: n0.start - .zero in [start_n0, start_n0];
+start:n1,default=2
+- c: n1.start - .zero in [1, 9];
++ parameter start_n1 weight 1 default 2;
++ c: n1.start - .zero in [start_n1, start_n1];
+start:beep,default=2
++ parameter start_beep weight 1 default 2;
++ c: beep - .zero in [start_beep, start_beep];
+spare=duration:n0,ub=10
+- parameter spare weight 1 lb 0;
+- c: n0.end - n0.start in [5, 5];
++ parameter spare weight 1 default 5 lb 0 ub 10;
++ c: n0.end - n0.start in [spare, spare];
+p,default=8,ub=9
+- parameter p weight 3 default 7;
++ parameter p weight 3 default 8 ub 9;
+dur_n1,weight=4 duration:go
+- c: n0.end - n0.start in [5, 5];
+- c: n1.start - n1.end in [-6.5, -6.5];
++ parameter dur_n0 weight 1 default 5;
++ parameter dur_n1 weight 4 default 6.5;
++ c: n0.end - n0.start in [dur_n0, dur_n0];
++ c: n1.end - n1.start in [dur_n1, dur_n1];
+spare,lb=-inf
+- parameter spare weight 1 lb 0;
++ parameter spare weight 1;
+c=fluent:(charge\tauv)
++ parameter c weight 1 default 100;
+"""
 
 
-@pytest.mark.parametrize(("specs", "added", "removed"), EFFECTS, ids=[" ".join(specs) for specs, _, _ in EFFECTS])
-def test_effect(specs: list[str], added: list[str], removed: list[str]) -> None:
-    result = lines(apply(*specs))
-    assert sorted(result) == sorted([line for line in GIVEN if line not in removed] + added)
-
-
-def test_constraint_keeps_its_place() -> None:
-    constraints = [line for line in lines(apply("duration:n0")) if line.startswith("c:")]
-    assert constraints.index("c: n0.end - n0.start in [dur_n0, dur_n0];") == 0
+@pytest.mark.parametrize("effect", re.split(r"\n(?![+-])", EFFECTS.strip()))
+def test_effect(effect: str) -> None:
+    """Specifications, and what they take from the plan and add to it."""
+    specs, *changes = effect.splitlines()
+    expected = Counter(GIVEN)
+    for change in changes:
+        expected[change[2:]] += 1 if change[0] == "+" else -1
+    assert Counter(lines(apply(*specs.split(" ")))) == +expected
 
 
 def test_what_else_is_replaced() -> None:
     wiring = apply("duration:n0", "c=fluent:(charge auv)")
-    assert wiring.durations == {"n0": "dur_n0"}
-    assert wiring.fluents == {CHARGE: "c"}
-
-
-def test_several_constraints_that_fix_a_duration_together() -> None:
-    plan = PLAN + "c: n0.end - n0.start in [0, 8]; c: n0.end - n0.start in [5, inf];"
-    result = lines(apply("duration:n0", plan=plan))
-    assert [line for line in result if "n0.end - n0.start" in line] == ["c: n0.end - n0.start in [dur_n0, dur_n0];"]
-    assert "parameter dur_n0 weight 1 default 5;" in result
-
-
-def test_parameter_of_the_domain_alone() -> None:
-    assert "parameter s weight 2 default 3;" in lines(apply("s,default=3,weight=2", domain=("s",)))
+    assert (wiring.durations, wiring.fluents) == ({"n0": "dur_n0"}, {CHARGE: "c"})
+    assert str(wiring.constraints[0].target) == "n0.end", "it keeps its place"
+    together = PLAN + "c: n0.end - n0.start in [0, 8]; c: n0.end - n0.start in [5, inf];"
+    assert lines(apply("duration:n0", plan=together)) == lines(apply("duration:n0"))
 
 
 MISFITS = [
     (["duration:n9"], ["found 'n9'", "known are beep, go, n0, n1, n2, wait"]),
-    (["duration:fly"], ["found 'fly'", "an action that it uses"]),
-    (["duration:N0"], ["found 'N0'"]),
     (["duration:beep"], ["'beep', which is instantaneous"]),
     (["d=duration:go"], ["one name for 2 instances of 'go' (n0, n1)"]),
     (["duration:n2"], ["the duration of n2 with parameter 'p'"]),
@@ -335,10 +248,8 @@ MISFITS = [
     (["q,weight=2"], ["found 'q'", "a parameter of the plan or the domain", "known are p, s, spare"]),
     (["n0,weight=2"], ["found 'n0'", "write duration:n0"]),
     (["p=duration:n0"], ["found name 'p' twice", "NAME=duration:n0"]),
-    (["s=duration:n0"], ["found name 's' twice"]),
     (["d=duration:n0", "d=duration:n1"], ["found name 'd' twice"]),
     (["duration:n0", "duration:go"], ["the duration of n0 with parameter 'dur_n0'"]),
-    (["fluent:(charge auv)", "c=fluent:(charge auv)"], ["(charge auv) with parameter 'charge_auv'"]),
     (["p,weight=2", "p,lb=0"], ["parameter 'p' twice"]),
     (["p,lb=8"], ["default 7", "[8, inf]"]),
     (["p,lb=8,ub=7,default=8"], ["lower bound 8 above upper bound 7"]),
@@ -348,15 +259,10 @@ MISFITS = [
 
 @pytest.mark.parametrize(("specs", "parts"), MISFITS, ids=[" ".join(specs) for specs, _ in MISFITS])
 def test_misfit(specs: list[str], parts: list[str]) -> None:
-    with pytest.raises(InputError) as caught:
-        apply(*specs, domain=("s",))
-    message = str(caught.value)
-    assert message.startswith(f"--parameter {specs[-1]!r}: found "), message
-    for part in parts:
-        assert part in message
+    refused(lambda: apply(*specs, domain=("s",)), f"--parameter {specs[-1]!r}: found ", parts)
 
 
 def test_generated_name_that_the_plan_uses() -> None:
     plan = PLAN.replace("parameter spare", "parameter dur_n0")
-    with pytest.raises(InputError, match=r"found generated name 'dur_n0' twice.*write NAME=duration:n0"):
-        apply("duration:n0", plan=plan)
+    parts = ["found generated name 'dur_n0' twice", "write NAME=duration:n0"]
+    refused(lambda: apply("duration:n0", plan=plan), "--parameter 'duration:n0'", parts)

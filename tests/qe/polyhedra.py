@@ -89,7 +89,7 @@ def number(value: Fraction) -> z3.ArithRef:
 def as_z3(polyhedron: Polyhedron) -> z3.BoolRef:
     literals = []
     for c in polyhedron.constraints:
-        form = z3.Sum([z3.RealVal(0), *(number(factor) * SYMBOLS[name] for name, factor in c.coefficients)])
+        form = z3.Sum([z3.RealVal(0), *(number(factor) * z3.Real(name) for name, factor in c.coefficients)])
         right = number(c.constant)
         literals.append({"<=": form <= right, "<": form < right, "=": form == right}[c.relation.value])
     return z3.And(*literals, z3.BoolVal(True))

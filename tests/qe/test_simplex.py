@@ -57,13 +57,10 @@ def test_bounds_that_only_a_corner_excludes():
     assert not corner.attained
 
 
-def test_no_parameters():
+def test_no_parameters_and_contradictory_equalities():
     assert feasible_point((), []) == {}
     assert feasible_point((), [le(-1)]) is None
     assert maximize((), [], {}).value == 0
-
-
-def test_contradictory_equalities():
     assert feasible_point(("x", "y"), [eq(1, x=1, y=1), eq(3, x=2, y=2)]) is None
     assert feasible_point(("x", "y"), [eq(1, x=1, y=1), eq(2, x=2, y=2)]) is not None
 
@@ -160,15 +157,3 @@ def test_of_equal_bounds_the_strict_one_decides(sides, objective, bound):
     assert solved.restore()
     optimum = solved.maximize(objective)
     assert (optimum.value, optimum.is_attained) == (bound, False)
-
-
-def test_beales_example():
-    # Beale's example cycles under the rule of the largest coefficient.
-    sides = [
-        le(0, a="1/4", b=-60, c="-1/25", d=9),
-        le(0, a="1/2", b=-90, c="-1/50", d=3),
-        le(1, c=1),
-        *(le(0, **{name: -1}) for name in "abcd"),
-    ]
-    objective = {"a": Fraction(3, 4), "b": Fraction(-150), "c": Fraction(1, 50), "d": Fraction(-6)}
-    assert maximize(tuple("abcd"), sides, objective).value == Fraction(1, 20)

@@ -1,12 +1,16 @@
-"""Published schemas: those that types generate, and all of them schemas."""
+"""Published schemas: those that types generate, and all of them schemas.
 
-import inspect
+`python -m tests.show.test_schemas` writes those of types that have changed.
+"""
+
+import json
+from pathlib import Path
 
 import jsonschema
 import pytest
 
 from robust.codec import schema_of
-from robust.show import documents, made, pike
+from robust.show import documents, made, pike, schemas
 from robust.show.schemas import FILES, schema
 
 DOCUMENTS = {one.__struct_config__.tag: one for one in (*documents.DOCUMENTS, *made.DOCUMENTS, *pike.DOCUMENTS)}
@@ -20,5 +24,11 @@ def test_schemas_are_schemas(name):
 
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_published_schemas_are_those_of_the_types(name):
-    """After a change of a type, write what `schema_of` returns to the file that is named here."""
-    assert schema(name) == schema_of(DOCUMENTS[name], name, inspect.getdoc(DOCUMENTS[name])), FILES[name]
+    assert schema(name) == schema_of(DOCUMENTS[name], name), FILES[name]
+
+
+if __name__ == "__main__":
+    for each, kind in DOCUMENTS.items():
+        if schema(each) != (new := schema_of(kind, each)):
+            text = json.dumps(new, indent=2, ensure_ascii=False) + "\n"
+            Path(schemas.__file__).with_name(FILES[each]).write_text(text, encoding="utf-8")

@@ -7,8 +7,12 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from fractions import Fraction
+from itertools import combinations, pairwise, permutations, product
 from pathlib import Path
+from random import Random
+from unittest.mock import Mock
 
 import pytest
 
@@ -16,10 +20,11 @@ from robust.encode.variables import Auxiliary, constant, variable
 from robust.errors import SolverError
 from robust.smt.limits import Deadline
 from robust.smt.session import BACKENDS, Session, Statistics, Verdict
-from robust.smt.terms import Terms
-from tests.smt.hard import hard_session
+from robust.smt.terms import Formula, Terms
 
-X, Y = variable(Auxiliary("x", 1)), variable(Auxiliary("y", 2))
+X_NAME, Y_NAME = Auxiliary("x", 1), Auxiliary("y", 2)
+X, Y = variable(X_NAME), variable(Y_NAME)
+SAT, UNSAT, UNKNOWN = Verdict.SATISFIABLE, Verdict.UNSATISFIABLE, Verdict.UNKNOWN
 PATIENCE = 15
 """Seconds of delay to forgive a busy machine; the queries in question take minutes."""
 both_solvers = pytest.mark.parametrize("solver", sorted(BACKENDS))
@@ -34,32 +39,18 @@ def terms() -> Terms:
 def test_frames_nest_and_leave_nothing_behind(solver, terms) -> None:
     session = Session(terms, solver=solver)
     session.add(terms.at_least(X))
-    verdicts = []
     with session.frame(terms.at_least(Y - X)):
-        verdicts.append(session.check("y ≥ x ≥ 0"))
+        assert session.check("y ≥ x ≥ 0") is SAT
         with session.frame(terms.greater(-Y)):
-            verdicts.append(session.check("0 > y ≥ x ≥ 0"))
+            assert session.check("0 > y ≥ x ≥ 0") is UNSAT
             assert len(session.assertions) == 3
-        verdicts.append(session.check("y ≥ x ≥ 0 again"))
+        assert session.check("y ≥ x ≥ 0 again") is SAT
+    with suppress(ZeroDivisionError), session.frame(terms.false):
+        assert session.check("false") is UNSAT
+        raise ZeroDivisionError
     with session.frame(terms.greater(-Y)):
-        verdicts.append(session.check("0 > y, x ≥ 0"))
-    sat, unsat = Verdict.SATISFIABLE, Verdict.UNSATISFIABLE
-    assert verdicts == [sat, unsat, sat, sat]
+        assert session.check("0 > y, x ≥ 0") is SAT
     assert session.assertions == [terms.at_least(X)]
-
-
-@both_solvers
-def test_a_frame_is_left_when_its_block_raises(solver, terms) -> None:
-    session = Session(terms, solver=solver)
-
-    def fail() -> None:
-        with session.frame(terms.false):
-            assert session.check("false") is Verdict.UNSATISFIABLE
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail()
-    assert session.check("nothing") is Verdict.SATISFIABLE
 
 
 @both_solvers
@@ -67,58 +58,42 @@ def test_values_are_exact_and_satisfy_the_assertions(solver, terms) -> None:
     session = Session(terms, solver=solver)
     big = Fraction(10**40 + 1, 3**50)
     session.add(terms.equal(X - constant(big)), terms.greater(Y - X), terms.greater(X + Fraction(1, 10**30) - Y))
-    assert session.check("values") is Verdict.SATISFIABLE
-    x, y = terms.real(Auxiliary("x", 1)), terms.real(Auxiliary("y", 2))
-    values = session.values([x, y])
-    assert values[x.symbol_name()] == big
-    assert big < values[y.symbol_name()] < big + Fraction(1, 10**30)
-    assert all(isinstance(value, Fraction) for value in values.values())
+    assert session.check("values") is SAT
+    x, y = session.values(map(terms.real, (X_NAME, Y_NAME))).values()
+    assert isinstance(x, Fraction)
+    assert isinstance(y, Fraction)
+    assert big == x < y < big + Fraction(1, 10**30)
 
 
 @both_solvers
 def test_values_of_truths_and_of_symbols_that_were_never_asserted(solver, terms) -> None:
     session = Session(terms, solver=solver)
-    truth = terms.fresh_boolean("b")
+    truth, x = terms.fresh_boolean("b"), terms.real(X_NAME)
     session.add(terms.negation(truth))
     with session.frame(terms.at_least(X)):
-        assert session.check("a frame's symbol") is Verdict.SATISFIABLE
-        assert terms.real(Auxiliary("x", 1)).symbol_name() in session.values([terms.real(Auxiliary("x", 1))])
-    assert session.check("after the frame") is Verdict.SATISFIABLE
-    values = session.values([truth, terms.real(Auxiliary("x", 1)), terms.real("never")])
-    assert values == {truth.symbol_name(): False}
+        assert session.check("a frame's symbol") is SAT
+        assert session.values([x]).keys() == {x.symbol_name()}
+    assert session.check("after the frame") is SAT
+    assert session.values([truth, x, terms.real("never")]) == {truth.symbol_name(): False}
 
 
 @both_solvers
-def test_sessions_over_the_same_terms_are_independent(solver, terms) -> None:
-    first, second = Session(terms, solver=solver), Session(terms, solver=solver)
+def test_sessions_share_nothing_but_terms_unless_told(solver, terms) -> None:
+    shared = Statistics()
+    first, second = (Session(terms, solver=solver, statistics=shared) for _ in range(2))
     first.add(terms.greater(X))
     second.add(terms.greater(-X))
-    assert first.check("x > 0") is Verdict.SATISFIABLE
-    assert second.check("x < 0") is Verdict.SATISFIABLE
-    x = terms.real(Auxiliary("x", 1))
-    assert first.values([x])[x.symbol_name()] > 0 > second.values([x])[x.symbol_name()]
-
-
-@both_solvers
-def test_statistics_are_shared_and_count_every_query(solver, terms) -> None:
-    statistics = Statistics()
-    one = Session(terms, solver=solver, statistics=statistics)
-    two = Session(terms, solver=solver, statistics=statistics)
-    one.add(terms.at_least(X))
-    one.check("sat")
-    two.add(terms.greater(X), terms.greater(-X))
-    two.check("unsat")
-    two.check("unsat again")
-    assert (statistics.queries, statistics.satisfiable, statistics.unsatisfiable, statistics.unknown) == (3, 1, 2, 0)
-    assert statistics.nodes > 0
-    assert statistics.seconds > 0
-    assert statistics.as_dict()["queries"] == 3
-
-
-def test_sessions_do_not_share_statistics_unless_told(terms) -> None:
-    one, two = Session(terms), Session(terms)
-    one.check("nothing")
-    assert (one.statistics.queries, two.statistics.queries) == (1, 0)
+    assert (first.check("x > 0"), second.check("x < 0")) == (SAT, SAT)
+    above, below = (session.values([terms.real(X_NAME)]).popitem()[1] for session in (first, second))
+    assert above > 0 > below
+    second.add(terms.greater(X))
+    second.check("unsat")
+    second.check("unsat again")
+    counts = shared.as_dict()
+    assert counts.pop("nodes") > 0
+    assert counts.pop("seconds") > 0
+    assert counts == {"queries": 4, "satisfiable": 2, "unsatisfiable": 2, "unknown": 0}
+    assert Session(terms, solver=solver).statistics == Statistics()
 
 
 def test_unknown_solver_names_the_known_ones(terms) -> None:
@@ -130,8 +105,39 @@ def test_unknown_solver_names_the_known_ones(terms) -> None:
 def test_a_deadline_that_has_passed_answers_unknown_at_once(solver, terms) -> None:
     session = Session(terms, solver=solver)
     session.add(terms.false)
-    assert session.check("false", Deadline.after(0)) is Verdict.UNKNOWN
-    assert session.check("false", Deadline.after(None)) is Verdict.UNSATISFIABLE
+    assert session.check("false", Deadline.after(0)) is UNKNOWN
+    assert session.check("false", Deadline.after(None)) is UNSAT
+
+
+# -- a query that no solver answers within minutes ------------------------------------------------------------------
+
+
+def job_shop(terms: Terms, *, jobs: int = 20, machines: int = 20, percent: int = 128, seed: int = 1) -> list[Formula]:
+    """Random job shop; a makespan near 128 % of the greatest load is hard to find and hard to refute."""
+    random = Random(seed)  # noqa: S311 - reproducible, not secret
+    start = {(j, m): variable(Auxiliary("start", j * machines + m)) for j in range(jobs) for m in range(machines)}
+    length = {key: random.randint(1, 99) for key in start}
+    orders = [random.sample(range(machines), machines) for _ in range(jobs)]
+    loads = [sum(length[j, m] for j in range(jobs)) for m in range(machines)]
+    makespan = constant(max(loads) * percent // 100)
+    formulas = []
+    for j, order in enumerate(orders):
+        formulas.append(terms.at_least(start[j, order[0]]))
+        steps = pairwise(order)
+        formulas += [terms.at_least(start[j, after] - start[j, m] - length[j, m]) for m, after in steps]
+        formulas.append(terms.at_least(makespan - start[j, order[-1]] - length[j, order[-1]]))
+    for m, pair in product(range(machines), combinations(range(jobs), 2)):
+        gaps = (terms.at_least(start[b, m] - start[a, m] - length[a, m]) for a, b in permutations(pair))
+        formulas.append(terms.disjunction(gaps))
+    return formulas
+
+
+def hard_session(solver: str) -> Session:
+    """A session whose next check takes minutes."""
+    terms = Terms()
+    session = Session(terms, solver=solver)
+    session.add(*job_shop(terms))
+    return session
 
 
 def _processor_seconds() -> float:
@@ -145,44 +151,28 @@ def _processor_seconds() -> float:
 def test_time_limit_ends_a_hard_query_about_on_time(solver, seconds) -> None:
     session = hard_session(solver)
     started, worked = time.monotonic(), _processor_seconds()
-    assert session.check("job shop", Deadline.after(seconds)) is Verdict.UNKNOWN
+    assert session.check("job shop", Deadline.after(seconds)) is UNKNOWN
     assert 0.9 * seconds <= time.monotonic() - started < seconds + PATIENCE
     assert _processor_seconds() - worked < seconds + 1
     assert session.statistics.unknown == 1
-
-
-@both_solvers
-def test_a_session_can_be_used_after_a_time_out(solver) -> None:
-    session = hard_session(solver)
-    assert session.check("job shop", Deadline.after(0.3)) is Verdict.UNKNOWN
     with session.frame(session.terms.greater(-variable(Auxiliary("start", 0)) - 10000)):
-        assert session.check("a start before zero", Deadline.after(30)) is Verdict.UNSATISFIABLE
+        assert session.check("a start before zero", Deadline.after(30)) is UNSAT, "it can be used afterwards"
 
 
 def test_values_survive_the_copy_that_a_slow_cvc5_query_runs_in(monkeypatch, terms) -> None:
     session = Session(terms, solver="cvc5")
-    backend = session._backend
-    copies = []
-    original = backend._check_in_copy
-
-    def in_copy(deadline, symbols):
-        copies.append(symbols)
-        return original(deadline, symbols)
-
-    monkeypatch.setattr(backend, "_check_in_copy", in_copy)
+    copies = Mock(wraps=session._backend._check_in_copy)
+    monkeypatch.setattr(session._backend, "_check_in_copy", copies)
     monkeypatch.setattr("robust.smt.session._solve", _unknown_once())
-    truth = terms.fresh_boolean("b")
+    truth, x, y = terms.fresh_boolean("b"), terms.real(X_NAME), terms.real(Y_NAME)
     session.add(terms.equal(X - Fraction(1, 3)), truth)
-    assert session.check("in a copy") is Verdict.SATISFIABLE
-    x = terms.real(Auxiliary("x", 1))
+    assert session.check("in a copy") is SAT
     assert session.values([x, truth]) == {x.symbol_name(): Fraction(1, 3), truth.symbol_name(): True}
-    assert len(copies) == 1
     # The next query is answered in this process, and its values are not those of the copy.
     with session.frame(terms.greater(Y - 5)):
-        assert session.check("here") is Verdict.SATISFIABLE
-        y = terms.real(Auxiliary("y", 2))
+        assert session.check("here") is SAT
         assert session.values([y])[y.symbol_name()] > 5
-    assert len(copies) == 1
+    copies.assert_called_once()
 
 
 def _unknown_once():
@@ -200,7 +190,7 @@ def _unknown_once():
 INTERRUPTED = """
 import sys, time
 from robust.smt.session import Verdict
-from tests.smt.hard import hard_session
+from tests.smt.test_session import hard_session
 session = hard_session(sys.argv[1])
 print("ready", flush=True)
 try:
@@ -213,16 +203,10 @@ except KeyboardInterrupt:
 @both_solvers
 @pytest.mark.parametrize("delay", [0.03, 1.0])
 def test_ctrl_c_ends_a_query_within_a_second(solver, delay) -> None:
-    root = Path(__file__).parents[2]
-    environment = {**os.environ, "PYTHONPATH": str(root)}
-    with subprocess.Popen(
-        [sys.executable, "-c", INTERRUPTED, solver],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-        start_new_session=True,
-    ) as process:
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    command = [sys.executable, "-c", INTERRUPTED, solver]
+    with subprocess.Popen(command, env=environment, start_new_session=True, **pipes) as process:
         try:
             assert process.stdout.readline() == "ready\n"
             time.sleep(delay)

@@ -1,37 +1,33 @@
-"""The encoding over positions: named obligations, and what it means that a condition fails in the states [IRR §2]."""
+"""The encoding over positions: over-all conditions in the states, and all obligations by name [IRR §2]."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
 from functools import cached_property
+from itertools import permutations
 from typing import assert_never
 
+from robust.encode.effects import Writes
 from robust.encode.interface import EPSILON, Encoding, Obligation, Stage
-from robust.encode.positions.formulas import Definitions, Flows, Reader, Setting, State, Trajectory, Writes
-from robust.encode.positions.network import KnownOrder, Network, Positions
+from robust.encode.network import Difference, Orders, TemporalNetwork, duration_rules
+from robust.encode.positions.formulas import Positions, Reader, Setting, State, Trajectory
 from robust.encode.positions.projection import Projection
-from robust.encode.variables import Auxiliary, Linear, constant, variable
+from robust.encode.variables import Auxiliary, Definitions, variable
 from robust.plan.model import (
     ActionInstance,
     Comparison,
     Condition,
-    Duration,
     DurationConstraint,
-    Fluent,
     GoalCondition,
-    NumericVariable,
-    ParameterReference,
     ParametrizedPlan,
     Relation,
     TimedCondition,
-    TimePoint,
     Timing,
     comparisons,
     conjuncts,
     fluents_in,
 )
-from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.terms import Formula, Terms
@@ -40,47 +36,17 @@ Part = TimedCondition | DurationConstraint | GoalCondition
 """What is proved: each is an obligation."""
 
 
-class Semantics:
-    """States at positions, and what it means that a part of the plan fails there.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-    """
-
-    def __init__(self, setting: Setting, deadline: Deadline) -> None:
-        self._terms = setting.terms
-        self._reader = setting.reader
-        self._positions = setting.positions
-        flows = Flows(setting)
-        self._trajectory = Trajectory(setting, flows, deadline)
-        self._overall = OverAll(setting, flows, self._trajectory)
-
-    def violation(self, part: Part, instance: ActionInstance | None, deadline: Deadline) -> Formula:
-        """The negation of one obligation; `instance` is the part's, a goal has none."""
-        if instance is None or isinstance(part, GoalCondition):
-            return self._terms.negation(self._reader.holds(part.condition, self._trajectory.final))
-        if isinstance(part, TimedCondition) and part.timing is Timing.OVER_ALL:
-            return self._overall.violation(instance, part.condition, deadline)
-        point, positions = instance.at(part.timing), self._positions
-        return self._terms.disjunction(
-            self._terms.conjunction(
-                (positions.at(point, k), self._terms.negation(self._reader.holds(part.condition, before, instance)))
-            )
-            for k, before in enumerate(self._trajectory.before)
-            if k > 0 and point in positions.candidates(k)
-        )
-
-
 class OverAll:
     """Violations of over-all conditions."""
 
-    def __init__(self, setting: Setting, flows: Flows, trajectory: Trajectory) -> None:
+    def __init__(self, trajectory: Trajectory) -> None:
+        setting = trajectory.setting
         self._terms = setting.terms
         self._network = setting.network
         self._positions = setting.positions
         self._writes = setting.writes
         self._reader = setting.reader
-        self._flows = flows
+        self._flows = trajectory.flows
         self._trajectory = trajectory
         self._instants = 0
 
@@ -159,10 +125,10 @@ class OverAll:
 
     def _false_at_ends(self, instance: ActionInstance, condition: Condition, step: int) -> Iterator[Formula]:
         """At a happening inside the interval the values themselves count: just after it, and just before it."""
-        terms, positions, place = self._terms, self._positions, self._network.place
-        after_start = terms.greater(positions.time(step) - place[instance.start])
+        terms, positions, places = self._terms, self._positions, self._network.places
+        after_start = terms.greater(positions.time(step) - places[instance.start])
         yield terms.conjunction((after_start, self._false(condition, self._trajectory.after[step], instance)))
-        before_end = terms.greater(place[instance.end] - positions.time(step + 1))
+        before_end = terms.greater(places[instance.end] - positions.time(step + 1))
         yield terms.conjunction((before_end, self._false(condition, self._trajectory.before[step + 1], instance)))
 
     def _false_at_instant(self, instance: ActionInstance, condition: Condition, step: int) -> Formula:
@@ -177,10 +143,6 @@ class OverAll:
             self._terms.greater(self._positions.time(step + 1) - instant),
         )
         return self._terms.conjunction((*inside, self._false(condition, State(left.atoms, moved), instance)))
-
-
-_NOT_NEGATIVE = Comparison(Polynomial.variable(Duration()), Relation.AT_LEAST)
-_LENGTH = Auxiliary("duration", 0)
 
 
 class PositionsEncoding(Encoding):
@@ -212,12 +174,13 @@ class PositionsEncoding(Encoding):
         self._deadline = deadline
         self.terms = Terms()
         self._definitions = Definitions(self.terms)
-        self.network = Network(plan)
-        self.places = self.network.place
+        self.network = TemporalNetwork(plan)
+        self.places = self.network.places
         self.validity = Projection(self.network, self.terms)
         self._reader = Reader(plan, self.network, self.terms)
         self._writes = Writes(plan)
         self._mutex = tuple(mutex_pairs(plan))
+        self._rules = tuple(duration_rules(plan, self._writes))
         self._parts: dict[Formula, tuple[Part, ActionInstance | None]] = {}
         self._defined: dict[Formula, list[Formula]] = {}
         self._assumed: dict[Stage, list[Formula]] = {Stage.DURATION: []}
@@ -247,25 +210,14 @@ class PositionsEncoding(Encoding):
 
     def network_formulas(self) -> list[Formula]:
         """enc_tn over parameters and time variables."""
-        return [self.terms.at_least(statement.expression) for statement in self.network.statements]
+        return [self.terms.at_least(inequality.expression) for inequality in self.network.inequalities]
 
     # -- obligations, stage by stage -----------------------------------------------------------------------------
 
     def _duration_obligations(self) -> Iterator[Obligation]:
-        for instance in self.plan.instances:
-            if instance.durative:
-                name = f"{instance.identifier} {instance.action}: non-negative duration"
-                yield Obligation(name, Stage.DURATION, self._violates_initially(_NOT_NEGATIVE, instance))
-                for part in instance.durations:
-                    if not self._reads_the_state(part.condition):
-                        violation = self._violates_initially(part.condition, instance)
-                        yield Obligation(instance.label(part), Stage.DURATION, violation)
-
-    def _violates_initially(self, condition: Comparison, instance: ActionInstance) -> Formula:
-        return self.terms.negation(self._reader.holds(condition, State({}, {}), instance))
-
-    def _reads_the_state(self, condition: Comparison) -> bool:
-        return any(map(self._writes.changes, fluents_in(condition.expression)))
+        for rule in self._rules:
+            holds = self._reader.holds(rule.condition, State({}, {}), rule.instance)
+            yield Obligation(rule.name, Stage.DURATION, self.terms.negation(holds))
 
     def _separation_obligations(self) -> Iterator[Obligation]:
         for first, second in self._mutex:
@@ -276,7 +228,7 @@ class PositionsEncoding(Encoding):
     def _condition_obligations(self) -> Iterator[Obligation]:
         for instance in self.plan.instances:
             for duration in instance.durations:
-                if self._reads_the_state(duration.condition):
+                if any(map(self._writes.changes, fluents_in(duration.condition.expression))):
                     yield self._condition_obligation(instance.label(duration), duration, instance)
             for timed in instance.conditions:
                 yield self._condition_obligation(instance.label(timed), timed, instance)
@@ -295,15 +247,29 @@ class PositionsEncoding(Encoding):
         return Positions(self.network, self._known, self.terms)
 
     @cached_property
-    def _known(self) -> KnownOrder:
-        return KnownOrder(self.network, self._duration_bounds(), self._mutex, self.epsilon)
+    def _known(self) -> Orders:
+        """What holds whatever the parameters are; nothing, where what is assumed contradicts itself."""
+        points, network = self.plan.time_points, self.network
+        rigid = (Difference(a, b, network.distance(a, b), ()) for a, b in permutations(points, 2))
+        durations = (bound for rule in self._rules for bound in rule.bounds)
+        bounds = network.bounds((*rigid, *network.differences, *durations))
+        known = Orders(points, bounds, [self.epsilon])
+        if not known.consistent:
+            return Orders(points, ())
+        for _ in known.separate(self._mutex, self.epsilon):
+            pass
+        return known
 
     @cached_property
-    def _semantics(self) -> Semantics:
+    def _trajectory(self) -> Trajectory:
         setting = Setting(
             self.plan, self.network, self._known, self._positions, self._writes, self._reader, self._definitions
         )
-        return Semantics(setting, self._deadline)
+        return Trajectory(setting, self._deadline)
+
+    @cached_property
+    def _overall(self) -> OverAll:
+        return OverAll(self._trajectory)
 
     @cached_property
     def _axioms(self) -> list[Formula]:
@@ -312,41 +278,22 @@ class PositionsEncoding(Encoding):
     def _definition_of(self, violation: Formula) -> list[Formula]:
         """What a condition's violation is, with the definitions of all symbols that occur in it."""
         if violation not in self._defined:
-            formula = self._semantics.violation(*self._parts[violation], self._deadline)
+            formula = self._violation(*self._parts[violation])
             needed = self._definitions.needed_by([formula], self._deadline)
             self._defined[violation] = [self.terms.equivalence(violation, formula), *needed]
         return self._defined[violation]
 
-    def _duration_bounds(self) -> Iterator[tuple[TimePoint, TimePoint, Linear]]:
-        """The bounds between start and end that follow from the assumed durations."""
-        for instance in self.plan.instances:
-            if instance.durative:
-                yield instance.start, instance.end, constant(0)
-                for part in instance.durations:
-                    if not self._reads_the_state(part.condition):
-                        yield from self._bounds_of(part.condition, instance)
-
-    def _bounds_of(
-        self, condition: Comparison, instance: ActionInstance
-    ) -> Iterator[tuple[TimePoint, TimePoint, Linear]]:
-        """`?duration ≥ …` and `?duration ≤ …`, as far as a comparison says so."""
-
-        def value(name: NumericVariable) -> Linear:
-            match name:
-                case Duration():
-                    return variable(_LENGTH)
-                case ParameterReference():
-                    return variable(name)
-                case Fluent():
-                    return self._reader.initial(name)
-            assert_never(name)
-
-        expression = condition.expression.substitute(value)
-        factor = expression.terms.get((_LENGTH,), Fraction(0))
-        if not factor or not expression.is_linear or condition.relation is Relation.DIFFERENT:
-            return
-        bound = variable(_LENGTH) - expression.scaled(1 / factor)
-        if factor > 0 or condition.relation is Relation.EQUAL:
-            yield instance.start, instance.end, bound
-        if factor < 0 or condition.relation is Relation.EQUAL:
-            yield instance.end, instance.start, -bound
+    def _violation(self, part: Part, instance: ActionInstance | None) -> Formula:
+        """The negation of one obligation; `instance` is the part's, a goal has none."""
+        if instance is None or isinstance(part, GoalCondition):
+            return self.terms.negation(self._reader.holds(part.condition, self._trajectory.final))
+        if isinstance(part, TimedCondition) and part.timing is Timing.OVER_ALL:
+            return self._overall.violation(instance, part.condition, self._deadline)
+        point, positions = instance.at(part.timing), self._positions
+        return self.terms.disjunction(
+            self.terms.conjunction(
+                (positions.at(point, k), self.terms.negation(self._reader.holds(part.condition, before, instance)))
+            )
+            for k, before in enumerate(self._trajectory.before)
+            if k > 0 and point in positions.candidates(k)
+        )

@@ -1,25 +1,27 @@
-"""States over positions: symbols for parts of formulas, conditions read in a state, effects and continuous change."""
+"""Positions in the order of time points, and states over them: what is read, effects and continuous change [IRR §2].
+
+Position 1 is the earliest time point's, position H the latest's; simultaneous time points keep the plan's order. The
+choice is a Boolean per time point and position, "by then it has happened", so formulas stay polynomial and the solver
+searches the orders.
+"""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import cache
 from typing import assert_never
 
-from robust.encode.positions.network import KnownOrder, Network, Positions
-from robust.encode.variables import Auxiliary, Linear, constant, over_parameters, variable
-from robust.errors import InputError, UnsupportedError
+from robust.encode.effects import AtomWrite, Flow, FluentWrite, Writes
+from robust.encode.network import Orders, TemporalNetwork
+from robust.encode.variables import Auxiliary, Case, Definitions, Linear, constant, initial_value, variable
+from robust.errors import UnsupportedError
 from robust.plan.model import (
     ActionInstance,
     And,
-    Assignment,
     Atom,
     Comparison,
     Condition,
-    ContinuousEffect,
     Duration,
     Expression,
     Fluent,
@@ -33,69 +35,125 @@ from robust.plan.model import (
     comparisons,
     fluents_in,
 )
-from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline
 from robust.smt.terms import Formula, Terms
 
-Case = tuple[Formula, Linear]
-"""A value, and when it applies."""
 
+class Positions:
+    """Who is where, and when each position is.
 
-class Definitions:
-    """Symbols with the formulas that fix them; whoever asserts a symbol asserts :meth:`needed_by` as well."""
+    What `known` says of the order is taken as given: whoever asserts :meth:`axioms` asserts what it was learnt from.
+    """
 
-    def __init__(self, terms: Terms) -> None:
-        self.terms = terms
-        self._definition: dict[Formula, Formula] = {}
-        self._count = 0
+    def __init__(self, network: TemporalNetwork, known: Orders, terms: Terms) -> None:
+        self._network = network
+        self._known = known
+        self._terms = terms
+        self.points = network.plan.time_points[1:]
+        self.last = len(self.points)
+        """H."""
+        self._rank = {point: index for index, point in enumerate(self.points)}
+        self._first = {p: 1 + sum(self._surely_precedes(q, p) for q in self.points if q != p) for p in self.points}
+        self._final = {
+            p: self.last - sum(self._surely_precedes(p, q) for q in self.points if q != p) for p in self.points
+        }
+        self.by = cache(self._by)
+        self.at = cache(self._at)
+        self.candidates = cache(self._candidates)
+        self.time = cache(self._time)
+        self.same = cache(self._same)
 
-    def truth(self, name: str, formula: Formula) -> Formula:
-        """A Boolean symbol for the formula, unless it is a literal or constant already."""
-        atom = self.terms.negation(formula) if formula.is_not() else formula
-        if atom.is_symbol() or atom.is_bool_constant():
-            return formula
-        symbol = self.terms.fresh_boolean(f"[{name}] ")
-        self._definition[symbol] = self.terms.equivalence(symbol, formula)
-        return symbol
+    # -- the order -----------------------------------------------------------------------------------------------
 
-    def choice(self, name: str, cases: Iterable[Case]) -> Linear:
-        """The value of the case that applies; exactly one does. A new symbol unless the value is known."""
-        open_cases = [(condition, value) for condition, value in cases if condition is not self.terms.false]
-        for condition, value in open_cases:
-            if condition is self.terms.true:
-                return value
-        values = {value for _, value in open_cases}
-        return values.pop() if len(values) == 1 else self.partial(name, open_cases)
+    def _surely_precedes(self, first: TimePoint, second: TimePoint) -> bool:
+        if self._rank[first] < self._rank[second]:
+            return self._known.surely_not_after(first, second)
+        return self._known.surely_before(first, second)
 
-    def partial(self, name: str, cases: Iterable[Case]) -> Linear:
-        """A new symbol that has the value of each case that applies."""
-        self._count += 1
-        result = variable(Auxiliary(name, self._count))
-        equations = (self.terms.implication(c, self.terms.equal(result - value)) for c, value in cases)
-        self._definition[self.terms.real(Auxiliary(name, self._count))] = self.terms.conjunction(equations)
-        return result
+    def precedes(self, first: TimePoint, second: TimePoint) -> Formula:
+        """Whether `first` has the earlier position: the order of times, and among equal times the plan's order."""
+        if self._rank[first] > self._rank[second]:
+            return self._terms.negation(self.precedes(second, first))
+        if self._surely_precedes(first, second):
+            return self._terms.true
+        if self._surely_precedes(second, first):
+            return self._terms.false
+        return self._terms.at_least(self._network.distance(first, second))
 
-    def if_else(self, name: str, condition: Formula, value: Linear, otherwise: Linear) -> Linear:
-        return self.choice(name, [(condition, value), (self.terms.negation(condition), otherwise)])
+    def _by(self, point: TimePoint, position: int) -> Formula:
+        """Whether the time point has this position or an earlier one."""
+        if position < self._first[point]:
+            return self._terms.false
+        if position >= self._final[point]:
+            return self._terms.true
+        return self._terms.fresh_boolean(f"[{point} by {position}]")
 
-    def if_at_all(self, name: str, condition: Formula, value: Linear) -> Linear:
-        """The value if the condition holds, else zero."""
-        return self.if_else(name, condition, value, constant(0))
+    def _at(self, point: TimePoint, position: int) -> Formula:
+        """Whether the time point has this position."""
+        return self._terms.conjunction((self.by(point, position), self._terms.negation(self.by(point, position - 1))))
 
-    def needed_by(self, formulas: Iterable[Formula], deadline: Deadline) -> Iterator[Formula]:
-        """The definitions of all symbols in the formulas, and of those in the definitions, each once.
+    def _candidates(self, position: int) -> tuple[TimePoint, ...]:
+        """The time points that may have a position."""
+        return tuple(point for point in self.points if self._first[point] <= position <= self._final[point])
+
+    # -- the times -----------------------------------------------------------------------------------------------
+
+    def _time(self, position: int) -> Linear:
+        """The time of a position."""
+        candidates = self.candidates(position)
+        if len(candidates) == 1:
+            return self._network.places[candidates[0]]
+        return variable(Auxiliary("time at position", position))
+
+    def _same(self, position: int) -> Formula:
+        """Whether a position has the time of the one before it: both belong to one happening."""
+        if position == 1:
+            return self._terms.false
+        pairs = [(a, b) for a in self.candidates(position - 1) for b in self.candidates(position) if a != b]
+        if all(self._known.surely_before(a, b) for a, b in pairs):
+            return self._terms.false
+        return self._terms.equal(self.time(position) - self.time(position - 1))
+
+    def axioms(self, deadline: Deadline) -> Iterator[Formula]:
+        """What ties positions to times, a formula per time point and per position.
+
+        Positions that increase strictly along a total order of H time points and lie in 1…H are that order.
 
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        queue, seen = list(formulas), set[Formula]()
-        while queue:
+        for point in self.points:
+            parts = [self._monotone(point)]
+            for other in self.points[: self._rank[point]]:
+                deadline.enforce()
+                first = self.precedes(other, point)
+                parts.append(self._terms.implication(first, self._strictly(other, point)))
+                parts.append(self._terms.implication(self._terms.negation(first), self._strictly(point, other)))
+            yield self._terms.conjunction(parts)
+        for position in range(1, self.last + 1):
             deadline.enforce()
-            for symbol in self.terms.variables(queue.pop()):
-                if symbol in self._definition and symbol not in seen:
-                    seen.add(symbol)
-                    queue.append(self._definition[symbol])
-                    yield self._definition[symbol]
+            yield self._terms.conjunction(self._timing(position))
+
+    def _monotone(self, point: TimePoint) -> Formula:
+        positions = range(self._first[point], self._final[point])
+        return self._terms.conjunction(
+            self._terms.implication(self.by(point, k), self.by(point, k + 1)) for k in positions
+        )
+
+    def _strictly(self, earlier: TimePoint, later: TimePoint) -> Formula:
+        """The position of one time point is less than the other's."""
+        positions = range(self._first[later], self._final[later] + 1)
+        return self._terms.conjunction(
+            self._terms.implication(self.by(later, k), self.by(earlier, k - 1)) for k in positions
+        )
+
+    def _timing(self, position: int) -> Iterator[Formula]:
+        time = self.time(position)
+        for point in self.candidates(position):
+            here = self._terms.equal(time - self._network.places[point])
+            yield self._terms.implication(self.at(point, position), here)
+        if position > 1:
+            yield self._terms.at_least(time - self.time(position - 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,33 +167,10 @@ class State:
 class Reader:
     """Evaluates conditions and expressions of a plan in states."""
 
-    def __init__(self, plan: ParametrizedPlan, network: Network, terms: Terms) -> None:
+    def __init__(self, plan: ParametrizedPlan, network: TemporalNetwork, terms: Terms) -> None:
         self._plan = plan
         self._network = network
         self._terms = terms
-
-    def atom(self, atom: Atom, state: State) -> Formula:
-        known = state.atoms.get(atom)
-        return self._terms.truth(atom in self._plan.initial_atoms) if known is None else known
-
-    def fluent(self, fluent: Fluent, state: State) -> Linear:
-        known = state.fluents.get(fluent)
-        return self.initial(fluent) if known is None else known
-
-    def initial(self, fluent: Fluent) -> Linear:
-        """The initial value.
-
-        Raises:
-            InputError: if there is none.
-        """
-        if fluent not in self._plan.initial_fluents:
-            raise InputError(f"{fluent} has no initial value; expected (= {fluent} NUMBER) in the problem's :init")
-        return over_parameters(self._plan.initial_fluents[fluent])
-
-    def duration(self, instance: ActionInstance | None) -> Linear:
-        if instance is None:
-            raise UnsupportedError("?duration has no meaning outside a durative action")
-        return self._network.distance(instance.start, instance.end)
 
     def value(self, expression: Expression, state: State, instance: ActionInstance | None) -> Linear:
         """The value of an expression; `instance` is the one whose `?duration` it mentions."""
@@ -143,11 +178,14 @@ class Reader:
         def value(name: NumericVariable) -> Linear:
             match name:
                 case Fluent():
-                    return self.fluent(name, state)
+                    known = state.fluents.get(name)
+                    return initial_value(self._plan, name) if known is None else known
                 case ParameterReference():
                     return variable(name)
+                case Duration() if instance is None:
+                    raise UnsupportedError("?duration has no meaning outside a durative action")
                 case Duration():
-                    return self.duration(instance)
+                    return self._network.distance(instance.start, instance.end)
             assert_never(name)
 
         return expression.substitute(value)
@@ -164,7 +202,7 @@ class Reader:
             case Truth(value):
                 return self._terms.truth(value)
             case Holds(atom, value):
-                truth = self.atom(atom, state)
+                truth = state.atoms.get(atom, self._terms.truth(atom in self._plan.initial_atoms))
                 return truth if value else self._terms.negation(truth)
             case Comparison(expression, relation):
                 replaced = leaf(condition)
@@ -178,68 +216,10 @@ class Reader:
         assert_never(condition)
 
 
-@dataclass(frozen=True, slots=True)
-class AtomWrite:
-    """At `point` the atom gets a truth value if `condition` holds just before; no instance: a timed literal."""
-
-    point: TimePoint
-    value: bool
-    condition: Condition
-    instance: ActionInstance | None
-
-
-@dataclass(frozen=True, slots=True)
-class FluentWrite:
-    """At `point` the fluent is assigned or increased if `condition` holds just before."""
-
-    point: TimePoint
-    assigns: bool
-    amount: Expression
-    condition: Condition
-    instance: ActionInstance | None
-
-
-@dataclass(frozen=True, slots=True)
-class Flow:
-    """A continuous effect, numbered `index` among those of its instance."""
-
-    instance: ActionInstance
-    index: int
-    effect: ContinuousEffect
-
-
-class Writes:
-    """All effects of a plan.
-
-    `fluents` are those that are both written and read anywhere: nothing depends on the values of others.
-    """
-
-    def __init__(self, plan: ParametrizedPlan) -> None:
-        self.of_atom: dict[Atom, list[AtomWrite]] = defaultdict(list)
-        self.of_fluent: dict[Fluent, list[FluentWrite]] = defaultdict(list)
-        self.flows: dict[Fluent, list[Flow]] = defaultdict(list)
-        for instance in plan.instances:
-            for effect in instance.atom_effects:
-                point = instance.at(effect.timing)
-                self.of_atom[effect.atom].append(AtomWrite(point, effect.value, effect.condition, instance))
-            for numeric in instance.numeric_effects:
-                point, assigns = instance.at(numeric.timing), numeric.operator is Assignment.ASSIGN
-                write = FluentWrite(point, assigns, numeric.expression, numeric.condition, instance)
-                self.of_fluent[numeric.fluent].append(write)
-            for index, continuous in enumerate(instance.continuous_effects):
-                self.flows[continuous.fluent].append(Flow(instance, index, continuous))
-        always = Truth(True)
-        for literal in plan.timed_literals:
-            if isinstance(literal.target, Atom):
-                self.of_atom[literal.target].append(AtomWrite(literal.point, bool(literal.value), always, None))
-            else:
-                amount: Expression = Polynomial.constant(Fraction(literal.value))
-                self.of_fluent[literal.target].append(FluentWrite(literal.point, True, amount, always, None))
-        read = set(_fluents_read(plan))
-        self.fluents = tuple(f for f in dict.fromkeys((*self.of_fluent, *self.flows)) if f in read)
-
-    def changes(self, fluent: Fluent) -> bool:
-        return fluent in self.of_fluent or fluent in self.flows
+def relevant_fluents(plan: ParametrizedPlan, writes: Writes) -> tuple[Fluent, ...]:
+    """Those that are both written and read anywhere: nothing depends on the values of others."""
+    read = set(_fluents_read(plan))
+    return tuple(f for f in dict.fromkeys((*writes.of_fluent, *writes.flows)) if f in read)
 
 
 def _fluents_read(plan: ParametrizedPlan) -> Iterator[Fluent]:
@@ -261,8 +241,8 @@ class Setting:
     """What formulas about states are made of."""
 
     plan: ParametrizedPlan
-    network: Network
-    known: KnownOrder
+    network: TemporalNetwork
+    known: Orders
     positions: Positions
     writes: Writes
     reader: Reader
@@ -296,7 +276,7 @@ class Flows:
             acts = self.acts(flow.instance, step)
             if acts is not self._terms.false:
                 name = f"{flow.instance.identifier} {fluent} in step {step}"
-                total += self._definitions.if_at_all(name, acts, self._contribution(flow, step))
+                total += self._definitions.choice(name, [(acts, self._contribution(flow, step))], constant(0))
         return total
 
     def until(self, fluent: Fluent, step: int, instant: Linear) -> Linear:
@@ -307,7 +287,7 @@ class Flows:
             if acts is not self._terms.false:
                 amount = self._product(flow, instant - self._positions.time(step))
                 name = f"{flow.instance.identifier} {fluent} in step {step} until {instant}"
-                total += self._definitions.if_at_all(name, acts, amount)
+                total += self._definitions.choice(name, [(acts, amount)], constant(0))
         return total
 
     def _contribution(self, flow: Flow, step: int) -> Linear:
@@ -321,7 +301,7 @@ class Flows:
         start, end = flow.instance.start, flow.instance.end
         cases: list[Case] = []
         for point in self._positions.candidates(position):
-            if not (self._setting.known.is_before(point, start) or self._setting.known.is_before(end, point)):
+            if not (self._setting.known.surely_before(point, start) or self._setting.known.surely_before(end, point)):
                 amount = self._product(flow, self._setting.network.distance(start, point))
                 cases.append((self._positions.at(point, position), amount))
         name = f"{flow.instance.identifier} {flow.effect.fluent} until position {position}"
@@ -368,16 +348,18 @@ class Trajectory:
         OutOfTimeError: if the deadline passes.
     """
 
-    def __init__(self, setting: Setting, flows: Flows, deadline: Deadline) -> None:
+    def __init__(self, setting: Setting, deadline: Deadline) -> None:
         self._terms = setting.terms
         self._positions = setting.positions
         self._writes = writes = setting.writes
-        self._reader = reader = setting.reader
+        self._reader = setting.reader
         self._definitions = setting.definitions
-        self._flows = flows
+        self.setting = setting
+        self.flows = Flows(setting)
+        self._fluents = relevant_fluents(setting.plan, writes)
         initial = State(
             {atom: self._terms.truth(atom in setting.plan.initial_atoms) for atom in writes.of_atom},
-            {fluent: reader.initial(fluent) for fluent in writes.fluents},
+            {fluent: initial_value(setting.plan, fluent) for fluent in self._fluents},
         )
         self.before: list[State] = [initial]
         self.after: list[State] = [initial]
@@ -402,9 +384,9 @@ class Trajectory:
         atoms = {atom: self._if(same, previous.atoms[atom], truth) for atom, truth in left.atoms.items()}
         fluents = {}
         for fluent, value in left.fluents.items():
-            arrived = value + self._flows.over_step(fluent, position - 1)
+            arrived = value + self.flows.over_step(fluent, position - 1)
             name = f"{fluent} before position {position}"
-            fluents[fluent] = self._definitions.if_else(name, same, previous.fluents[fluent], arrived)
+            fluents[fluent] = self._definitions.choice(name, [(same, previous.fluents[fluent])], arrived)
         named = {a: self._definitions.truth(f"{a} before position {position}", t) for a, t in atoms.items()}
         return State(named, fluents)
 
@@ -429,22 +411,19 @@ class Trajectory:
                 already = self._terms.conjunction((same, old.get(atom, self._terms.false)))
                 here = self._terms.disjunction(happens for written, happens in fired if written is value)
                 effects[atom] = self._terms.disjunction((already, here))
-        for fluent in self._writes.fluents:
+        for fluent in self._fluents:
             effects_here = self._writes.of_fluent.get(fluent, ())
             increases = [write for write in effects_here if not write.assigns]
             assignments = [write for write in effects_here if write.assigns]
             old_base = sofar.base.get(fluent, before.fluents[fluent])
-            base = (
-                self._definitions.if_else(
-                    f"{fluent} assigned until position {position}", same, old_base, before.fluents[fluent]
-                )
-                if assignments
-                else before.fluents[fluent]
-            )
+            base = before.fluents[fluent]
+            if assignments:
+                name = f"{fluent} assigned until position {position}"
+                base = self._definitions.choice(name, [(same, old_base)], base)
             result.base[fluent] = self._assigned(fluent, assignments, position, base)
             old_increase = sofar.increase.get(fluent, constant(0))
             name = f"{fluent} increased until position {position}"
-            result.increase[fluent] = self._definitions.if_at_all(name, same, old_increase)
+            result.increase[fluent] = self._definitions.choice(name, [(same, old_increase)], constant(0))
             result.increase[fluent] += self._increased(fluent, increases, position)
         return result
 
@@ -475,7 +454,7 @@ class Trajectory:
             fired = self._fired(write, position)
             if fired is not self._terms.false:
                 name = f"{fluent} increased at position {position}"
-                total += self._definitions.if_at_all(name, fired, self._amount(write, position))
+                total += self._definitions.choice(name, [(fired, self._amount(write, position))], constant(0))
         return total
 
     def _amount(self, write: FluentWrite, position: int) -> Linear:

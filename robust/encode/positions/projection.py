@@ -9,44 +9,32 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 
 from robust.encode.interface import Facet
-from robust.encode.positions.network import Network, Statement
-from robust.encode.variables import Linear, Range, TimeVariable, constant, is_over_parameters, least, variable
-from robust.plan.model import ParameterReference
+from robust.encode.network import Difference, TemporalNetwork
+from robust.encode.variables import Range, is_over_parameters, least, variable
+from robust.plan.model import ZERO, ParameterReference, TimePoint
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Terms
-
-Node = TimeVariable | None
-"""A time variable; None is time zero."""
 
 CROWDED = 6
 """With more weights than this between two nodes a solver is asked which of them are redundant."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Weight:
-    """A lower bound, and the statements that it is the sum of."""
-
-    value: Linear
-    origins: tuple[str, ...]
-
-
 class Projection:
     """Decides boxes against enc_valid by elimination within the box; facets found are kept and tried first."""
 
-    def __init__(self, network: Network, terms: Terms) -> None:
+    def __init__(self, network: TemporalNetwork, terms: Terms) -> None:
         self._terms = terms
-        self._edges: list[tuple[Node, Node, _Weight]] = []
+        self._edges: list[Difference] = []
         self.facets: list[Facet] = []
-        for statement in network.statements:
-            if is_over_parameters([statement.expression]):
-                self.facets.append(Facet(statement.expression, (statement.origin,)))
+        for inequality in network.inequalities:
+            if is_over_parameters(inequality.expression):
+                self.facets.append(Facet(inequality.expression, inequality.origins))
             else:
-                self._edges.append(_edge(statement))
+                self._edges.append(inequality.as_difference())
 
     def broken_facet(
         self, ranges: Mapping[str, Range], make_session: Callable[[], Session], deadline: Deadline
@@ -73,25 +61,12 @@ class Projection:
         return found if isinstance(found, Facet) else None
 
 
-def _edge(statement: Statement) -> tuple[Node, Node, _Weight]:
-    """A statement about the difference of two time variables, or about one, as an edge."""
-    source: Node = None
-    target: Node = None
-    weight = constant(-statement.expression.constant_term)
-    for unknown, factor in statement.expression.coefficients():
-        if isinstance(unknown, TimeVariable):
-            source, target = (source, unknown) if factor > 0 else (unknown, target)
-        else:
-            weight -= variable(unknown).scaled(factor)
-    return source, target, _Weight(weight, (statement.origin,))
-
-
 class _Elimination:
     """One elimination of all time variables; redundancy is judged within the box only."""
 
     def __init__(
         self,
-        edges: list[tuple[Node, Node, _Weight]],
+        edges: list[Difference],
         ranges: Mapping[str, Range],
         terms: Terms,
         make_session: Callable[[], Session],
@@ -102,11 +77,11 @@ class _Elimination:
         self._make_session = make_session
         self._deadline = deadline
         self._session: Session | None = None
-        self._outgoing: dict[Node, dict[Node, list[_Weight]]] = defaultdict(dict)
-        self._incoming: dict[Node, set[Node]] = defaultdict(set)
+        self._outgoing: dict[TimePoint, dict[TimePoint, list[Difference]]] = defaultdict(dict)
+        self._incoming: dict[TimePoint, set[TimePoint]] = defaultdict(set)
         self._broken: Facet | None = None
-        for source, target, weight in edges:
-            self._join(source, target, [weight])
+        for edge in edges:
+            self._join(edge.source, edge.target, [edge])
 
     def broken_loop(self) -> Facet | None:
         """The first facet that breaks in the box.
@@ -114,15 +89,15 @@ class _Elimination:
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        waiting = {node for node in (*self._outgoing, *self._incoming) if node is not None}
+        waiting = {node for node in (*self._outgoing, *self._incoming) if node != ZERO}
         while waiting and self._broken is None:
             # The variable with the fewest joins; by name among equals, so that runs repeat.
-            node = min(waiting, key=lambda n: (len(self._outgoing[n]) * len(self._incoming[n]), str(n)))
+            node = min(waiting, key=lambda n: (len(self._outgoing[n]) * len(self._incoming[n]), n))
             waiting.remove(node)
             self._eliminate(node)
         return self._broken
 
-    def _eliminate(self, node: TimeVariable) -> None:
+    def _eliminate(self, node: TimePoint) -> None:
         after = self._outgoing.pop(node)
         before = {source: self._outgoing[source].pop(node) for source in self._incoming.pop(node)}
         for target in after:
@@ -133,48 +108,46 @@ class _Elimination:
                 if self._broken is not None:
                     return
 
-    def _sums(self, firsts: list[_Weight], seconds: list[_Weight]) -> Iterator[_Weight]:
+    def _sums(self, firsts: list[Difference], seconds: list[Difference]) -> Iterator[Difference]:
         for first in firsts:
             self._deadline.enforce()
             for second in seconds:
                 origins = tuple(dict.fromkeys((*first.origins, *second.origins)))
-                yield _Weight(first.value + second.value, origins)
+                yield Difference(first.source, second.target, first.weight + second.weight, origins)
 
-    def _join(self, source: Node, target: Node, weights: list[_Weight]) -> None:
+    def _join(self, source: TimePoint, target: TimePoint, edges: list[Difference]) -> None:
         if source == target:
-            for weight in weights:
-                facet = Facet(-weight.value, weight.origins)
-                if self._broken is None and facet.breaks_in(self._ranges):
-                    self._broken = facet
+            facets = (Facet(-edge.weight, edge.origins) for edge in edges)
+            self._broken = self._broken or next((facet for facet in facets if facet.breaks_in(self._ranges)), None)
             return
         known = self._outgoing[source].setdefault(target, [])
         self._incoming[target].add(source)
-        for weight in weights:
+        for edge in edges:
             self._deadline.enforce()
-            if not any(self._is_covered(weight, by) for by in known):
-                known[:] = [*(other for other in known if not self._is_covered(other, weight)), weight]
+            if not any(self._is_covered(edge, by) for by in known):
+                known[:] = [*(other for other in known if not self._is_covered(other, edge)), edge]
         if len(known) > CROWDED:
             self._outgoing[source][target] = list(self._without_redundant(known))
 
-    def _is_covered(self, weight: _Weight, by: _Weight) -> bool:
-        """Whether `by` is at least as great all over the box."""
-        margin = least(by.value - weight.value, self._ranges)
+    def _is_covered(self, edge: Difference, by: Difference) -> bool:
+        """Whether the weight of `by` is at least as great all over the box."""
+        margin = least(by.weight - edge.weight, self._ranges)
         return margin is not None and margin >= 0
 
-    def _without_redundant(self, weights: list[_Weight]) -> Iterator[_Weight]:
-        """Leave out every weight that nowhere in the box exceeds all the others that are left."""
+    def _without_redundant(self, edges: list[Difference]) -> Iterator[Difference]:
+        """Leave out every edge whose weight nowhere in the box exceeds all the others that are left."""
         session = self._session = self._session or self._open_session()
-        left = list(weights)
-        for weight in weights:
-            others = [other for other in left if other is not weight]
-            with session.frame(*(self._terms.greater(weight.value - other.value) for other in others)):
+        left = list(edges)
+        for edge in edges:
+            others = [other for other in left if other is not edge]
+            with session.frame(*(self._terms.greater(edge.weight - other.weight) for other in others)):
                 verdict = session.check("enc_valid: a redundant bound", self._deadline)
             if verdict is Verdict.UNKNOWN:
                 raise OutOfTimeError
             if verdict is Verdict.UNSATISFIABLE:
                 left = others
             else:
-                yield weight
+                yield edge
 
     def _open_session(self) -> Session:
         session = self._make_session()

@@ -10,9 +10,8 @@ import shutil
 import string
 import sys
 import tempfile
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
@@ -52,27 +51,24 @@ class CommandPlanner:
     arguments: tuple[str, ...]
     epsilon: Fraction = EPSILON
     verdict: Judge = lambda _: None
-    memory_mb: int = MEMORY_MB
 
     def solve(self, domain: Domain, problem: Problem, deadline: Deadline) -> PlannerAnswer:
         """See :class:`robust.execute.planners.interface.Planner`."""
-        start = time.monotonic()
+        remaining = _FOREVER if deadline.remaining is None else deadline.remaining
         with tempfile.TemporaryDirectory(prefix="robust-planner-") as name:
             folder = Path(name)
-            (folder / "domain.pddl").write_text(domain_text(domain), encoding="utf-8")
-            (folder / "problem.pddl").write_text(problem_text(problem, domain), encoding="utf-8")
-            ended = Processes().run(self._command(folder, deadline), deadline, folder=folder, memory_mb=self.memory_mb)
+            files = {"domain": folder / "domain.pddl", "problem": folder / "problem.pddl", "output": folder / "plan"}
+            files["domain"].write_text(domain_text(domain), encoding="utf-8")
+            files["problem"].write_text(problem_text(problem, domain), encoding="utf-8")
+            fields = {**files, "timeout": f"{remaining:.3f}"}
+            command = tuple(argument.format_map(fields) for argument in self.arguments)
+            ended = Processes().run(command, deadline, folder=folder, memory_mb=MEMORY_MB)
             printed = _plan_text(folder, ended)
         found = last_valid_plan(printed, domain, problem, self.epsilon, self.name)
-        return replace(judged(self.name, ended, found, self.verdict), seconds=time.monotonic() - start)
-
-    def _command(self, folder: Path, deadline: Deadline) -> tuple[str, ...]:
-        remaining = _FOREVER if deadline.remaining is None else deadline.remaining
-        files = {"domain": folder / "domain.pddl", "problem": folder / "problem.pddl", "output": folder / "plan"}
-        return tuple(argument.format_map({**files, "timeout": f"{remaining:.3f}"}) for argument in self.arguments)
+        return judged(self.name, ended, found, self.verdict)
 
 
-def command_planner(template: str, *, epsilon: Fraction = EPSILON, name: str | None = None) -> CommandPlanner:
+def command_planner(template: str, *, epsilon: Fraction = EPSILON) -> CommandPlanner:
     """The planner that a command line starts; words are split as a shell does, but no shell runs.
 
     Raises:
@@ -94,30 +90,29 @@ def command_planner(template: str, *, epsilon: Fraction = EPSILON, name: str | N
     missing = next((one for one in ("domain", "problem") if one not in fields), None)
     if missing:
         raise InputError(f"{place}: found no {{{missing}}}, expected it where the planner takes that file")
-    return CommandPlanner(name or Path(arguments[0]).name, arguments, epsilon)
+    return CommandPlanner(Path(arguments[0]).name, arguments, epsilon)
 
 
 def judged(name: str, ended: Ended, found: tuple[TimedPlan | None, str], verdict: Judge) -> PlannerAnswer:
     """The answer that a run of a process amounts to; `found` is a valid plan, or what is wrong with the last one."""
     plan, wrong = found
     if plan is not None:
-        return PlannerAnswer(name, PlannerStatus.SOLVED, plan, 0.0)
+        return PlannerAnswer(name, PlannerStatus.SOLVED, plan)
     status = PlannerStatus.TIMEOUT if ended.timed_out else verdict(ended)
     if status is None and (wrong or not ended.exit_code):
         nothing = not wrong and says_no_plan(ended.stdout + ended.stderr)
         status = PlannerStatus.NO_PLAN if nothing else PlannerStatus.NONSENSE
     status = status or PlannerStatus.CRASHED
-    return PlannerAnswer(name, status, None, 0.0, _message(status, ended, wrong))
+    return PlannerAnswer(name, status, None, message=_message(status, ended, wrong))
 
 
 def _message(status: PlannerStatus, ended: Ended, wrong: str) -> str:
+    code = ended.exit_code
     match status:
         case PlannerStatus.TIMEOUT:
             return "no valid plan before the deadline"
         case PlannerStatus.CRASHED:
-            code = ended.exit_code
-            how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
-            return f"{how}: {ended.last_line}"
+            return f"{f'killed by signal {-code}' if code < 0 else f'exit code {code}'}: {ended.last_line}"
         case PlannerStatus.NONSENSE:
             return wrong or f"found no plan in what it printed, ending with {ended.last_line!r}"
         case _:
@@ -156,13 +151,12 @@ class KairosPlanner:
 
     def solve(self, domain: Domain, problem: Problem, deadline: Deadline) -> PlannerAnswer:
         """See :class:`robust.execute.planners.interface.Planner`."""
-        start = time.monotonic()
         remaining = deadline.remaining
         share = _LONGEST_FIRST if remaining is None else min(_LONGEST_FIRST, remaining / 2)
         answer = self.first.solve(domain, problem, Deadline.after(share))
         if answer.status in (PlannerStatus.TIMEOUT, PlannerStatus.NO_PLAN):
             answer = self.second.solve(domain, problem, deadline)
-        return replace(answer, seconds=time.monotonic() - start)
+        return answer
 
 
 def kairos_planner(*, epsilon: Fraction = EPSILON) -> KairosPlanner:

@@ -42,14 +42,14 @@ class PlannerStatus(Enum):
 class PlannerAnswer:
     """What a planner said; `plan` is given exactly when it is `SOLVED`.
 
-    `seconds` is wall time from the call to the answer, the check of the plan included. `message` is one line: why there
-    is no plan.
+    `message` is one line: why there is no plan. `seconds` is wall time from the call to the answer, the check of the
+    plan included; planners of :mod:`robust.execute.planners.registry` know it.
     """
 
     planner: str
     status: PlannerStatus
     plan: TimedPlan | None
-    seconds: float
+    seconds: float = 0.0
     message: str = ""
 
     def __post_init__(self) -> None:

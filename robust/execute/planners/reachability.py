@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import repeat
@@ -97,7 +97,6 @@ class RelaxedProblem:
     arrivals: tuple[tuple[int, int], ...]
     last: Mapping[int, int]
     goal: model.Condition
-    ever: Collection[model.Atom]
     ticks: int
 
     @cached_property
@@ -120,15 +119,31 @@ def relaxed_problem(domain: syntax.Domain, problem: syntax.Problem, deadline: De
             deadline.enforce()
             ground = ground_action(domain, problem, schema.name, schema.name, arguments, schema.durative, None)
             shortest = constants.shortest(ground)
-            if shortest is not None:
+            if shortest is not None and constants.allow(ground, at_once=not shortest):
                 candidates.append((ground, shortest))
             if len(candidates) > MOST_ACTIONS:
                 raise TooLargeError
     goal = model.And(tuple(one.condition for one in ground_goal(domain, problem)))
-    return _Builder(problem, constants, goal).build(candidates)
+    facts = _facts(problem, (action for action, _ in candidates), goal)
+    number = {atom: i for i, atom in enumerate(facts)}
+    # at one moment, the literals that make an atom true count, and come last
+    timed = [(one.time, one.target, bool(one.value)) for one in problem.timed_literals if one.target in number]
+    literals = sorted((one for one in timed if isinstance(one[1], model.Atom)), key=lambda one: (one[0], one[2]))
+    ticks = lcm(*(shortest.denominator for _, shortest in candidates), *(time.denominator for time, _, _ in literals))
+    actions = (_action(action, int(shortest * ticks), number) for action, shortest in candidates)
+    added = {effect.atom for action, _ in candidates for effect in action.atom_effects if effect.value}
+    return RelaxedProblem(
+        facts=tuple(facts),
+        actions=tuple(one for one in actions if one is not None),
+        initial=frozenset(number[atom] for atom in problem.atoms if atom in number),
+        arrivals=tuple((int(time * ticks), number[atom]) for time, atom, value in literals if value),
+        last={number[atom]: int(time * ticks) for atom, time in _lasts(literals, number.keys() - added).items()},
+        goal=goal,
+        ticks=ticks,
+    )
 
 
-_Candidate = tuple[model.ActionInstance, Fraction]
+_Literal = tuple[Fraction, model.Atom, bool]
 
 
 class _Constants:
@@ -157,10 +172,26 @@ class _Constants:
         known.update((one, Polynomial.constant(self._problem.fluents[one])) for one in fluents)
         return expression.substitute(lambda one: known.get(one) or Polynomial.variable(one))
 
-    def may_hold(self, compared: model.Comparison) -> bool:
-        """Whether a comparison may be true at some time: only those of constants are decided."""
-        value = self.value(compared.expression)
-        return value is None or not value.is_constant or compared.relation.holds(value.constant_term)
+    def allow(self, action: model.ActionInstance, *, at_once: bool) -> bool:
+        """Whether all conditions of an action may be true; without a duration those over all need not be."""
+        timings = {model.Timing.AT_START, model.Timing.AT_END} | (set() if at_once else {model.Timing.OVER_ALL})
+        return all(self._allow(timed.condition) for timed in action.conditions if timed.timing in timings)
+
+    def _allow(self, condition: model.Condition) -> bool:
+        match condition:
+            case model.Holds(atom, value):
+                return not self.fixed(atom.predicate) or self.holds(atom) is value
+            case model.Comparison(expression, relation):
+                known = self.value(expression)
+                return known is None or not known.is_constant or relation.holds(known.constant_term)
+            case model.And(operands):
+                return all(map(self._allow, operands))
+            case model.Or(operands):
+                return any(map(self._allow, operands))
+            case model.Truth(value):
+                return value
+            case _:
+                assert_never(condition)
 
     def shortest(self, action: model.ActionInstance) -> Fraction | None:
         """The least duration as far as it is known; None if there is none, so that the action is never executed."""
@@ -231,117 +262,25 @@ def _propositions(condition: syntax.LiftedCondition) -> Iterator[syntax.Proposit
             yield from _propositions(operand)
 
 
-@dataclass
-class _Builder:
-    """Finds out which facts and actions matter, and numbers them."""
+def _facts(problem: syntax.Problem, actions: Iterable[model.ActionInstance], goal: model.Condition) -> list[model.Atom]:
+    """What is needed by something, and is not always true."""
+    wanted = {leaf.atom for leaf in model.leaves(goal) if isinstance(leaf, model.Holds)}
+    changing = {one.target for one in problem.timed_literals if not one.value}
+    for action in actions:
+        wanted |= {atom for timed in action.conditions for atom in _needed(timed.condition)}
+        changing |= {one.atom for one in action.atom_effects if not one.value}
+    return sorted(one for one in wanted if one in changing or one not in problem.atoms)
 
-    problem: syntax.Problem
-    constants: _Constants
-    goal: model.Condition
-    ever: set[model.Atom] = field(default_factory=set)
-    """What may be true at some time, as far as this can be seen without time and deletions."""
 
-    def build(self, candidates: list[_Candidate]) -> RelaxedProblem:
-        possible = self._possible(candidates)
-        effects = [effect for action, _ in possible for effect in action.atom_effects]
-        added = {one.atom for one in effects if one.value}
-        facts = self._facts(possible, {one.atom for one in effects if not one.value})
-        number = {atom: i for i, atom in enumerate(facts)}
-        ticks = lcm(*(shortest.denominator for _, shortest in possible), *(t.denominator for t, _, _ in self._literals))
-        actions = (_action(action, int(shortest * ticks), number) for action, shortest in possible)
-        return RelaxedProblem(
-            facts=facts,
-            actions=tuple(one for one in actions if one is not None),
-            initial=frozenset(number[atom] for atom in self.problem.atoms if atom in number),
-            arrivals=tuple(
-                (int(t * ticks), number[one]) for t, one, value in self._literals if value and one in number
-            ),
-            last={number[one]: int(t * ticks) for one, t in self._lasts(number.keys() - added).items()},
-            goal=self.goal,
-            ever=frozenset(self.ever),
-            ticks=ticks,
-        )
-
-    @cached_property
-    def _literals(self) -> list[tuple[Fraction, model.Atom, bool]]:
-        """Timed literals about atoms; at one moment, those that make an atom true count, and come last."""
-        found = [
-            (one.time, one.target, bool(one.value))
-            for one in self.problem.timed_literals
-            if isinstance(one.target, model.Atom)
-        ]
-        return sorted(found, key=lambda one: (one[0], one[2]))
-
-    def _facts(self, possible: list[_Candidate], deleted: set[model.Atom]) -> tuple[model.Atom, ...]:
-        """What is needed by something, may be true, and is not always true."""
-        deleted = deleted | {atom for _, atom, value in self._literals if not value}
-        wanted = {
-            atom for action, _ in possible for timed in action.conditions for atom in _needed(timed.condition)
-        } | _mentioned(self.goal)
-        return tuple(sorted(one for one in wanted & self.ever if one in deleted or one not in self.problem.atoms))
-
-    def _possible(self, candidates: list[_Candidate]) -> list[_Candidate]:
-        """The actions whose conditions may hold, without regard to time and deletions.
-
-        Those of its end may come to hold because of its start. An action that cannot end is never started.
-        """
-        begin = set(self.problem.atoms) | {atom for _, atom, value in self._literals if value}
-        while True:
-            self.ever = set(begin)
-            self._grow(candidates)
-            possible = [one for one in candidates if self._may_happen(one, model.Timing.AT_END)]
-            if len(possible) == len(candidates):
-                return possible
-            candidates = possible
-
-    def _grow(self, candidates: list[_Candidate]) -> None:
-        """Add what the actions can make true to what may be true."""
-        waiting = [(one, timing) for one in candidates for timing in (model.Timing.AT_START, model.Timing.AT_END)]
-        while True:
-            left = []
-            for candidate, timing in waiting:
-                if self._may_happen(candidate, timing):
-                    effects = candidate[0].atom_effects
-                    self.ever |= {one.atom for one in effects if one.value and one.timing is timing}
-                else:
-                    left.append((candidate, timing))
-            if len(left) == len(waiting):
-                return
-            waiting = left
-
-    def _may_happen(self, candidate: _Candidate, timing: model.Timing) -> bool:
-        """Whether all conditions up to the start or the end of an action may hold at some time."""
-        action, shortest = candidate
-        timings = {model.Timing.AT_START}
-        if timing is model.Timing.AT_END:
-            timings |= {model.Timing.AT_END, model.Timing.OVER_ALL} if shortest else {model.Timing.AT_END}
-        return all(self._may_hold(timed.condition) for timed in action.conditions if timed.timing in timings)
-
-    def _may_hold(self, condition: model.Condition) -> bool:
-        match condition:
-            case model.Holds(atom, value):
-                always = self.constants.fixed(atom.predicate) and self.constants.holds(atom)
-                return atom in self.ever if value else not always
-            case model.Comparison():
-                return self.constants.may_hold(condition)
-            case model.And(operands):
-                return all(map(self._may_hold, operands))
-            case model.Or(operands):
-                return any(map(self._may_hold, operands))
-            case model.Truth(value):
-                return value
-            case _:
-                assert_never(condition)
-
-    def _lasts(self, atoms: Collection[model.Atom]) -> dict[model.Atom, Fraction]:
-        """For atoms that no action adds: when the last timed literal makes them false, unless one makes them true."""
-        lasts: dict[model.Atom, Fraction] = {}
-        for moment, atom, value in self._literals:
-            if value:
-                lasts.pop(atom, None)
-            elif atom in atoms:
-                lasts[atom] = moment
-        return lasts
+def _lasts(literals: Iterable[_Literal], atoms: Collection[model.Atom]) -> dict[model.Atom, Fraction]:
+    """For atoms that no action adds: when the last timed literal makes them false, unless one makes them true."""
+    lasts: dict[model.Atom, Fraction] = {}
+    for moment, atom, value in literals:
+        if value:
+            lasts.pop(atom, None)
+        elif atom in atoms:
+            lasts[atom] = moment
+    return lasts
 
 
 def _action(ground: model.ActionInstance, shortest: int, number: Mapping[model.Atom, int]) -> RelaxedAction | None:
@@ -369,10 +308,6 @@ def _needed(condition: model.Condition) -> Iterator[model.Atom]:
     return (one.atom for one in model.conjuncts(condition) if isinstance(one, model.Holds) and one.value)
 
 
-def _mentioned(condition: model.Condition) -> set[model.Atom]:
-    return {leaf.atom for leaf in model.leaves(condition) if isinstance(leaf, model.Holds)}
-
-
 NAME = "reachability"
 _SHARE = 0.25
 _LONGEST = 10.0
@@ -387,6 +322,9 @@ def unreachable(domain: syntax.Domain, problem: syntax.Problem, deadline: Deadli
     try:
         relaxed = relaxed_problem(domain, problem, deadline)
         times = EarliestTimes(relaxed, deadline)
+        while times.endless:
+            relaxed = replace(relaxed, actions=tuple(one for one in relaxed.actions if one not in times.endless))
+            times = EarliestTimes(relaxed, deadline)
     except (TooLargeError, OutOfTimeError, RobustError):
         return None  # it is for the planner to say what is wrong with the problem
     return _reason(relaxed, times) if times.condition(relaxed.goal) == inf else None
@@ -425,8 +363,10 @@ class ReachabilityFirst:
         share = _LONGEST if remaining is None else min(_LONGEST, remaining * _SHARE)
         reason = unreachable(domain, problem, Deadline.after(share))
         if reason is None:
-            return self.planner.solve(domain, problem, deadline)
-        return PlannerAnswer(NAME, PlannerStatus.NO_PLAN, None, time.monotonic() - start, reason)
+            answer = self.planner.solve(domain, problem, deadline)
+        else:
+            answer = PlannerAnswer(NAME, PlannerStatus.NO_PLAN, None, message=reason)
+        return replace(answer, seconds=time.monotonic() - start)
 
 
 class EarliestTimes:
@@ -472,6 +412,11 @@ class EarliestTimes:
                         found[fact] = min(late, found.get(fact, inf))
         return found
 
+    @property
+    def endless(self) -> list[RelaxedAction]:
+        """Actions that might be started, but cannot end, which makes them useless."""
+        return [step.action for step in self._steps if step.is_endless]
+
     def together(self, facts: Iterable[int]) -> Time:
         """The bound of facts that hold together: that of the worst pair."""
         chosen = tuple(facts)
@@ -484,8 +429,6 @@ class EarliestTimes:
             match one:
                 case model.Holds(atom, True) if atom in number:
                     facts.append(number[atom])
-                case model.Holds(atom, True) if atom not in self._problem.ever:
-                    return inf
                 case model.Or(operands):
                     alternatives.append(min(map(self.condition, operands), default=inf))
                 case model.Truth(False):
@@ -579,6 +522,7 @@ class EarliestTimes:
         held = [min(since[fact] + shortest, max(self._meanwhile[fact][number], done)) for fact in range(self._size)]
         base = max([done, self.together(step.before_end), *(held[fact] for fact in step.before_end)])
         running = self._atoms + number
+        step.is_endless = base == inf
         step.late_end = base if base > self._last[running] else inf
         if base > self._last[running] or base == inf:
             return
@@ -630,6 +574,8 @@ class _Bounds:
         self.late_start: Time = inf
         self.late_end: Time = inf
         """When its end comes at the earliest if that is too late, as seen from its start, or from its end."""
+        self.is_endless = False
+        """Whether it may be started, and what its end needs is never the case."""
         self.needs = tuple(action.start.needs | (action.during - action.start.adds - begun))
         self.before_end = tuple(action.until)
         self.at_end = tuple((frozenset() if action.end is None else action.end.needs) | (action.during - undone))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 from robust.errors import InputError, did_you_mean
@@ -15,11 +16,10 @@ from robust.smt.limits import NEVER, Deadline
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """A knowledge base, and what it can be given beyond a theory, a deadline and statistics."""
+    """Where a knowledge base is, and what it can be given beyond a theory, a deadline and statistics."""
 
-    load: Callable[[], Callable[..., KnowledgeBase]]
-    """Imports the class."""
-    summary: str
+    module: str
+    name: str
     takes_network: bool = False
     """Whether it reasons about time itself, so that temporal conflicts need not be known."""
     takes_solver: bool = False
@@ -28,54 +28,18 @@ class Registration:
     """Whether it counts and lists all prime implicants: `HasImplicants`."""
 
 
-def _pitms() -> Callable[..., KnowledgeBase]:
-    from robust.pike_bridge.knowledge.tms import PiTms  # noqa: PLC0415 - only when it is created, as all of these
-
-    return PiTms
-
-
-def _atms() -> Callable[..., KnowledgeBase]:
-    from robust.pike_bridge.knowledge.tms import Atms  # noqa: PLC0415
-
-    return Atms
-
-
-def _bdd() -> Callable[..., KnowledgeBase]:
-    from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase  # noqa: PLC0415
-
-    return BddKnowledgeBase
-
-
-def _sat() -> Callable[..., KnowledgeBase]:
-    from robust.pike_bridge.knowledge.sat import SatKnowledgeBase  # noqa: PLC0415
-
-    return SatKnowledgeBase
-
-
-_REGISTRY: dict[str, Registration] = {
-    "pitms": Registration(
-        _pitms, "labels of prime implicants", takes_solver=True, takes_shortcut=True, knows_implicants=True
-    ),
-    "atms": Registration(_atms, "minimal labels", takes_solver=True, takes_shortcut=True),
-    "bdd": Registration(_bdd, "a binary decision diagram", knows_implicants=True),
-    "sat": Registration(_sat, "an incremental solver, nothing compiled", takes_network=True, takes_solver=True),
+_HERE = "robust.pike_bridge.knowledge"
+_REGISTRY = {
+    "pitms": Registration(f"{_HERE}.tms", "PiTms", takes_solver=True, takes_shortcut=True, knows_implicants=True),
+    "atms": Registration(f"{_HERE}.tms", "Atms", takes_solver=True, takes_shortcut=True),
+    "bdd": Registration(f"{_HERE}.bdd", "BddKnowledgeBase", knows_implicants=True),
+    "sat": Registration(f"{_HERE}.sat", "SatKnowledgeBase", takes_network=True, takes_solver=True),
 }
 
 
 def knowledge_bases() -> Mapping[str, Registration]:
     """What is registered, by name."""
     return dict(_REGISTRY)
-
-
-def register_knowledge_base(name: str, registration: Registration) -> None:
-    """Make another knowledge base known.
-
-    Raises:
-        InputError: if the name is taken.
-    """
-    if name in _REGISTRY:
-        raise InputError(f"knowledge base {name!r} is registered already; expected another name")
-    _REGISTRY[name] = registration
 
 
 def reasons_about_time(name: str) -> bool:
@@ -123,7 +87,8 @@ def create_knowledge_base(
         options["solver"] = solver
     if registration.takes_shortcut:
         options["shortcut"] = shortcut
-    return registration.load()(theory, deadline=deadline, statistics=statistics, **options)
+    create: Callable[..., KnowledgeBase] = getattr(import_module(registration.module), registration.name)
+    return create(theory, deadline=deadline, statistics=statistics, **options)
 
 
 def _registration(name: str) -> Registration:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import reduce
 from math import prod
 from operator import and_, invert, or_
-from typing import Any, Final, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from robust.pike_bridge.knowledge.interface import (
     Commitment,
@@ -18,7 +18,7 @@ from robust.pike_bridge.knowledge.interface import (
     narrowing,
 )
 from robust.pike_bridge.model import Assignment, Guard
-from robust.pike_bridge.theory import Formula, Theory, assignments_of, interpret, is_consistent
+from robust.pike_bridge.theory import Formula, Theory, assignments_of, evaluate, interpret, is_consistent
 from robust.smt.limits import NEVER, Deadline
 
 ROUNDS = 40
@@ -30,8 +30,6 @@ GLANCE = 32
 
 Node: TypeAlias = Any
 """A function in `dd`, which has no types."""
-Key = TypeVar("Key", bound=Hashable)
-Value = TypeVar("Value")
 
 
 def force_order(variables: Sequence[str], groups: Sequence[Collection[str]]) -> list[str]:
@@ -78,32 +76,6 @@ class Branching(NamedTuple):
     variable: int
     unassigned: int
     assigned: tuple[int, ...]
-
-
-def evaluate(key: Key, known: dict[Key, Value], step: Callable[[Key], Value | list[Key]], deadline: Deadline) -> Value:
-    """The value of a key, by depth-first search without recursion.
-
-    Args:
-        known: values so far, to which all new ones are added.
-        step: the value of a key, or the keys whose values must be known first.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-    """
-    stack = [key]
-    while stack:
-        deadline.enforce()
-        one = stack[-1]
-        if one in known:
-            stack.pop()
-            continue
-        result = step(one)
-        if isinstance(result, list):
-            stack += result
-        else:
-            known[one] = result
-            stack.pop()
-    return known[key]
 
 
 _CONSTANT: Final = Branching(sys.maxsize, NOTHING, ())
@@ -367,21 +339,6 @@ class BddKnowledgeBase(KnowledgeBase):
         found = self._diagrams.primes(self._root, families, deadline)
         self.statistics.sizes["implicant diagram nodes"] = len(families)
         return families, found
-
-    def _enumerate(self, deadline: Deadline) -> Iterator[Mapping[str, str]]:
-        false = self._diagrams.manager.false
-        stack: list[tuple[Node, tuple[str, ...]]] = [(self._root, ())]
-        while stack:
-            deadline.enforce()
-            node, values = stack.pop()
-            if node == false:
-                continue
-            if len(values) == len(self._diagrams.order):
-                yield dict(zip(self._diagrams.order, values, strict=True))
-                continue
-            parts = self._diagrams.cofactors(node, len(values))
-            domain = self.theory.domains[self._diagrams.order[len(values)]]
-            stack += [(part, (*values, value)) for part, value in zip(parts, domain, strict=True)]
 
     def _compile(self, deadline: Deadline) -> Node:
         conflicts = [each for each in dict.fromkeys(self.theory.conflicts) if is_consistent(each)]

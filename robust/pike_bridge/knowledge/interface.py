@@ -128,11 +128,6 @@ class KnowledgeBase(ABC):
         self._asked((), deadline)
         return self._count(deadline)
 
-    def models(self, deadline: Deadline = NEVER) -> Iterator[Mapping[str, str]]:
-        """Every model that is left, once, in any order."""
-        self._asked((), deadline)
-        return self._enumerate(deadline)
-
     @abstractmethod
     def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
         """Whether a model satisfies what is asked, which does not contradict itself."""
@@ -143,9 +138,6 @@ class KnowledgeBase(ABC):
 
     @abstractmethod
     def _count(self, deadline: Deadline) -> int: ...
-
-    @abstractmethod
-    def _enumerate(self, deadline: Deadline) -> Iterator[Mapping[str, str]]: ...
 
     def _asked(self, commitments: Sequence[Commitment], deadline: Deadline) -> Narrowing:
         """Count a query, and say what its commitments come to."""

@@ -9,18 +9,22 @@ look-up per scope, not per environment, and conjunctions are hash joins. Source:
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from math import prod
 from typing import TypeAlias
 
 from robust.pike_bridge.knowledge.interface import Effort
-from robust.pike_bridge.model import Environment, Vocabulary, bits
+from robust.pike_bridge.model import Environment, Vocabulary, bits, union
+from robust.pike_bridge.theory import evaluate
 from robust.smt.limits import Deadline
 
 Scope: TypeAlias = int
 """The bits of all assignments to some variables."""
 Label: TypeAlias = dict[Scope, set[Environment]]
 """A disjunction of environments by scope; none entails another, and no scope is without environments."""
+Remainder: TypeAlias = tuple[int, frozenset[Environment]]
+"""How many variables have a value already, and what is left of environments then."""
 
 BATCH = 100_000
 """Candidates that a conjunction collects before it drops those that entail others."""
@@ -40,14 +44,6 @@ def environments(label: Label) -> Iterator[Environment]:
     """All environments of a label."""
     for members in label.values():
         yield from members
-
-
-def scope_of(label: Label) -> Scope:
-    """The variables that a label mentions."""
-    scope = 0
-    for each in label:
-        scope |= each
-    return scope
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +83,7 @@ def weave(first: Label, second: Label, effort: Effort) -> Label:
     right = _take_absorbed(second, first, result, effort)
     candidates: Label = {}
     waiting, batch = 0, BATCH
-    reach = scope_of(right)
+    reach = union(right)
     for scope, members in left.items():
         for projection, ones in _index(members, scope & reach).items():
             for other, rests in _residuals(right, projection, scope, effort).items():
@@ -103,7 +99,8 @@ def weave(first: Label, second: Label, effort: Effort) -> Label:
                 waiting = size(candidates)
                 effort.hold(waiting)
                 batch = waiting + BATCH
-    _include(minimal(candidates, result, effort), result)
+    for scope, found in minimal(candidates, result, effort).items():
+        result[scope] = result.get(scope, set()) | found
     effort.hold(size(result))
     return result
 
@@ -112,18 +109,25 @@ def _take_absorbed(label: Label, other: Label, absorbed: Label, effort: Effort) 
     """Move environments that entail some environment of the other label; what is left."""
     left: Label = {}
     for scope, members in label.items():
-        rest = members
-        for base, bases in other.items():
-            if base & scope == base:
-                effort.pass_by(len(rest))
-                rest = {one for one in rest if one & base not in bases}
-                if not rest:
-                    break
+        rest = _apart(members, scope, other.items(), effort)
         if len(rest) < len(members):
             absorbed.setdefault(scope, set()).update(members - rest)
         if rest:
             left[scope] = rest
     return left
+
+
+def _apart(
+    members: set[Environment], scope: Scope, known: Iterable[tuple[Scope, set[Environment]]], effort: Effort
+) -> set[Environment]:
+    """The environments of a scope that entail none of those that are known."""
+    for smaller, others in known:
+        if smaller & scope == smaller:
+            if not members:
+                break
+            effort.pass_by(len(members))
+            members = {one for one in members if one & smaller not in others}
+    return members
 
 
 def _residuals(label: Label, environment: Environment, scope: Scope, effort: Effort) -> Label:
@@ -136,7 +140,7 @@ def _residuals(label: Label, environment: Environment, scope: Scope, effort: Eff
         rests = {one ^ part for one in others if one & shared == part}
         if rests:
             left = other ^ shared
-            residuals[left] = residuals[left] | rests if left in residuals else rests
+            residuals[left] = residuals.get(left, set()) | rests
     return minimal(residuals, {}, effort) if len(residuals) > 1 else residuals
 
 
@@ -147,14 +151,6 @@ def _index(members: set[Environment], shared: Scope) -> dict[Environment, list[E
     return index
 
 
-def _include(addition: Label, label: Label) -> None:
-    for scope, members in addition.items():
-        if scope in label:
-            label[scope] |= members
-        else:
-            label[scope] = members
-
-
 def minimal(candidates: Label, base: Label, effort: Effort) -> Label:
     """The candidates that entail neither an environment of the base nor another candidate.
 
@@ -163,20 +159,13 @@ def minimal(candidates: Label, base: Label, effort: Effort) -> Label:
     """
     kept: Label = {}
     for scope in sorted(candidates, key=int.bit_count):
-        members: Iterable[Environment] = candidates[scope]
-        before = rest = len(candidates[scope])
-        known = [(smaller, label[smaller]) for label in (base, kept) for smaller in label if smaller & scope == smaller]
+        known = [item for label in (base, kept) for item in label.items() if item[0] & scope == item[0]]
         # What drops most comes first.
         known.sort(key=lambda item: -len(item[1]))
-        for smaller, others in known:
-            if not rest:
-                break
-            effort.pass_by(rest)
-            members = [one for one in members if one & smaller not in others]
-            rest = len(members)
-        effort.subsume(before - rest)
+        rest = _apart(candidates[scope], scope, known, effort)
+        effort.subsume(len(candidates[scope]) - len(rest))
         if rest:
-            kept[scope] = set(members)
+            kept[scope] = rest
         effort.pass_by(len(kept))
     return kept
 
@@ -209,14 +198,10 @@ def split(label: Label, conflict: Conflict, effort: Effort) -> Label:
                     effort.create(len(new))
     result = dict(kept)
     for scope, candidates in extended.items():
-        rest: set[Environment] = candidates
-        for smaller, known in kept.items():
-            if smaller & scope == smaller:
-                effort.pass_by(len(rest))
-                rest = {one for one in rest if one & smaller not in known}
+        rest = _apart(candidates, scope, kept.items(), effort)
         effort.subsume(len(candidates) - len(rest))
         if rest:
-            result[scope] = result[scope] | rest if scope in result else rest
+            result[scope] = result.get(scope, set()) | rest
     effort.hold(size(result))
     return result
 
@@ -273,12 +258,12 @@ def add_and_generate_prime_implicants(label: Label, new: Label, fields: Iterable
     """
     known_fields = tuple(fields)
     added = add_minimally(label, new, effort)
-    queue = deque(field for field in known_fields if field & scope_of(added))
+    queue = deque(field for field in known_fields if field & union(added))
     while queue:
         field = queue.popleft()
         found = add_minimally(label, consensus(label, field, effort), effort)
         add_minimally(added, found, effort)
-        touched = scope_of(found)
+        touched = union(found)
         queue.extend(each for each in known_fields if each & touched and each not in queue)
     return added
 
@@ -329,76 +314,20 @@ def count_models(label: Label, scope: Scope, vocabulary: Vocabulary, deadline: D
     """
     fields = [vocabulary.field(variable) for variable in vocabulary.variables if vocabulary.field(variable) & scope]
     fields.sort(key=lambda field: -sum(len(members) for each, members in label.items() if each & field))
-    combinations = [1]
-    for field in reversed(fields):
-        combinations.append(combinations[-1] * field.bit_count())
-    combinations.reverse()
-    known: dict[tuple[int, frozenset[Environment]], int] = {}
-    # Depth first; a label waits on the stack until those that it needs are counted.
-    stack = [(0, label)]
-    while stack:
-        deadline.enforce()
-        depth, current = stack[-1]
-        key = (depth, frozenset(environments(current)))
-        if key in known:
-            stack.pop()
-        elif not current or 0 in current:
-            known[key] = combinations[depth] if current else 0
-        else:
-            parts = [(depth + 1, restrict(current, fields[depth], 1 << at)) for at in bits(fields[depth])]
-            keys = [(deeper, frozenset(environments(part))) for deeper, part in parts]
-            missing = [part for part, each in zip(parts, keys, strict=True) if each not in known]
-            if missing:
-                stack.extend(missing)
-            else:
-                known[key] = sum(known[each] for each in keys)
-    return known[0, frozenset(environments(label))]
+    sizes = [field.bit_count() for field in fields]
+    known: dict[Remainder, int] = {}
+
+    def step(key: Remainder) -> int | list[Remainder]:
+        depth, left = key
+        if not left or 0 in left:
+            return prod(sizes[depth:]) if left else 0
+        field = fields[depth]
+        parts = [(depth + 1, _restricted(left, field, 1 << at)) for at in bits(field)]
+        return [part for part in parts if part not in known] or sum(known[part] for part in parts)
+
+    return evaluate((0, frozenset(environments(label))), known, step, deadline)
 
 
-def restrict(label: Label, field: Scope, assignment: Environment) -> Label:
-    """What is left of a label once a variable has the assigned value."""
-    result: Label = {}
-    for scope, members in label.items():
-        if scope & field:
-            members = {one ^ assignment for one in members if one & assignment}  # noqa: PLW2901 - the part that is left
-            scope ^= field  # noqa: PLW2901
-        if members:
-            result[scope] = result[scope] | members if scope in result else members
-    return true_label() if 0 in result else result
-
-
-def models(
-    parts: Sequence[tuple[Scope, Label]], vocabulary: Vocabulary, deadline: Deadline
-) -> Iterator[Mapping[str, str]]:
-    """Every assignment to all variables that entails an environment of each label, once.
-
-    Args:
-        parts: labels with the scopes that they are about, which share no variables.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-    """
-    fields = {variable: vocabulary.field(variable) for variable in vocabulary.variables}
-    steps: list[tuple[Scope, Label | None]] = []
-    """For each variable its bits and, if it is the first of a part, the label of the part."""
-    covered = 0
-    for scope, label in parts:
-        if not label:
-            return
-        covered |= scope
-        own = [field for field in fields.values() if field & scope]
-        steps += [(field, None if at else label) for at, field in enumerate(own)]
-    steps += [(field, None if at else true_label()) for at, field in enumerate(fields.values()) if not field & covered]
-    stack: list[tuple[int, Environment, Label]] = [(0, 0, true_label())]
-    while stack:
-        deadline.enforce()
-        depth, made, label = stack.pop()
-        if depth == len(steps):
-            yield dict(vocabulary.decode(made))
-            continue
-        field, begins = steps[depth]
-        current = label if begins is None else begins
-        for at in bits(field):
-            rest = restrict(current, field, 1 << at)
-            if rest:
-                stack.append((depth + 1, made | 1 << at, rest))
+def _restricted(members: frozenset[Environment], field: Scope, assignment: Environment) -> frozenset[Environment]:
+    """What is left of environments once a variable has the assigned value."""
+    return frozenset(one & ~assignment for one in members if one & assignment or not one & field)

@@ -25,11 +25,10 @@ from robust.pike_bridge.knowledge.labels import (
     add_minimally,
     conflict,
     insert,
-    scope_of,
     true_label,
     weave,
 )
-from robust.pike_bridge.model import Assignment, Guard, Vocabulary
+from robust.pike_bridge.model import Assignment, Guard, Vocabulary, union
 from robust.pike_bridge.theory import (
     FALSE,
     TRUE,
@@ -54,23 +53,23 @@ def simplify(theory: Theory, deadline: Deadline) -> Theory:
         OutOfTimeError: if the deadline passes.
     """
     reduction = _Reduction({variable: set(values) for variable, values in theory.domains.items()})
+    possible = reduction.possible
     constraints: list[Formula] = list(theory.constraints)
     conflicts = [each for each in dict.fromkeys(theory.conflicts) if is_consistent(each)]
-    while True:
+    before = -1
+    while before != (left := sum(map(len, possible.values()))):
+        before = left
         deadline.enforce()
-        removals = reduction.removals
-        constraints = list(_top_level(map(reduction.formula, constraints)))
+        constraints = list(_top_level(normal_form(each, reduction.literal) for each in constraints))
         conflicts = list(reduction.conflicts(conflicts))
         constraints = reduction.learn(constraints, conflicts)
-        if reduction.contradictory or FALSE in constraints or frozenset() in conflicts:
+        if not all(possible.values()) or FALSE in constraints or frozenset() in conflicts:
             return Theory(theory.domains, (FALSE,))
-        if reduction.removals == removals:
-            break
     removed = [
         frozenset({Assignment(variable, value)})
         for variable, values in theory.domains.items()
         for value in values
-        if value not in reduction.possible[variable]
+        if value not in possible[variable]
     ]
     return Theory(theory.domains, tuple(constraints), (*removed, *dict.fromkeys(conflicts)))
 
@@ -78,21 +77,6 @@ def simplify(theory: Theory, deadline: Deadline) -> Theory:
 @dataclass(slots=True)
 class _Reduction:
     possible: dict[str, set[str]]
-    removals: int = field(default=0)
-
-    @property
-    def contradictory(self) -> bool:
-        return not all(self.possible.values())
-
-    def remove(self, assignment: Assignment) -> None:
-        values = self.possible[assignment.variable]
-        if assignment.value in values:
-            values.remove(assignment.value)
-            self.removals += 1
-
-    def formula(self, formula: Formula) -> Formula:
-        """In negation normal form, with assignments replaced by what is known of them."""
-        return normal_form(formula, self._literal)
 
     def conflicts(self, conflicts: Iterable[Guard]) -> Iterator[Guard]:
         """Those that are not resolved, without assignments that hold anyway."""
@@ -104,7 +88,8 @@ class _Reduction:
         """Remove the values that a single constraint or conflict excludes; the constraints that say more than that."""
         for environment in conflicts:
             if len(environment) == 1:
-                self.remove(*environment)
+                ((variable, value),) = environment
+                self.possible[variable].discard(value)
         return [constraint for constraint in constraints if not self._restricts(constraint)]
 
     def _restricts(self, constraint: Formula) -> bool:
@@ -126,11 +111,11 @@ class _Reduction:
             allowed |= values
         if variable is None:
             return False
-        for value in list(self.possible[variable] - allowed):
-            self.remove(Assignment(variable, value))
+        self.possible[variable] &= allowed
         return True
 
-    def _literal(self, assignment: Assignment, positive: bool) -> Formula:
+    def literal(self, assignment: Assignment, positive: bool) -> Formula:
+        """What is known of an assignment or its negation."""
         values = self.possible[assignment.variable]
         if assignment.value not in values:
             return FALSE if positive else TRUE
@@ -351,7 +336,7 @@ class TruthMaintenance:
             return
         label = self._labels[node]
         if self._consensus and len(self.network.incoming[node]) > 1:
-            mentioned = scope_of(label) | scope_of(new)
+            mentioned = union(label) | union(new)
             fields = [field for field in self._fields if field & mentioned]
             added = add_and_generate_prime_implicants(label, new, fields, effort)
         else:

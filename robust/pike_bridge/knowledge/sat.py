@@ -1,68 +1,87 @@
-"""Nothing compiled: an incremental solver is asked each question, about time as well if it is given a network."""
+"""Choices and times as formulas of a solver, and the knowledge base that asks an incremental solver each question."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import combinations
+from itertools import chain, combinations
 
-from robust.errors import InputError
+from robust.errors import InputError, did_you_mean
 from robust.pike_bridge.knowledge.interface import Commitment, KnowledgeBase, KnowledgeStatistics, Narrowing, narrowing
-from robust.pike_bridge.model import Assignment, Constraint, Guard, Tpnu
-from robust.pike_bridge.theory import Formula, Theory, check_assignments, interpret, is_consistent
+from robust.pike_bridge.model import Assignment, Constraint, Guard, Tpnu, guard
+from robust.pike_bridge.theory import Theory, interpret
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Session, Value, Verdict
 from robust.smt.terms import Formula as Term
 from robust.smt.terms import Terms
 
 
 class Propositions:
-    """Finite-domain variables as booleans, and formulas about them as terms; KeyError for unknown assignments.
+    """Finite-domain variables as booleans, and what is said of them and of the times of events as terms.
 
-    A variable with two values is one boolean; with more, each value is one, of which exactly one is true.
+    A variable with two values is one boolean; with more, each value is one, of which exactly one is true. A guard is a
+    conjunction, and the time of an event that is not activated does not matter.
     """
 
-    def __init__(self, terms: Terms, domains: Mapping[str, tuple[str, ...]]) -> None:
-        self.terms = terms
+    def __init__(self, domains: Mapping[str, tuple[str, ...]], terms: Terms | None = None) -> None:
+        self.terms = terms or Terms()
         self._domains = domains
         self._values: dict[Assignment, Term] = {}
-        self.axioms: list[Term] = []
-        """What makes each variable have exactly one value, to be asserted."""
-        for position, (variable, values) in enumerate(domains.items()):
-            literals = self._literals(position, len(values))
-            self._values.update(zip((Assignment(variable, value) for value in values), literals, strict=True))
-        self.symbols = frozenset[Term]().union(*map(terms.variables, self._values.values()))
+        self.domains = tuple(formula for variable in domains for formula in self._declare(variable))
+        """That each variable has exactly one value, to be asserted."""
+        self.choices = frozenset[Term]().union(*map(self.terms.variables, self._values.values()))
+        """The symbols of variables."""
 
-    def _literals(self, position: int, count: int) -> list[Term]:
-        """One for each value of a variable."""
-        terms = self.terms
-        if count == 1:
-            return [terms.true]
-        if count == 2:
-            symbol = terms.fresh_boolean(f"variable {position} ")
-            return [symbol, terms.negation(symbol)]
-        symbols = [terms.fresh_boolean(f"variable {position} value {at} ") for at in range(count)]
-        self.axioms.append(terms.disjunction(symbols))
-        for pair in combinations(symbols, 2):
-            self.axioms.append(terms.disjunction(map(terms.negation, pair)))
-        return symbols
+    def _declare(self, variable: str) -> Iterator[Term]:
+        """Symbols for a variable's values; what makes exactly one of them true."""
+        terms, values = self.terms, self._domains[variable]
+        if len(values) == 1:
+            literals = [terms.true]
+        elif len(values) == 2:
+            symbol = self._symbol(variable, values[0])
+            literals = [symbol, terms.negation(symbol)]
+        else:
+            literals = [self._symbol(variable, value) for value in values]
+            yield terms.disjunction(literals)
+            for pair in combinations(literals, 2):
+                yield terms.disjunction(map(terms.negation, pair))
+        self._values.update(zip((Assignment(variable, value) for value in values), literals, strict=True))
 
-    def environment(self, assignments: Iterable[Assignment]) -> Term:
-        """The conjunction of assignments."""
-        return self.terms.conjunction(self._values[each] for each in sorted(assignments))
+    def _symbol(self, variable: str, value: str) -> Term:
+        return self.terms.fresh_boolean(f"{variable}={value} ".replace("%", "%%"))  # names are templates
+
+    def guard(self, conjunction: Iterable[Assignment]) -> Term:
+        """All assignments of a conjunction; InputError if one is unknown."""
+        return self.terms.conjunction(map(self._assignment, sorted(conjunction)))
 
     def excluded(self, environment: Guard) -> Term:
         """That not all assignments of an environment hold."""
-        return self.terms.negation(self.environment(environment))
+        return self.terms.negation(self.guard(environment))
 
-    def formula(self, formula: Formula) -> Term:
-        """A formula as a term."""
+    def unless(self, guard: Guard, consequence: Term) -> Term:
+        """The consequence, unless the guard does not hold."""
+        return self.terms.implication(self.guard(guard), consequence)
+
+    def theory(self, theory: Theory) -> Iterator[Term]:
+        """Each constraint and each conflict of a theory about these variables, and that they have values."""
+        yield from self.domains
         terms = self.terms
-        return interpret(formula, self._values.__getitem__, terms.negation, terms.conjunction, terms.disjunction)
+        for formula in theory.constraints:
+            yield interpret(formula, self._assignment, terms.negation, terms.conjunction, terms.disjunction)
+        yield from map(self.excluded, theory.conflicts)
 
-    def chosen(self, session: Session) -> Guard:
-        """The assignments that the model of the last query makes; a variable that nothing is said of gets none."""
-        values = session.values(self.symbols)
+    def constraint(self, constraint: Constraint) -> Term:
+        """A temporal constraint, if its guard holds."""
+        difference = self._time(constraint.target) - self._time(constraint.source)
+        bounds = []
+        if constraint.lower is not None:
+            bounds.append(self.terms.at_least(difference - constraint.lower))
+        if constraint.upper is not None:
+            bounds.append(self.terms.at_least(-difference + constraint.upper))
+        return self.unless(constraint.guard, self.terms.conjunction(bounds))
+
+    def assigned(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """The assignments that a solver's model makes; a variable that nothing is said of gets none."""
 
         def holds(literal: Term) -> bool:
             if literal is self.terms.true:
@@ -71,12 +90,20 @@ class Propositions:
             value = values.get((literal.arg(0) if negated else literal).symbol_name())
             return value is not None and bool(value) != negated
 
-        return frozenset(assignment for assignment, literal in self._values.items() if holds(literal))
+        return dict(assignment for assignment, literal in self._values.items() if holds(literal))
 
-    def model(self, session: Session) -> dict[str, str]:
-        """The assignment of the last satisfiable query; variables that nothing is said of get their first value."""
-        chosen = dict(self.chosen(session))
-        return {variable: chosen.get(variable, values[0]) for variable, values in self._domains.items()}
+    def chosen(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """The assignment of a solver's model; a variable that nothing is said of gets its first value."""
+        return {name: domain[0] for name, domain in self._domains.items()} | self.assigned(values)
+
+    def _assignment(self, assignment: Assignment) -> Term:
+        if assignment not in self._values:
+            known = [str(each) for each in self._values]
+            raise InputError(f"unknown assignment {assignment}{did_you_mean(str(assignment), known)}")
+        return self._values[assignment]
+
+    def _time(self, event: str) -> Polynomial[str]:
+        return Polynomial.variable(f"time of {event}")
 
 
 class SatKnowledgeBase(KnowledgeBase):
@@ -110,11 +137,12 @@ class SatKnowledgeBase(KnowledgeBase):
         super().__init__(theory, statistics)
         self._solver = solver
         with self._compiling(deadline):
-            self._terms = Terms()
-            self._propositions = Propositions(self._terms, theory.domains)
-            self._formulas = [*self._propositions.axioms, *self._state(deadline)]
-            if network is not None:
-                self._formulas += _temporal(network, theory, self._propositions, deadline)
+            self._propositions = Propositions(theory.domains)
+            self._formulas: list[Term] = []
+            times = () if network is None else network.temporal_constraints
+            for formula in chain(self._propositions.theory(theory), map(self._propositions.constraint, times)):
+                deadline.enforce()
+                self._formulas.append(formula)
             self._session = self._start(deadline)
         self.statistics.sizes["formulas"] = len(self._formulas)
 
@@ -126,72 +154,41 @@ class SatKnowledgeBase(KnowledgeBase):
 
     def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
         with self._session.frame(*self._narrow(asked)):
-            return self._check(self._session, deadline)
+            return satisfiable(self._session, "models left", deadline)
 
     def _model(self, asked: Narrowing, preferred: Mapping[str, str], deadline: Deadline) -> Mapping[str, str] | None:
         """The model that the solver finds; it has preferences of its own."""
         with self._session.frame(*self._narrow(asked)):
-            return self._propositions.model(self._session) if self._check(self._session, deadline) else None
+            possible = satisfiable(self._session, "models left", deadline)
+            return self._propositions.chosen(self._session.values(self._propositions.choices)) if possible else None
 
     def _count(self, deadline: Deadline) -> int:
-        """By listing."""
-        return sum(1 for _ in self._enumerate(deadline))
-
-    def _enumerate(self, deadline: Deadline) -> Iterator[Mapping[str, str]]:
-        """Models as a session of its own finds them, each excluded once it is found."""
+        """By listing, in a session of its own, which excludes each model once it is found."""
         session = self._start(deadline)
-        while self._check(session, deadline):
-            model = self._propositions.model(session)
-            yield model
-            session.add(self._propositions.excluded(frozenset(Assignment(*item) for item in model.items())))
-
-    def _check(self, session: Session, deadline: Deadline) -> bool:
-        match session.check("models left", deadline):
-            case Verdict.SATISFIABLE:
-                return True
-            case Verdict.UNSATISFIABLE:
-                return False
-            case Verdict.UNKNOWN:
-                raise OutOfTimeError
+        count = 0
+        while satisfiable(session, "models left", deadline):
+            count += 1
+            model = self._propositions.chosen(session.values(self._propositions.choices))
+            session.add(self._propositions.excluded(guard(model)))
+        return count
 
     def _start(self, deadline: Deadline) -> Session:
-        session = Session(self._terms, solver=self._solver)
+        session = Session(self._propositions.terms, solver=self._solver)
         session.add_all(self._formulas, deadline)
         return session
 
-    def _state(self, deadline: Deadline) -> Iterator[Term]:
-        for constraint in self.theory.constraints:
-            deadline.enforce()
-            yield self._propositions.formula(constraint)
-        for conflict in filter(is_consistent, self.theory.conflicts):
-            deadline.enforce()
-            yield self._propositions.excluded(conflict)
-
     def _narrow(self, asked: Narrowing) -> list[Term]:
         if not asked.consistent:
-            return [self._terms.false]
-        required = self._propositions.environment(Assignment(*item) for item in asked.required.items())
-        return [required, *map(self._propositions.excluded, asked.conflicts)]
+            return [self._propositions.terms.false]
+        return [self._propositions.guard(guard(asked.required)), *map(self._propositions.excluded, asked.conflicts)]
 
 
-def _temporal(network: Tpnu, theory: Theory, propositions: Propositions, deadline: Deadline) -> Iterator[Term]:
-    """Each temporal constraint of a network, if its guard holds; times of other events do not matter."""
-    events = {event.name for event in network.events}
-    for constraint in network.temporal_constraints:
-        deadline.enforce()
-        where = f"the constraint from {constraint.source} to {constraint.target}"
-        check_assignments(constraint.guard, theory, where)
-        for name in (constraint.source, constraint.target):
-            if name not in events:
-                raise InputError(f"{where} mentions {name}, which is not an event of the network")
-        if is_consistent(constraint.guard):
-            bounds = propositions.terms.conjunction(_bounds(constraint, propositions.terms))
-            yield propositions.terms.implication(propositions.environment(constraint.guard), bounds)
-
-
-def _bounds(constraint: Constraint, terms: Terms) -> Iterator[Term]:
-    source, target = (Polynomial.variable(f"time of {name}") for name in (constraint.source, constraint.target))
-    if constraint.lower is not None:
-        yield terms.at_least(target - source - constraint.lower)
-    if constraint.upper is not None:
-        yield terms.at_least(source - target + constraint.upper)
+def satisfiable(session: Session, question: str, deadline: Deadline) -> bool:
+    """The solver's word; OutOfTimeError if the deadline passes or it does not know."""
+    match session.check(question, deadline):
+        case Verdict.SATISFIABLE:
+            return True
+        case Verdict.UNSATISFIABLE:
+            return False
+        case Verdict.UNKNOWN:
+            raise OutOfTimeError

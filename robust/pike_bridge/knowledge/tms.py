@@ -31,8 +31,6 @@ from robust.pike_bridge.knowledge.labels import (
     consistent_with,
     count_models,
     environments,
-    models,
-    scope_of,
     size,
     split,
     true_label,
@@ -41,8 +39,8 @@ from robust.pike_bridge.knowledge.labels import (
 )
 from robust.pike_bridge.knowledge.network import Node, Resolve, TruthMaintenance, encode, simplify
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
-from robust.pike_bridge.model import Assignment, Environment, Guard, Vocabulary
-from robust.pike_bridge.theory import FALSE, Theory, check_assignments
+from robust.pike_bridge.model import Assignment, Environment, Guard, Vocabulary, union
+from robust.pike_bridge.theory import FALSE, Theory
 from robust.smt.limits import NEVER, Deadline
 
 
@@ -66,7 +64,7 @@ def factors(labels: Sequence[Label], conflicts: Sequence[Conflict], joining: Joi
     Raises:
         OutOfTimeError: if the deadline passes; the statistics then say how large the labels were.
     """
-    parts = [(scope_of(label), label) for label in labels if 0 not in label]
+    parts = [(union(label), label) for label in labels if 0 not in label]
     found: list[Factor] = []
     scopes = [scope for scope, _ in parts] + [each.scope for each in conflicts]
     for scope in components(scopes):
@@ -113,10 +111,6 @@ class Joining:
         label = _Join(self, effort, labels, list(conflicts)).run()
         return Factor(scope, label, () if self.resolved else tuple(conflicts))
 
-    def weights(self) -> dict[Scope, float]:
-        """For each variable, the binary logarithm of the number of its values."""
-        return {self.vocabulary.field(name): log2(len(values)) for name, values in self.vocabulary.domains.items()}
-
 
 class _Join:
     def __init__(self, joining: Joining, effort: Effort, labels: Sequence[Label], conflicts: list[Conflict]) -> None:
@@ -125,7 +119,9 @@ class _Join:
         self._parts: dict[int, Label] = {}
         self._scopes: dict[int, Scope] = {}
         self._open = conflicts
-        self._weights = joining.weights()
+        vocabulary = joining.vocabulary
+        self._weights = {vocabulary.field(name): log2(len(values)) for name, values in vocabulary.domains.items()}
+        """For each variable, the binary logarithm of the number of its values."""
         self._pairs: list[tuple[float, int, int]] = []
         self._next = 0
         for label in labels:
@@ -139,7 +135,7 @@ class _Join:
             return {}
         label = next(iter(self._parts.values()), true_label())
         while self._open:
-            scope = scope_of(label)
+            scope = union(label)
             conflict = min(self._open, key=lambda each: (each.scope & ~scope).bit_count())
             self._open.remove(conflict)
             label = self._resolved(label, conflict)
@@ -147,11 +143,11 @@ class _Join:
 
     def _put(self, label: Label) -> None:
         """Add a part, with all conflicts resolved that it knows all variables of."""
-        scope = scope_of(label)
+        scope = union(label)
         for known in [each for each in self._open if each.scope & scope == each.scope]:
             self._open.remove(known)
             label = self._resolved(label, known)
-        scope = scope_of(label)
+        scope = union(label)
         index, self._next = self._next, self._next + 1
         for other in self._parts:
             heappush(self._pairs, (self._cost(label, scope, other), index, other))
@@ -209,14 +205,10 @@ def could_hold(factors: Sequence[Factor], asked: Partial, conflicts: Sequence[Co
     Raises:
         OutOfTimeError: if the deadline passes.
     """
-    mentioned = asked.scope
-    for each in conflicts:
-        mentioned |= each.scope
-    if any(next(allowing(each, Partial(), deadline), None) is None for each in factors if not each.scope & mentioned):
-        return False
+    mentioned = asked.scope | union(each.scope for each in conflicts)
     relevant = [each for each in factors if each.scope & mentioned]
-    return any(
-        all(next(allowing(each, resolved, deadline), None) is not None for each in relevant)
+    return all(each.scope & mentioned or allows(each, Partial(), deadline) for each in factors) and any(
+        all(allows(each, resolved, deadline) for each in relevant)
         for resolved in resolutions(asked, conflicts, deadline, relevant)
     )
 
@@ -239,7 +231,7 @@ def resolutions(
             done += 1
         if done == len(conflicts):
             yield current
-        elif all(next(allowing(each, current, deadline), None) is not None for each in factors):
+        elif all(allows(each, current, deadline) for each in factors):
             for field, values in reversed(conflicts[done].resolutions):
                 if not field & current.scope:
                     stack.extend((current.with_assignment(value, field), done + 1) for value in reversed(values))
@@ -251,18 +243,20 @@ def resolves(partial: Partial, conflict: Conflict) -> bool:
     return partial.environment & shared != conflict.environment & shared
 
 
-def allowing(factor: Factor, asked: Partial, deadline: Deadline) -> Iterator[Environment]:
-    """Environments of a factor's label that are consistent with what is asked, and can then resolve its conflicts.
+def extensions(factor: Factor, asked: Partial, deadline: Deadline) -> Iterator[Partial]:
+    """What entails an environment of a factor's label and what is asked, and resolves the factor's conflicts.
 
     Raises:
         OutOfTimeError: if the deadline passes.
     """
     for environment, scope in consistent_with(factor.label, asked.environment, asked.scope):
-        if factor.conflicts:
-            both = Partial(environment | asked.environment, scope | asked.scope)
-            if next(resolutions(both, factor.conflicts, deadline), None) is None:
-                continue
-        yield environment
+        both = Partial(environment | asked.environment, scope | asked.scope)
+        yield from resolutions(both, factor.conflicts, deadline)
+
+
+def allows(factor: Factor, asked: Partial, deadline: Deadline) -> bool:
+    """Whether a factor has a model that extends what is asked."""
+    return next(extensions(factor, asked, deadline), None) is not None
 
 
 def find_model(
@@ -282,23 +276,16 @@ def find_model(
         for factor in factors:
             rest = factor.scope & ~resolved.scope
             kept = Partial(resolved.environment | preferred & rest, resolved.scope | rest)
-            if next(allowing(factor, kept, deadline), None) is not None:
+            if allows(factor, kept, deadline):
                 whole |= kept.environment
                 continue
-            part = next(_extensions(factor, resolved, deadline), None)
+            part = next(extensions(factor, resolved, deadline), None)
             if part is None:
                 break
             whole |= part.environment
         else:
             return whole
     return None
-
-
-def _extensions(factor: Factor, asked: Partial, deadline: Deadline) -> Iterator[Partial]:
-    """What entails an environment of a factor's label and what is asked, and resolves the factor's conflicts."""
-    for environment, scope in consistent_with(factor.label, asked.environment, asked.scope):
-        both = Partial(environment | asked.environment, scope | asked.scope)
-        yield from resolutions(both, factor.conflicts, deadline)
 
 
 def require(factors: Sequence[Factor], asked: Partial, joining: Joining, effort: Effort) -> list[Factor]:
@@ -347,9 +334,7 @@ def exclude(factors: Sequence[Factor], conflict: Conflict, joining: Joining, eff
     if not scope:
         return [FALSITY]
     left = conflict.within(scope)
-    whole = scope
-    for factor in joined:
-        whole |= factor.scope
+    whole = scope | union(factor.scope for factor in joined)
     conflicts = [each for factor in joined for each in factor.conflicts]
     return [*apart, joining.factor([factor.label for factor in joined], [*conflicts, left], whole, effort)]
 
@@ -454,34 +439,16 @@ class LabelKnowledgeBase(KnowledgeBase):
         return None if found is None else kept | dict(self._vocabulary.decode(found))
 
     def _count(self, deadline: Deadline) -> int:
-        covers = self._covers(deadline)
-        covered = sum(scope for scope, _ in covers)
+        effort = self._effort(deadline)
+        covered = union(factor.scope for factor in self._factors)
         field = self._vocabulary.field
-        free = prod(len(values) for name, values in self.theory.domains.items() if not field(name) & covered)
-        return free * prod(count_models(label, scope, self._vocabulary, deadline) for scope, label in covers)
-
-    def _enumerate(self, deadline: Deadline) -> Iterator[Mapping[str, str]]:
-        return models(self._covers(deadline), self._vocabulary, deadline)
-
-    def explain(self, environment: Guard, deadline: Deadline = NEVER) -> Guard | None:
-        """An environment of the goal's label that is consistent with the given one; None if there is none.
-
-        Raises:
-            InputError: if a variable or a value is unknown.
-            OutOfTimeError: if the deadline passes.
-        """
-        deadline.enforce()
-        check_assignments(environment, self.theory, "the environment")
-        if not self._vocabulary.consistent(self._vocabulary.encode(environment)):
-            return None
-        asked = self._partial(dict(environment))
-        found = 0
+        count = prod(len(values) for name, values in self.theory.domains.items() if not field(name) & covered)
         for factor in self._factors:
-            part = next(allowing(factor, asked, deadline), None)
-            if part is None:
-                return None
-            found |= part
-        return self._vocabulary.decode(found)
+            label = factor.label
+            for each in factor.conflicts:
+                label = split(label, each, effort)
+            count *= count_models(label, factor.scope, self._vocabulary, deadline)
+        return count
 
     def labels(self, deadline: Deadline = NEVER) -> list[NodeLabel]:
         """The label of every node, after all conflicts, also those committed to.
@@ -500,14 +467,15 @@ class LabelKnowledgeBase(KnowledgeBase):
             found.append(NodeLabel(node, frozenset(map(self._vocabulary.decode, environments(label)))))
         return found
 
-    def goal(self) -> Iterator[Guard]:
-        """The environments of the goal's label, as products of those of its factors, one after the other."""
-        for parts in product(*(tuple(environments(factor.label)) for factor in self._factors)):
-            yield self._vocabulary.decode(sum(parts))
+    def goal(self, deadline: Deadline = NEVER) -> Iterator[Guard]:
+        """The environments of the goal's label, as products of those of its factors, one after the other.
 
-    def goal_size(self) -> int:
-        """How many environments the goal's label has."""
-        return prod(size(factor.label) for factor in self._factors)
+        Raises:
+            OutOfTimeError: if the deadline passes before all are listed.
+        """
+        for parts in product(*(tuple(environments(factor.label)) for factor in self._factors)):
+            deadline.enforce()
+            yield self._vocabulary.decode(sum(parts))
 
     def _compile(self, effort: Effort) -> list[Factor]:
         network = encode(self.simplified)
@@ -524,17 +492,6 @@ class LabelKnowledgeBase(KnowledgeBase):
         self._maintenance.run(effort)
         labels = [self._maintenance.own_label(node) for node in network.constraints]
         return factors(labels, self._maintenance.conflicts(), self._joining, effort)
-
-    def _covers(self, deadline: Deadline) -> list[tuple[Scope, Label]]:
-        """For each factor its scope, and a label that resolves all conflicts."""
-        effort = self._effort(deadline)
-        covers = []
-        for factor in self._factors:
-            label = factor.label
-            for each in factor.conflicts:
-                label = split(label, each, effort)
-            covers.append((factor.scope, label))
-        return covers
 
     def _effort(self, deadline: Deadline) -> Effort:
         return Effort(self.statistics, deadline, self._largest_label)
@@ -581,9 +538,7 @@ class PiTms(LabelKnowledgeBase):
         Raises:
             OutOfTimeError: if the deadline passes before all are listed.
         """
-        for implicant in self.goal():
-            deadline.enforce()
-            yield implicant
+        return self.goal(deadline)
 
     def implicant_count(self, deadline: Deadline = NEVER) -> int:
         """How many prime implicants what is left of the theory has.
@@ -592,4 +547,4 @@ class PiTms(LabelKnowledgeBase):
             OutOfTimeError: if the deadline has passed.
         """
         deadline.enforce()
-        return self.goal_size()
+        return prod(size(factor.label) for factor in self._factors)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import assert_never
 
-from robust.pike_bridge.model import Assignment, Guard, TeamPlan
+from robust.pike_bridge.model import Assignment, TeamPlan
 from robust.pike_bridge.online.progress import (
     Chosen,
     Completion,
@@ -36,6 +36,21 @@ Ranking = Callable[[Sequence[str]], Sequence[str]]
 def as_written(alternatives: Sequence[str]) -> Sequence[str]:
     """The order of the plan."""
     return alternatives
+
+
+def objection(plan: TeamPlan, known: Mapping[str, str], message: Outcome) -> str | None:
+    """Why an outcome is not taken where the values of some choices are known; None if it is."""
+    name, value = message.choice, message.value
+    choice = next((each for each in plan.network.choices if each.name == name), None)
+    if choice is None:
+        return f"there is no choice {name!r}"
+    if choice.controllable:
+        return f"{name} is for the executive to choose"
+    if value not in choice.domain:
+        return f"expected one of {', '.join(choice.domain)}"
+    if name not in known:
+        return None
+    return "known already" if known[name] == value else f"{name} = {known[name]} was observed before"
 
 
 class PlanExecutive:
@@ -162,7 +177,6 @@ class PlanExecutive:
             decisions.append(Rejected("time", reason, self.progress.now))
         elif now > self.progress.now:
             self.progress.now = now
-            self.reasoner.advanced()
             self._changed = True
 
     def _take(self, message: Message) -> Iterator[Decision]:
@@ -177,22 +191,12 @@ class PlanExecutive:
                 assert_never(message)
 
     def _take_outcome(self, message: Outcome) -> Iterator[Decision]:
-        name, value = message.choice, message.value
-        choice = next((each for each in self.plan.network.choices if each.name == name), None)
-        known = self.progress.chosen.get(name)
-        if choice is None:
-            yield self._rejected(message, f"there is no choice {name!r}")
-        elif choice.controllable:
-            yield self._rejected(message, f"{name} is for the executive to choose")
-        elif value not in choice.domain:
-            yield self._rejected(message, f"expected one of {', '.join(choice.domain)}")
-        elif known is not None:
-            yield self._rejected(
-                message, "known already" if known == value else f"{name} = {known} was observed before"
-            )
+        reason = objection(self.plan, self.progress.chosen, message)
+        if reason is not None:
+            yield self._rejected(message, reason)
         else:
-            self._choose(name, value)
-            yield Chosen(name, value, self.progress.now, observed=True)
+            self._choose(message.choice, message.value)
+            yield Chosen(message.choice, message.value, self.progress.now, observed=True)
 
     def _take_completion(self, message: Completion) -> Iterator[Decision]:
         activities = self.plan.network.activities
@@ -218,12 +222,10 @@ class PlanExecutive:
         if contradictory:
             yield self._rejected(message, f"{contradictory[0]} is said to be both true and false")
         elif self._monitor is not None:
-            for violation in self._monitor.compare(message):
-                for effect, condition in violation.broken:
-                    self.progress.void.add((effect, condition))
-                    self.reasoner.voided(effect, condition)
+            for violation, broken in self._monitor.compare(message):
+                self.progress.void.update(broken)
                 self._changed = True
-                yield violation.decision
+                yield violation
 
     # -- what is done ------------------------------------------------------------------------------------------------
 
@@ -251,7 +253,6 @@ class PlanExecutive:
         now = self.progress.now
         self.progress.times[event] = now
         del self.progress.pending[event]
-        self.reasoner.executed(event)
         self._changed = True
         for assignment in sorted(self.progress.structure.guards[event]):
             if assignment.variable not in self.progress.chosen:  # an event's guard holds because it was executed
@@ -280,23 +281,19 @@ class PlanExecutive:
 
     def _choose(self, choice: str, value: str) -> None:
         self.progress.chosen[choice] = value
-        self.reasoner.observed(Assignment(choice, value))
         self._changed = True
         guards = self.progress.structure.guards
         for event in [each for each in self.progress.pending if not self.progress.compatible(guards[each])]:
             del self.progress.pending[event]
 
     def _possible(self, choice: str, values: Iterable[str]) -> Iterator[str]:
-        return (each for each in values if self._could(frozenset({Assignment(choice, each)})))
-
-    def _could(self, environment: Guard) -> bool:
-        return self.reasoner.could(environment, self._deadline)
+        return (each for each in values if self.reasoner.could(frozenset({Assignment(choice, each)}), self._deadline))
 
     def _is_finished(self) -> bool:
         """Whether no pending event can be activated any more."""
         guards = self.progress.structure.guards
         for event in list(self.progress.pending):
-            if self._could(guards[event]):
+            if self.reasoner.could(guards[event], self._deadline):
                 return False
             del self.progress.pending[event]
         return True

@@ -16,6 +16,7 @@ from itertools import pairwise, takewhile
 import networkx
 
 from robust.numbers import format_number
+from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import (
     ALWAYS,
     GOAL,
@@ -26,12 +27,13 @@ from robust.pike_bridge.model import (
     Constraint,
     Effect,
     Guard,
+    contradicts,
     guard_text,
     may_produce,
     may_threaten,
 )
 from robust.pike_bridge.online.progress import Progress
-from robust.pike_bridge.online.semantic import OnlineSemantics, SemanticReasoner, satisfiable
+from robust.pike_bridge.online.semantic import OnlineSemantics, SemanticReasoner
 from robust.pike_bridge.semantics import Execution
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline
@@ -83,12 +85,9 @@ class Wording:
             text += f"; {listed(undoing)} {'undoes' if len(undoing) == 1 else 'undo'} it"
         return text
 
-    def bound(self, constraint: Constraint, *, upper: bool) -> str:
+    def bound(self, constraint: Constraint, bound: Fraction, *, upper: bool) -> str:
         """One bound of a constraint, told as a distance from the earlier event to the later."""
         source, target = self.event(constraint.source), self.event(constraint.target)
-        bound = constraint.upper if upper else constraint.lower
-        if bound is None:
-            raise ValueError(f"{constraint} has no such bound")
         if bound < 0:
             source, target, bound, upper = target, source, -bound, not upper
         if not upper and bound == 0:
@@ -100,7 +99,7 @@ class Wording:
     def sequence(self, activities: Sequence[Activity]) -> list[Activity] | None:
         """The order of activities, if the plan demands that they be one after the other whenever all are done."""
         union: Guard = frozenset().union(*(each.guard for each in activities))
-        if not _compatible(union, union):
+        if len(dict(union)) < len(union):
             return None
         graph = self._order(lambda constraint: constraint.guard <= union)
         later = {each: networkx.descendants(graph, each.target) | {each.target} for each in activities}
@@ -116,7 +115,7 @@ class Wording:
             each
             for each in self._plan.effects
             if matters(each, condition)
-            and _compatible(each.guard, condition.guard)
+            and not contradicts(each.guard, condition.guard)
             and not self._after(each.event, until)
         ]
 
@@ -180,11 +179,6 @@ def listed(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def _compatible(one: Guard, other: Guard) -> bool:
-    both = one | other
-    return len({variable for variable, _ in both}) == len(both)
-
-
 class About(Enum):
     """What a fact is about: what has happened, what is asked, or what the plan demands."""
 
@@ -203,27 +197,28 @@ class About(Enum):
 
 OF_PLAN = frozenset({About.CONDITION, About.DURATION, About.BOUND, About.ORDER})
 """What the plan demands."""
-_PREFERENCE = {
-    About.ASSUMPTION: 0,
-    About.INFERENCE: 1,
-    About.CHOICE: 2,
-    About.ORDER: 3,
-    About.DURATION: 4,
-    About.BOUND: 4,
-    About.CONDITION: 4,
-    About.LINK: 5,
-    About.REPORT: 6,
-    About.TIME: 7,
-    About.EVENT: 8,
-}
+_KEPT = (
+    {About.ASSUMPTION},
+    {About.INFERENCE},
+    {About.CHOICE},
+    {About.ORDER},
+    OF_PLAN - {About.ORDER},
+    {About.LINK},
+    {About.REPORT},
+    {About.TIME},
+    {About.EVENT},
+)
+"""Which kinds conflicts are made of rather than of the ones after them."""
+_PREFERENCE = {kind: place for place, kinds in enumerate(_KEPT) for kind in kinds}
 
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """Something that has happened, is assumed, or is demanded by the plan, in words."""
+    """Something that has happened, is assumed, or is demanded by the plan: in words, and as a formula."""
 
     kind: About
     text: str
+    formula: Formula = field(compare=False, repr=False)
     activity: Activity | None = field(default=None, compare=False)
     """Of a least duration: whose it is."""
     limit: Fraction | None = field(default=None, compare=False)
@@ -232,14 +227,6 @@ class Fact:
     def as_dict(self) -> dict[str, str]:
         """As in `robust/pike-run/1`."""
         return {"about": self.kind.value, "fact": self.text}
-
-
-@dataclass(frozen=True, slots=True)
-class FormalFact:
-    """A fact as words and as a formula."""
-
-    fact: Fact
-    formula: Formula
 
 
 class Situation:
@@ -273,34 +260,30 @@ class Situation:
 
     # -- hypotheses --------------------------------------------------------------------------------------------------
 
-    def assignments(self, kind: About, assignments: Iterable[Assignment]) -> list[FormalFact]:
+    def assignments(self, kind: About, assignments: Iterable[Assignment]) -> list[Fact]:
         """That choices are so."""
         suffix = ", if it were so" if kind is About.ASSUMPTION else ""
-        return [
-            FormalFact(Fact(kind, f"{each}{suffix}"), self.semantics.guard(frozenset({each}))) for each in assignments
-        ]
+        return [Fact(kind, f"{each}{suffix}", self.semantics.guard(frozenset({each}))) for each in assignments]
 
-    def executed_now(self, event: str) -> FormalFact:
+    def executed_now(self, event: str) -> Fact:
         """That the executive executes a pending event now."""
         now = self.progress.now
         formula = self._terms.conjunction((self.semantics.ours(event), self.semantics.at(event, now)))
         text = f"{self.wording.event(event)} at {format_number(now)}, if it were so"
-        return FormalFact(Fact(About.ASSUMPTION, text), formula)
+        return Fact(About.ASSUMPTION, text, formula)
 
-    def unreported(self) -> list[FormalFact]:
+    def unreported(self) -> list[Fact]:
         """That what is for others to report comes later than now."""
         later = Polynomial.constant(self.progress.now + self._plan.epsilon)
-        found = []
-        for event in self.progress.pending:
-            formulas = self.semantics.not_ours_before(event, later)
-            if formulas:
-                fact = Fact(About.REPORT, f"{self.wording.event(event)} is not reported yet")
-                found.append(FormalFact(fact, self._terms.conjunction(formulas)))
-        return found
+        return [
+            Fact(About.REPORT, f"{self.wording.event(event)} is not reported yet", self._terms.conjunction(formulas))
+            for event in self.progress.pending
+            if (formulas := self.semantics.not_ours_before(event, later))
+        ]
 
     # -- questions ---------------------------------------------------------------------------------------------------
 
-    def continuation(self, hypotheses: Iterable[FormalFact] = ()) -> Execution | None:
+    def continued(self, hypotheses: Iterable[Fact] = ()) -> Execution | None:
         """A correct execution that continues this one under hypotheses; None if there is none.
 
         Raises:
@@ -309,7 +292,7 @@ class Situation:
         with self._given([*self._of_plan, *self._happened, *hypotheses]):
             return None if self._contradictory() else self.semantics.execution(self._session)
 
-    def conflict(self, hypotheses: Sequence[FormalFact] = ()) -> tuple[FormalFact, ...] | None:
+    def conflict(self, hypotheses: Sequence[Fact] = ()) -> tuple[Fact, ...] | None:
         """A minimal conflict of hypotheses, what has happened, and the plan; None if there is none.
 
         Choices are kept rather than what the plan demands, and that rather than times; of a conflict with conditions
@@ -319,9 +302,9 @@ class Situation:
             OutOfTimeError: if the deadline passes.
         """
         every = [*hypotheses, *self._happened, *self._of_plan]
-        found: list[list[FormalFact]] = []
+        found: list[list[Fact]] = []
         for late in (About.CONDITION, About.DURATION):
-            ordered = sorted(every, key=lambda each: (_PREFERENCE[each.fact.kind], each.fact.kind is late))
+            ordered = sorted(every, key=lambda each: (_PREFERENCE[each.kind], each.kind is late))
             conflict = self._minimal(ordered)
             if conflict is None:
                 return None
@@ -329,7 +312,7 @@ class Situation:
         by_conditions, by_durations = found
         return tuple(by_durations if len(by_durations) < len(by_conditions) else by_conditions)
 
-    def facts(self, hypotheses: Sequence[FormalFact] = ()) -> tuple[Fact, ...] | None:
+    def facts(self, hypotheses: Sequence[Fact] = ()) -> tuple[Fact, ...] | None:
         """As few of what has happened as contradict the plan, which is not in question; in the order of time.
 
         Raises:
@@ -337,7 +320,7 @@ class Situation:
         """
         with self._given(self._of_plan):
             found = self._minimal([*hypotheses, *self._happened])
-        return None if found is None else tuple(each.fact for each in reversed(found))
+        return None if found is None else tuple(reversed(found))
 
     def latest(self, event: str) -> Fraction | None:
         """Until when the event could be executed, or could have been, after what was executed before it.
@@ -354,14 +337,14 @@ class Situation:
         found = reasoner.times_of(event, moment, self.deadline)
         return None if found is None else found[1]
 
-    def _minimal(self, facts: Sequence[FormalFact]) -> list[FormalFact] | None:
+    def _minimal(self, facts: Sequence[Fact]) -> list[Fact] | None:
         """QuickXplain [Junker 2004]: earlier facts are kept rather than later ones."""
         with self._given(facts):
             if not self._contradictory():
                 return None
         return self._needed(list(facts), grown=True) if facts else []
 
-    def _needed(self, facts: list[FormalFact], *, grown: bool) -> list[FormalFact]:
+    def _needed(self, facts: list[Fact], *, grown: bool) -> list[Fact]:
         """Of facts that contradict what is asserted, as few as do; `grown`: more is asserted than before."""
         if grown and self._contradictory():
             return []
@@ -375,7 +358,7 @@ class Situation:
             early = self._needed(first, grown=bool(late))
         return [*early, *late]
 
-    def _given(self, facts: Iterable[FormalFact]) -> AbstractContextManager[None]:
+    def _given(self, facts: Iterable[Fact]) -> AbstractContextManager[None]:
         return self._session.frame(*(each.formula for each in facts))
 
     def _contradictory(self) -> bool:
@@ -383,37 +366,37 @@ class Situation:
 
     # -- what the plan demands ---------------------------------------------------------------------------------------
 
-    def _conditions(self) -> Iterator[FormalFact]:
+    def _conditions(self) -> Iterator[Fact]:
         for condition, formula in zip(self._plan.conditions, self.semantics.conditions, strict=True):
-            yield FormalFact(Fact(About.CONDITION, self.wording.condition(condition)), formula)
+            yield Fact(About.CONDITION, self.wording.condition(condition), formula)
 
-    def _durations(self) -> Iterator[FormalFact]:
+    def _durations(self) -> Iterator[Fact]:
         activities = self._plan.network.activities
         for each in activities:
-            fact = Fact(About.DURATION, durations([each]), activity=each)
-            yield FormalFact(fact, self._apart(each.duration, each.lower, least=True))
+            least = self._apart(each.duration, each.lower, least=True)
+            yield Fact(About.DURATION, durations([each]), least, activity=each)
         for each in activities:
             if each.upper is not None:
-                fact = Fact(About.DURATION, durations([each], upper=True))
-                yield FormalFact(fact, self._apart(each.duration, each.upper, least=False))
+                most = self._apart(each.duration, each.upper, least=False)
+                yield Fact(About.DURATION, durations([each], upper=True), most)
 
-    def _bounds(self) -> Iterator[FormalFact]:
+    def _bounds(self) -> Iterator[Fact]:
         for each in self._plan.network.constraints:
             if each.upper is not None:
-                fact = Fact(About.BOUND, self.wording.bound(each, upper=True), limit=each.upper)
-                yield FormalFact(fact, self._apart(each, each.upper, least=False))
+                text = self.wording.bound(each, each.upper, upper=True)
+                yield Fact(About.BOUND, text, self._apart(each, each.upper, least=False), limit=each.upper)
             if each.lower is not None and not self._merely_orders(each.lower):
-                fact = Fact(About.BOUND, self.wording.bound(each, upper=False))
-                yield FormalFact(fact, self._apart(each, each.lower, least=True))
+                text = self.wording.bound(each, each.lower, upper=False)
+                yield Fact(About.BOUND, text, self._apart(each, each.lower, least=True))
 
-    def _order(self) -> FormalFact:
+    def _order(self) -> Fact:
         """All mere orders of events as one fact."""
         orders = (
             self._apart(each, each.lower, least=True)
             for each in self._plan.network.constraints
             if each.lower is not None and self._merely_orders(each.lower)
         )
-        return FormalFact(Fact(About.ORDER, "the order of the plan"), self._terms.conjunction(orders))
+        return Fact(About.ORDER, "the order of the plan", self._terms.conjunction(orders))
 
     def _merely_orders(self, lower: Fraction) -> bool:
         return 0 <= lower <= self._plan.epsilon
@@ -426,24 +409,23 @@ class Situation:
 
     # -- what has happened -------------------------------------------------------------------------------------------
 
-    def _time(self) -> FormalFact:
+    def _time(self) -> Fact:
         """It is enough to say so of all pending events."""
         now = Polynomial.constant(self.progress.now)
         later = (self.semantics.not_earlier(event, now) for event in self.progress.pending)
-        text = f"it is {format_number(self.progress.now)} already"
-        return FormalFact(Fact(About.TIME, text), self._terms.conjunction(later))
+        return Fact(About.TIME, f"it is {format_number(self.progress.now)} already", self._terms.conjunction(later))
 
-    def _broken(self) -> Iterator[FormalFact]:
+    def _broken(self) -> Iterator[Fact]:
         for effect, condition in sorted(self.progress.void, key=str):
             by, whom = self.wording.producer(effect), self.wording.consumer(condition)
-            fact = Fact(About.LINK, f"{effect.literal} from {by} does not hold any more for {whom}")
-            yield FormalFact(fact, self.semantics.void(effect, condition))
+            text = f"{effect.literal} from {by} does not hold any more for {whom}"
+            yield Fact(About.LINK, text, self.semantics.void(effect, condition))
 
-    def _events(self) -> Iterator[FormalFact]:
+    def _events(self) -> Iterator[Fact]:
         guards = self.progress.structure.guards
         for event, time in self.progress.times.items():
             formula = self._terms.conjunction((self.semantics.guard(guards[event]), self.semantics.at(event, time)))
-            yield FormalFact(Fact(About.EVENT, f"{self.wording.event(event)} at {format_number(time)}"), formula)
+            yield Fact(About.EVENT, f"{self.wording.event(event)} at {format_number(time)}", formula)
 
 
 def conflict(

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
 from itertools import takewhile
 from typing import Any, ClassVar, TypeAlias
 
+from robust.codec import plain
 from robust.errors import InputError, did_you_mean
 from robust.numbers import format_number
 from robust.pike_bridge.model import Activity, Assignment, may_produce, starts_with
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.explain import OF_PLAN, About, Fact, FormalFact, Situation, durations, listed
-from robust.pike_bridge.online.progress import Chosen, Decision, Dispatched, Executed, Failed, Progress
+from robust.pike_bridge.online.explain import OF_PLAN, About, Fact, Situation, durations, listed
+from robust.pike_bridge.online.progress import Chosen, Decision, Dispatched, Executed, Failed
 from robust.pike_bridge.semantics import Execution, holds
 from robust.smt.limits import NEVER, Deadline
 
@@ -46,10 +47,6 @@ class Clash:
         """All but choices and what was asked: first what has happened, then what the plan demands."""
         happened = (", ".join(self._texts(*kinds)) for kinds in ((About.EVENT, About.TIME), (About.REPORT,)))
         return (*self._texts(About.LINK), *filter(None, happened), *self._demanded())
-
-    @property
-    def text(self) -> str:
-        return "\n".join([self.choices, *self.clauses] if self.choices else self.clauses)
 
     def under(self, head: str) -> tuple[str, ...]:
         """A heading with the choices that it rests on, then one line for each other fact."""
@@ -118,7 +115,7 @@ class WhyExecuted(Reason):
     """
 
     KIND = "execution"
-    SHOWN = ("event", "text", "needs", "serves", "latest", "continuation")
+    SHOWN = ("event", "text", "needs", "serves", "latest")
 
     event: str
     name: str
@@ -152,7 +149,7 @@ class WhyChosen(Reason):
     """
 
     KIND = "choice"
-    SHOWN = ("choice", "value", "text", "possible", "impossible", "serves", "continuation")
+    SHOWN = ("choice", "value", "text", "possible", "impossible", "serves")
 
     choice: str
     value: str | None
@@ -206,7 +203,7 @@ class WhyNot(Reason):
     """
 
     KIND = "obstacle"
-    SHOWN = ("subject", "obstacle", "text", "earliest", "conflict", "continuation")
+    SHOWN = ("subject", "obstacle", "text", "earliest", "conflict")
 
     subject: str
     obstacle: Obstacle
@@ -224,26 +221,18 @@ class WhyNot(Reason):
         return "\n".join(self.lines)
 
 
-def answer(value: object) -> Any:  # noqa: PLR0911 - one for each kind
+def answer(value: object) -> Any:
     """A part of a reason for JSON; continuations are in the order of time."""
     match value:
         case Clash(facts):
             return [each.as_dict() for each in facts]
-        case Support():
-            return {each.name: answer(getattr(value, each.name)) for each in fields(value)}
         case Execution():
             schedule = sorted(value.schedule.items(), key=lambda item: (item[1], item[0]))
-            return {"scenario": dict(value.scenario), "schedule": {event: str(time) for event, time in schedule}}
-        case Fraction():
-            return str(value)
-        case Enum():
-            return value.value
-        case tuple():
-            return [answer(each) for each in value]
+            return plain({"scenario": value.scenario, "schedule": dict(schedule)})
         case Mapping():
             return {key: answer(each) for key, each in value.items()}
         case _:
-            return value
+            return plain(value)
 
 
 def _served(supports: tuple[Support, ...]) -> list[str]:
@@ -312,23 +301,17 @@ def why_failed(executive: PlanExecutive, *, solver: str = "z3", deadline: Deadli
     return Inquiry(executive.progress, solver=solver, deadline=deadline).failed()
 
 
-class Inquiry:
+class Inquiry(Situation):
     """All questions about one moment of an execution, which share a session."""
-
-    def __init__(self, progress: Progress, *, solver: str = "z3", deadline: Deadline = NEVER) -> None:
-        self.situation = Situation(progress, solver=solver, deadline=deadline)
-        self._progress = self.situation.progress
-        self._plan = progress.plan
-        self._wording = self.situation.wording
 
     @cached_property
     def continuation(self) -> Execution | None:
         """A correct execution that is left."""
-        return self.situation.continuation()
+        return self.continued()
 
     def check(self, question: Question) -> None:
         """InputError if a question is about something that the plan does not have."""
-        guards, domains = self._progress.structure.guards, self._plan.network.domains
+        guards, domains = self.progress.structure.guards, self._plan.network.domains
         if isinstance(question, Assignment):
             if question.variable not in domains:
                 raise InputError(f"unknown choice {question.variable}{did_you_mean(question.variable, domains)}")
@@ -340,7 +323,7 @@ class Inquiry:
 
     def holds(self, assignment: Assignment) -> bool:
         """Whether a choice is known to have a value, or can have no other."""
-        known = self._progress.chosen.get(assignment.variable)
+        known = self.progress.chosen.get(assignment.variable)
         if known is not None:
             return known == assignment.value
         domain = self._plan.network.domains[assignment.variable]
@@ -357,13 +340,13 @@ class Inquiry:
             for place, activity in enumerate(self._plan.network.activities)
             if activity.source == event and (found is None or holds(activity.guard, found.scenario))
         ]
-        links = [] if found is None else list(self._links(found))
+        supports = [] if found is None else list(self._supports(found))
         return WhyExecuted(
             event,
-            self._wording.event(event),
-            tuple(link.support for link in links if link.consumer in places and link.producer is not None),
-            tuple(link.support for link in links if link.producer in places),
-            self.situation.latest(event),
+            self.wording.event(event),
+            tuple(each for by, to, each in supports if to in places and by is not None),
+            tuple(each for by, _, each in supports if by in places),
+            self.latest(event),
             found,
         )
 
@@ -418,16 +401,40 @@ class Inquiry:
     def conflict_with(self, assignment: Assignment, known: Iterable[Assignment] = ()) -> Clash | None:
         """Why a choice cannot have a value, where others that were inferred are facts; None if it can."""
         hypotheses = [
-            *self.situation.assignments(About.ASSUMPTION, [assignment]),
-            *self.situation.assignments(About.INFERENCE, known),
+            *self.assignments(About.ASSUMPTION, [assignment]),
+            *self.assignments(About.INFERENCE, known),
         ]
-        return self._told(self.situation.conflict(hypotheses))
+        return self._told(self.conflict(hypotheses))
+
+    def step(self, decisions: Sequence[Decision], inferred: Mapping[str, tuple[str, ...]]) -> StepReasons:
+        """The reasons of the step that has just been taken: of decisions, and of values that are still possible.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        reasons: list[Reason | None] = []
+        event = ""
+        for decision in decisions:
+            reason: Reason | None = None
+            match decision:
+                case Executed():
+                    event = decision.event
+                case Dispatched():  # it begins at the event that was executed before
+                    reason = self.executed(event)
+                case Chosen(choice, value, observed=False):
+                    reason = self.chosen(Assignment(choice, value))
+                case Failed():
+                    reason = self.failed()
+                case _:
+                    pass
+            reasons.append(reason)
+        return StepReasons(self.continuation, tuple(reasons), self.inferred(inferred))
 
     # -- why not -----------------------------------------------------------------------------------------------------
 
     def why_not_assignment(self, assignment: Assignment) -> WhyNot:
         """Why a choice cannot have a value."""
-        subject, known = str(assignment), self._progress.chosen.get(assignment.variable)
+        subject, known = str(assignment), self.progress.chosen.get(assignment.variable)
         if known == assignment.value:
             return WhyNot(subject, Obstacle.DONE, f"{assignment} is so already")
         if known is not None:
@@ -439,27 +446,27 @@ class Inquiry:
 
     def why_not_event(self, event: str) -> WhyNot:
         """Why an event may not be executed now."""
-        name, now = self._wording.event(event), format_number(self._progress.now)
+        name, now = self.wording.event(event), format_number(self.progress.now)
         simple = self._simply_not(event)
         if simple is not None:
             return simple
-        hypotheses = [self.situation.executed_now(event), *self.situation.unreported()]
-        conflict = self._told(self.situation.conflict(hypotheses))
+        hypotheses = [self.executed_now(event), *self.unreported()]
+        conflict = self._told(self.conflict(hypotheses))
         if conflict is not None:
             return WhyNot(name, Obstacle.CONFLICT, f"{name} is impossible at {now}", conflict=conflict)
-        found = self.situation.continuation(hypotheses)
+        found = self.continued(hypotheses)
         return WhyNot(name, Obstacle.NONE, f"{name} is possible at {now}", continuation=found)
 
     def failed(self) -> WhyNot:
         """Why no correct execution is left."""
-        conflict = self._told(self.situation.conflict())
+        conflict = self._told(self.conflict())
         if conflict is None:
             return WhyNot("the plan", Obstacle.NONE, "a correct execution is left", continuation=self.continuation)
         return WhyNot("the plan", Obstacle.ENDED, "these contradict each other", conflict=conflict)
 
     def _simply_not(self, event: str) -> WhyNot | None:
         """What speaks against an event without any reasoning."""
-        progress, name = self._progress, self._wording.event(event)
+        progress, name = self.progress, self.wording.event(event)
         if event in progress.times:
             return WhyNot(name, Obstacle.DONE, f"{name} was executed at {format_number(progress.times[event])}")
         against = [
@@ -474,7 +481,7 @@ class Inquiry:
         return self._too_early(event, name)
 
     def _awaited(self, event: str) -> str:
-        progress = self._progress
+        progress = self.progress
         open_choices = [choice for choice in progress.structure.awaited[event] if choice not in progress.chosen]
         if open_choices:
             many = len(open_choices) > 1
@@ -488,9 +495,9 @@ class Inquiry:
         return f"waiting for {activity.action} to end, begun at {format_number(started)}"
 
     def _too_early(self, event: str, name: str) -> WhyNot | None:
-        progress = self._progress
+        progress = self.progress
         for source, lower in progress.lower_bounds(event):
-            earlier, told = progress.times.get(source), self._wording.event(source)
+            earlier, told = progress.times.get(source), self.wording.event(source)
             if earlier is None and lower > 0:
                 return WhyNot(name, Obstacle.EARLY, f"{name} comes after {told}, which is still to come")
             if earlier is not None and progress.now < earlier + lower:
@@ -505,11 +512,11 @@ class Inquiry:
     def _with(self, assignment: Assignment) -> Execution | None:
         if self.continuation is not None and self.continuation.scenario[assignment.variable] == assignment.value:
             return self.continuation
-        return self.situation.continuation(self.situation.assignments(About.ASSUMPTION, [assignment]))
+        return self.continued(self.assignments(About.ASSUMPTION, [assignment]))
 
     def _before(self, choice: str) -> Inquiry:
         """The moment at which a choice was made, without it and what came after; broken links stay broken."""
-        progress = self._progress
+        progress = self.progress
         if choice not in progress.chosen:
             return self
         made = dict(takewhile(lambda each: each[0] != choice, progress.chosen.items()))
@@ -520,20 +527,20 @@ class Inquiry:
             names = names[: names.index(event) + 1]
         times = {name: progress.times[name] for name in names}
         earlier = progress.rewound(times.get(event or "", progress.now), times, made)
-        return Inquiry(earlier, solver=self.situation.solver, deadline=self.situation.deadline)
+        return Inquiry(earlier, solver=self.solver, deadline=self.deadline)
 
-    def _told(self, found: Sequence[FormalFact] | None) -> Clash | None:
+    def _told(self, found: Sequence[Fact] | None) -> Clash | None:
         if found is None:
             return None
-        facts = [each.fact for each in found]
+        facts = list(found)
         least: list[Activity] = [each.activity for each in facts if each.activity is not None]
-        sequence = self._wording.sequence(least)
+        sequence = self.wording.sequence(least)
         if sequence is not None:
             facts.sort(key=lambda fact: sequence.index(fact.activity) if fact.activity in sequence else -1)
         return Clash(tuple(facts), sequence is not None)
 
-    def _links(self, execution: Execution) -> Iterator[_Link]:
-        """The link that supports each condition of an execution: of effects that do, the latest."""
+    def _supports(self, execution: Execution) -> Iterator[tuple[int | None, int | None, Support]]:
+        """What supports each condition of an execution: of effects that do, the latest; with the activities of both."""
         for condition in self._plan.conditions:
             if not holds(condition.guard, execution.scenario):
                 continue
@@ -543,34 +550,19 @@ class Inquiry:
                 for effect in self._plan.effects
                 if holds(effect.guard, execution.scenario)
                 and may_produce(effect, condition)
-                and (effect, condition) not in self._progress.void
+                and (effect, condition) not in self.progress.void
                 and (starts_with(effect, condition) or execution.schedule[effect.event] < first)
             ]
             effect = max(producers, key=lambda each: execution.schedule[each.event])
-            support = Support(
-                str(effect.literal),
-                self._wording.producer(effect),
-                self._wording.consumer(condition),
-                execution.schedule[effect.event],
-            )
-            yield _Link(effect.activity, condition.activity, support)
+            by, whom = self.wording.producer(effect), self.wording.consumer(condition)
+            support = Support(str(effect.literal), by, whom, execution.schedule[effect.event])
+            yield effect.activity, condition.activity, support
 
     def _served_by(self, assignment: Assignment, execution: Execution) -> Iterator[Support]:
         """What activities that the assignment activates establish for activities that it does not."""
         activities = self._plan.network.activities
         inside = {place for place, activity in enumerate(activities) if assignment in activity.guard}
-        return (
-            each.support for each in self._links(execution) if each.producer in inside and each.consumer not in inside
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class _Link:
-    """A causal link with the places of its activities."""
-
-    producer: int | None
-    consumer: int | None
-    support: Support
+        return (each for by, to, each in self._supports(execution) if by in inside and to not in inside)
 
 
 @dataclass(frozen=True, slots=True)
@@ -583,44 +575,3 @@ class StepReasons:
     continuation: Execution | None = None
     decisions: tuple[Reason | None, ...] = ()
     inferences: Mapping[str, Reason] = field(default_factory=dict)
-
-
-def step_reasons(
-    executive: PlanExecutive,
-    decisions: Sequence[Decision],
-    inferred: Mapping[str, tuple[str, ...]],
-    *,
-    solver: str = "z3",
-    deadline: Deadline = NEVER,
-) -> StepReasons:
-    """The reasons of the step that an executive has just taken.
-
-    Args:
-        executive: it has taken no step since.
-        decisions: what it has decided.
-        inferred: values that open choices may still have, where that has changed.
-        solver: `z3` or `cvc5`.
-        deadline: for all of it.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-        SolverError: if the solver is unknown or not installed.
-    """
-    inquiry = Inquiry(executive.progress, solver=solver, deadline=deadline)
-    reasons: list[Reason | None] = []
-    event = ""
-    for decision in decisions:
-        reason: Reason | None = None
-        match decision:
-            case Executed():
-                event = decision.event
-            case Dispatched():  # it begins at the event that was executed before
-                reason = inquiry.executed(event)
-            case Chosen(choice, value, observed=False):
-                reason = inquiry.chosen(Assignment(choice, value))
-            case Failed():
-                reason = inquiry.failed()
-            case _:
-                pass
-        reasons.append(reason)
-    return StepReasons(inquiry.continuation, tuple(reasons), inquiry.inferred(inferred))

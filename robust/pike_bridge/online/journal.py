@@ -20,7 +20,7 @@ from robust.numbers import shorten
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import JSON, Decision, Executed, Message
-from robust.records import RecordFile, RecordFormat, read_records
+from robust.records import Accept, RecordFile, RecordFormat, read_records
 
 SCHEMA = "robust/pike-journal/1"
 
@@ -49,9 +49,9 @@ class Journal(RecordFile):
             InputError: if the file is no journal, is of another plan, or is damaged, with the line; if it is in use, or
                 cannot be opened.
         """
-        reader = _Reader(plan, str(path))
-        super().__init__(path, _format(plan), reader)
-        self.steps = tuple(reader.steps)
+        steps: list[JournalStep] = []
+        super().__init__(path, _format(plan), _accepting(plan, str(path), steps))
+        self.steps = tuple(steps)
 
     def write(self, step: JournalStep) -> None:
         """Add a step; when this returns, it is on disk.
@@ -69,9 +69,9 @@ def read_journal(path: str | os.PathLike[str], plan: TeamPlan) -> tuple[JournalS
         InputError: if the file is no journal, is of another plan, or is damaged; the message has the line.
         OSError: if it cannot be read.
     """
-    reader = _Reader(plan, str(path))
-    read_records(path, _format(plan), reader)
-    return tuple(reader.steps)
+    steps: list[JournalStep] = []
+    read_records(path, _format(plan), _accepting(plan, str(path), steps))
+    return tuple(steps)
 
 
 def resume(executive: PlanExecutive, steps: Iterable[JournalStep], file: str = "journal") -> None:
@@ -123,30 +123,28 @@ def _format(plan: TeamPlan) -> RecordFormat:
     return RecordFormat("journal", JSON.write(_Header, header), chained=True)
 
 
-class _Reader:
-    """Takes the lines of a journal; `steps` are what they say."""
+def _accepting(plan: TeamPlan, file: str, steps: list[JournalStep]) -> Accept:
+    """Takes the lines of a journal of a plan, and adds what they say to the steps."""
 
-    def __init__(self, plan: TeamPlan, file: str) -> None:
-        self.steps: list[JournalStep] = []
-        self._plan = plan
-        self._file = file
-
-    def __call__(self, number: int, text: str) -> None:
-        line = parse_line(text, self._file)
+    def accept(number: int, text: str) -> None:
+        line = parse_line(text, file)
         if number == 1:
-            self._check_header(JSON.read(_Header, line))
+            _check_header(JSON.read(_Header, line), plan)
             return
         step: JournalStep = JSON.read(JournalStep, line)
-        if self.steps and step.time < self.steps[-1].time:
-            message = f"found time {step.time}, expected {self.steps[-1].time} or later"
+        if steps and step.time < steps[-1].time:
+            message = f"found time {step.time}, expected {steps[-1].time} or later"
             raise InputError(message, line.members["time"].location)
-        self.steps.append(step)
+        steps.append(step)
 
-    def _check_header(self, found: _Header) -> None:
-        plan, name = self._plan, shorten(found.plan)
-        if found.plan != plan.name:
-            raise InputError(f"found a journal of plan {name}, expected one of {shorten(plan.name)}")
-        if found.epsilon != plan.epsilon:
-            raise InputError(f"found a journal with ε = {found.epsilon}, expected one with {plan.epsilon}")
-        if found.digest != plan_digest(plan):
-            raise InputError(f"found a journal of another version of plan {name}, expected one of this plan")
+    return accept
+
+
+def _check_header(found: _Header, plan: TeamPlan) -> None:
+    name = shorten(found.plan)
+    if found.plan != plan.name:
+        raise InputError(f"found a journal of plan {name}, expected one of {shorten(plan.name)}")
+    if found.epsilon != plan.epsilon:
+        raise InputError(f"found a journal with ε = {found.epsilon}, expected one with {plan.epsilon}")
+    if found.digest != plan_digest(plan):
+        raise InputError(f"found a journal of another version of plan {name}, expected one of this plan")

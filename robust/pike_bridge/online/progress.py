@@ -239,17 +239,6 @@ class Progress:
             if constraint.lower is not None and self.certain(constraint.guard, guard):
                 yield constraint.source, constraint.lower
 
-    def waits(self, event: str) -> bool:
-        """Whether, as far as single constraints tell, the event comes no earlier than one that is not ours."""
-        guards = self.structure.guards
-        return any(
-            lower >= 0
-            and earlier in self.pending
-            and self.certain(guards[earlier], guards[event])
-            and not self.ours(earlier)
-            for earlier, lower in self.lower_bounds(event)
-        )
-
     def blocked(self, event: str) -> bool:
         """Whether the event cannot be executed now, as far as one constraint tells that holds whenever it is."""
         return any(
@@ -305,38 +294,29 @@ class Structure:
             self.ends[activity.target].append(activity.guard)
         self.not_before: dict[str, tuple[str, ...]] = self._not_before()
         """Events that are executed no later than an event, whenever that is; no two are so for one another."""
-        self.before: dict[str, tuple[str, ...]] = {
-            event: tuple(
-                constraint.source
-                for constraint in constraints
-                if self._certain(constraint, event) and constraint.lower is not None and constraint.lower > 0
-            )
-            for event, constraints in self.incoming.items()
-        }
+        self.before = {event: tuple(self._earlier(event, above=True)) for event in self.guards}
         """Events that are executed strictly earlier than an event, whenever that is."""
         self.grid: Fraction = _grid(plan)
         """What ε and all bounds are multiples of, and so all times at which anything becomes possible or impossible, as
         long as the reported ones are."""
 
-    def _certain(self, constraint: Constraint, event: str) -> bool:
-        """Whether the constraint and its source are activated whenever an event is."""
-        return constraint.guard <= self.guards[event] and self.guards[constraint.source] <= self.guards[event]
+    def _earlier(self, event: str, *, above: bool) -> Iterator[str]:
+        """Events that are put before an event, or at its time unless `above`, by single constraints, whenever it is."""
+        guard = self.guards[event]
+        for each in self.incoming[event]:
+            activated = each.guard <= guard and self.guards[each.source] <= guard
+            if activated and each.lower is not None and (each.lower > 0 or (each.lower == 0 and not above)):
+                yield each.source
 
     def _not_before(self) -> dict[str, tuple[str, ...]]:
-        graph = networkx.DiGraph()
+        graph = networkx.DiGraph(
+            (source, event) for event in self.guards for source in self._earlier(event, above=False)
+        )
         graph.add_nodes_from(self.guards)
-        for event, constraints in self.incoming.items():
-            for constraint in constraints:
-                if self._certain(constraint, event) and constraint.lower is not None and constraint.lower >= 0:
-                    graph.add_edge(constraint.source, event)
-        component = {
-            event: number
-            for number, events in enumerate(networkx.strongly_connected_components(graph))
-            for event in events
-        }
+        together = {event: each for each in networkx.strongly_connected_components(graph) for event in each}
         return {
-            event: tuple(earlier for earlier in graph.predecessors(event) if component[earlier] != component[event])
-            for event in graph
+            event: tuple(earlier for earlier in graph.predecessors(event) if earlier not in together[event])
+            for event in self.guards
         }
 
 
@@ -353,49 +333,41 @@ def _reversed(constraint: Constraint) -> Constraint:
     return Constraint(constraint.target, constraint.source, lower, upper, constraint.guard)
 
 
-@dataclass(frozen=True, slots=True)
-class Breach:
-    """What is announced, and the links that it breaks."""
-
-    decision: Violated
-    broken: tuple[tuple[Effect, Condition], ...]
-
-
 class Monitor:
     """Knows the latest planned effect on each atom, and who relies on it."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
-        self._effects: dict[str, list[Effect]] = {}
+        self._effects: dict[str, list[Effect]] = defaultdict(list)
         for effect in progress.plan.effects:
-            self._effects.setdefault(effect.event, []).append(effect)
-        self._conditions: dict[Literal, list[Condition]] = {}
+            self._effects[effect.event].append(effect)
+        self._conditions: dict[Literal, list[Condition]] = defaultdict(list)
         for condition in progress.plan.conditions:
-            self._conditions.setdefault(condition.literal, []).append(condition)
+            self._conditions[condition.literal].append(condition)
         self._latest: dict[Atom, Effect] = {}
-        self._producers: dict[Literal, list[Effect]] = {}
+        self._producers: dict[Literal, list[Effect]] = defaultdict(list)
         self._broken: set[Effect] = set()
 
     def executed(self, event: str) -> None:
         """Its effects are what is expected of their atoms from now on."""
-        happening = [each for each in self._effects.get(event, ()) if self._progress.certain(each.guard)]
+        happening = [each for each in self._effects[event] if self._progress.certain(each.guard)]
         # Deletions first, as PDDL has it where one activity does both.
         for effect in sorted(happening, key=lambda each: each.literal.positive):
             self._latest[effect.literal.atom] = effect
-            self._producers.setdefault(effect.literal, []).append(effect)
+            self._producers[effect.literal].append(effect)
 
-    def compare(self, estimate: Estimate) -> Iterator[Breach]:
-        """Each expectation that is contradicted and that a later condition may rely on."""
+    def compare(self, estimate: Estimate) -> Iterator[tuple[Violated, list[tuple[Effect, Condition]]]]:
+        """Each expectation that is contradicted and that a later condition may rely on, and the links that break."""
         for atom, effect in list(self._latest.items()):
             if effect not in self._broken and self._contradicts(estimate, atom, effect.literal.positive):
-                links = tuple(
+                links = [
                     (producer, condition)
                     for producer in self._producers[effect.literal]
                     for condition in self._relying(producer)
-                )
+                ]
                 if links:
                     self._broken.add(effect)
-                    yield Breach(self._announcement(effect, [condition for _, condition in links]), links)
+                    yield self._announcement(effect, [condition for _, condition in links]), links
 
     def _contradicts(self, estimate: Estimate, atom: Atom, expected: bool) -> bool:
         if expected:
@@ -403,7 +375,7 @@ class Monitor:
         return atom in estimate.true
 
     def _relying(self, effect: Effect) -> Iterator[Condition]:
-        for condition in self._conditions.get(effect.literal, ()):
+        for condition in self._conditions[effect.literal]:
             open_still = condition.last in self._progress.pending and self._progress.compatible(condition.guard)
             if open_still and may_produce(effect, condition):
                 yield condition

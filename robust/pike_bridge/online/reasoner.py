@@ -9,18 +9,34 @@ Times are on the grid that the plan's bounds and its ε are on; "strictly before
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
+from dataclasses import dataclass
 from fractions import Fraction
+from itertools import islice
 from math import ceil, floor
 
-from robust.pike_bridge.model import Assignment, Condition, Effect, Guard
+from robust.pike_bridge.model import ALWAYS, Condition, Effect, Guard, guard
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.semantics import Execution, holds
 from robust.smt.limits import Deadline
 
 
+@dataclass(frozen=True, slots=True)
+class News:
+    """What has happened since a reasoner was asked last."""
+
+    chosen: Guard
+    """Choices that were made or observed."""
+    times: Mapping[str, Fraction]
+    """Events that were executed, in their order."""
+    void: Set[tuple[Effect, Condition]]
+    """Effects that do not support conditions any more [PIKE §3, CheckActivatedCausalLinks]."""
+    later: bool
+    """Whether time has passed: windows may be missed [PIKE, Algorithm 1, line 6]."""
+
+
 class Reasoner(ABC):
-    """Answers about one execution, whose facts are in `progress`; it is told of each new one after it is noted there.
+    """Answers about one execution. Its facts are in `progress`, where they only grow; each question looks for new ones.
 
     Questions raise OutOfTimeError if their deadline passes, and change nothing then.
     """
@@ -29,26 +45,26 @@ class Reasoner(ABC):
 
     def __init__(self, progress: Progress) -> None:
         self.progress = progress
+        self._seen: tuple[int, int, Set[tuple[Effect, Condition]], Fraction | None] = (0, 0, frozenset(), None)
+        """How many choices and events are known, which broken links, and the time."""
+
+    def catch_up(self) -> None:
+        """Learn what has happened; questions begin with it."""
+        progress, seen = self.progress, self._seen
+        self._seen = (len(progress.chosen), len(progress.times), frozenset(progress.void), progress.now)
+        if self._seen != seen:
+            choices, events, void, now = seen
+            chosen = guard(dict(islice(progress.chosen.items(), choices, None)))
+            times = dict(islice(progress.times.items(), events, None))
+            self._learn(News(chosen, times, progress.void - void, progress.now != now))
 
     @abstractmethod
-    def observed(self, assignment: Assignment) -> None:
-        """A choice has a value."""
+    def _learn(self, news: News) -> None:
+        """Take note of what has happened."""
 
-    @abstractmethod
-    def executed(self, event: str) -> None:
-        """An event has its time, now, and is not pending any more."""
-
-    @abstractmethod
-    def voided(self, effect: Effect, condition: Condition) -> None:
-        """An effect does not support a condition any more [PIKE §3, CheckActivatedCausalLinks]."""
-
-    @abstractmethod
-    def advanced(self) -> None:
-        """Time has passed: windows may be missed [PIKE, Algorithm 1, line 6]."""
-
-    @abstractmethod
     def possible(self, deadline: Deadline) -> bool:
         """CorrectTeamPlanExists?: whether there is a continuation."""
+        return self.could(ALWAYS, deadline)
 
     @abstractmethod
     def executable(self, event: str, deadline: Deadline) -> bool:
@@ -79,42 +95,31 @@ class WitnessedReasoner(Reasoner):
     def __init__(self, progress: Progress) -> None:
         super().__init__(progress)
         self._witness: Execution | None = None
-
-    @property
-    def witness(self) -> Execution | None:
         """A continuation, if one is known; choices that do not matter may be missing from it."""
-        return self._witness
 
-    def observed(self, assignment: Assignment) -> None:
-        if self._witness and self._witness.scenario.get(assignment.variable) != assignment.value:
+    def _learn(self, news: News) -> None:
+        witness, now = self._witness, self.progress.now
+        if witness is not None and (
+            news.void
+            or not _agrees(news.chosen, witness.scenario)
+            or any(witness.schedule.get(event) != time for event, time in news.times.items())
+            or (news.later and any(time < now for _, time in self._ahead(witness)))
+        ):
             self._witness = None
-
-    def executed(self, event: str) -> None:
-        if self._witness and self._witness.schedule.get(event) != self.progress.now:
-            self._witness = None
-
-    def voided(self, effect: Effect, condition: Condition) -> None:
-        self._witness = None
-
-    def advanced(self) -> None:
-        if self._witness and any(time < self.progress.now for _, time in self._ahead(self._witness)):
-            self._witness = None
-
-    def possible(self, deadline: Deadline) -> bool:
-        return self._witness is not None or self._find_continuation(frozenset(), deadline)
 
     def executable(self, event: str, deadline: Deadline) -> bool:
-        return self._executes_now(event) or self._find_execution(event, deadline)
+        self.catch_up()
+        return self._executes_at(event, self.progress.now) or self._find_execution(event, deadline)
 
     def could(self, environment: Guard, deadline: Deadline) -> bool:
+        self.catch_up()
         if self._witness is not None and _agrees(environment, self._witness.scenario):
             return True
-        if not self.progress.compatible(environment):
-            return False
-        return self._find_continuation(environment, deadline)
+        return self.progress.compatible(environment) and self._find_continuation(environment, deadline)
 
     def next_time(self, deadline: Deadline) -> Fraction | None:
         """When something is executable first; if nothing is without a message, when it is too late for any."""
+        self.catch_up()
         earliest = self._earliest_execution(deadline)
         if earliest is not None:
             return self._opening(earliest)
@@ -137,19 +142,16 @@ class WitnessedReasoner(Reasoner):
     def _find_execution(self, event: str, deadline: Deadline) -> bool:
         """Look for a continuation that shows an event to be executable, and make it the witness."""
 
-    def _executes_now(self, event: str) -> bool:
-        """Whether the witness shows an event to be executable."""
-        return self._executes_at(event, self.progress.now)
-
     def _executes_at(self, event: str, moment: Fraction) -> bool:
         """Whether the witness shows that an event would be executable at a moment, if it has nothing before."""
-        witness = self._witness
+        witness, progress = self._witness, self.progress
         if witness is None or witness.schedule.get(event) != moment:
             return False
+        later = moment + progress.plan.epsilon
         return not any(
-            time < moment or any(holds(label, witness.scenario) for label in self.progress.external(name))
+            time < moment or any(holds(label, witness.scenario) for label in progress.external(name))
             for name, time in self._ahead(witness)
-            if time <= moment
+            if time < later
         )
 
     def _ahead(self, witness: Execution) -> list[tuple[str, Fraction]]:
@@ -158,41 +160,3 @@ class WitnessedReasoner(Reasoner):
 
 def _agrees(environment: Guard, scenario: Mapping[str, str]) -> bool:
     return all(scenario.get(variable) == value for variable, value in environment)
-
-
-class Accompanied(Reasoner):
-    """Answers are the first one's; the companion is told the same facts."""
-
-    def __init__(self, deciding: Reasoner, companion: Reasoner) -> None:
-        super().__init__(deciding.progress)
-        self.name = deciding.name
-        self.deciding = deciding
-        self.companion = companion
-
-    def observed(self, assignment: Assignment) -> None:
-        self.deciding.observed(assignment)
-        self.companion.observed(assignment)
-
-    def executed(self, event: str) -> None:
-        self.deciding.executed(event)
-        self.companion.executed(event)
-
-    def voided(self, effect: Effect, condition: Condition) -> None:
-        self.deciding.voided(effect, condition)
-        self.companion.voided(effect, condition)
-
-    def advanced(self) -> None:
-        self.deciding.advanced()
-        self.companion.advanced()
-
-    def possible(self, deadline: Deadline) -> bool:
-        return self.deciding.possible(deadline)
-
-    def executable(self, event: str, deadline: Deadline) -> bool:
-        return self.deciding.executable(event, deadline)
-
-    def could(self, environment: Guard, deadline: Deadline) -> bool:
-        return self.deciding.could(environment, deadline)
-
-    def next_time(self, deadline: Deadline) -> Fraction | None:
-        return self.deciding.next_time(deadline)

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 
-from robust.pike_bridge.model import ALWAYS, Assignment, Condition, Effect, Guard
+from robust.pike_bridge.knowledge.sat import satisfiable
+from robust.pike_bridge.model import ALWAYS, Condition, Effect, Guard
 from robust.pike_bridge.online.progress import Progress
-from robust.pike_bridge.online.reasoner import WitnessedReasoner
+from robust.pike_bridge.online.reasoner import News, WitnessedReasoner
 from robust.pike_bridge.semantics import Execution, Semantics, holds
 from robust.plan.polynomial import Polynomial
-from robust.smt.limits import Deadline, OutOfTimeError
-from robust.smt.session import Session, Verdict
+from robust.smt.limits import Deadline
+from robust.smt.session import Session
 from robust.smt.terms import Formula, Terms
 
 _FIRST = "first time"
@@ -74,14 +75,6 @@ class OnlineSemantics(Semantics):
         return self._orders[order]
 
 
-def satisfiable(session: Session, question: str, deadline: Deadline) -> bool:
-    """The solver's word; OutOfTimeError if the deadline passes or it does not know."""
-    verdict = session.check(question, deadline)
-    if verdict is Verdict.UNKNOWN:
-        raise OutOfTimeError
-    return verdict is Verdict.SATISFIABLE
-
-
 class SemanticReasoner(WitnessedReasoner):
     """Asks one solver session, which knows all that has happened by now.
 
@@ -103,37 +96,23 @@ class SemanticReasoner(WitnessedReasoner):
         self._epsilon = progress.plan.epsilon
         self._grid = progress.grid
         self._first = Polynomial.variable(_FIRST)
-        self._told = False
-        """Whether the session knows the present time."""
-        for event, time in progress.times.items():
-            self._tell_execution(event, time)
-        for each in progress.chosen.items():
-            self._session.add(self._semantics.guard(frozenset({Assignment(*each)})))
-        self._session.add(*(self._semantics.void(*each) for each in progress.void))
 
-    def observed(self, assignment: Assignment) -> None:
-        super().observed(assignment)
-        self._session.add(self._semantics.guard(frozenset({assignment})))
-
-    def executed(self, event: str) -> None:
-        super().executed(event)
-        self._tell_execution(event, self.progress.now)
-
-    def voided(self, effect: Effect, condition: Condition) -> None:
-        super().voided(effect, condition)
-        self._session.add(self._semantics.void(effect, condition))
-
-    def advanced(self) -> None:
-        super().advanced()
-        self._told = False
+    def _learn(self, news: News) -> None:
+        super()._learn(news)
+        semantics, guards = self._semantics, self.progress.structure.guards
+        self._session.add(semantics.guard(news.chosen), *(semantics.void(*each) for each in news.void))
+        for event, time in news.times.items():
+            self._session.add(semantics.guard(guards[event]), semantics.at(event, time))
+        if news.later:  # no pending event is in the past; it is enough to say so of the frontier
+            now = Polynomial.constant(self.progress.now)
+            self._session.add(*(semantics.not_earlier(event, now) for event in self.progress.frontier))
 
     def allows(self, moment: Fraction, environment: Guard, event: str | None, deadline: Deadline) -> bool:
         """Whether some continuation in the environment has nothing before a moment, and then the event, if given."""
-        with self._session.frame(*self._from(moment, environment)):
-            if event is None:
-                return self._check(deadline)
-            with self._session.frame(self._semantics.at(event, moment)):
-                return self._check(deadline)
+        self.catch_up()
+        then = [] if event is None else [self._semantics.at(event, moment)]
+        with self._session.frame(*self._from(moment, environment), *then):
+            return self._check(deadline)
 
     def times_of(
         self, event: str, moment: Fraction, deadline: Deadline, *, first: bool = False
@@ -143,6 +122,7 @@ class SemanticReasoner(WitnessedReasoner):
 
         If `first`, only continuations count in which nothing is before the event.
         """
+        self.catch_up()
         guard = self.progress.structure.guards[event]
         same = [self._terms.equal(self._semantics.time_of(event) - self._first)]
         if first:
@@ -156,17 +136,14 @@ class SemanticReasoner(WitnessedReasoner):
         return least, None if greatest == horizon else greatest
 
     def _from(self, moment: Fraction, environment: Guard) -> Iterator[Formula]:
-        self._tell_time()
         yield self._semantics.guard(environment)
         for event in self.progress.frontier:
             yield self._semantics.not_earlier(event, Polynomial.constant(moment))
 
     def _find_continuation(self, environment: Guard, deadline: Deadline) -> bool:
-        self._tell_time()
         return self._ask([self._semantics.guard(environment)], deadline)
 
     def _find_execution(self, event: str, deadline: Deadline) -> bool:
-        self._tell_time()
         now = Polynomial.constant(self.progress.now)
         ours = self._semantics.ours(event)
         if ours is self._terms.false:
@@ -184,17 +161,6 @@ class SemanticReasoner(WitnessedReasoner):
     def _check(self, deadline: Deadline) -> bool:
         return satisfiable(self._session, "a continuation", deadline)
 
-    def _tell_execution(self, event: str, time: Fraction) -> None:
-        guard = self._semantics.guard(self.progress.structure.guards[event])
-        self._session.add(guard, self._semantics.at(event, time))
-
-    def _tell_time(self) -> None:
-        """No pending event is in the past; it is enough to say so of the frontier."""
-        if not self._told:
-            now = Polynomial.constant(self.progress.now)
-            self._session.add(*(self._semantics.not_earlier(event, now) for event in self.progress.frontier))
-            self._told = True
-
     def _externals_after(self, moment: Polynomial[str]) -> Iterator[Formula]:
         """That what is not the executive's to execute is later than a moment before which nothing pending is."""
         pending, before = self.progress.pending, self.progress.structure.before
@@ -203,13 +169,12 @@ class SemanticReasoner(WitnessedReasoner):
                 yield from self._semantics.not_ours_before(event, moment + self._epsilon)
 
     def _earliest_execution(self, deadline: Deadline) -> Fraction | None:
-        self._tell_time()
         progress = self.progress
-        candidates = [event for event in progress.frontier if progress.ours(event) and not progress.waits(event)]
+        candidates = [event for event in progress.frontier if progress.ours(event)]
         if not candidates:
             return None
         soonest = progress.now + progress.grid
-        floor = max(soonest, min((self.progress.earliest(event) or soonest for event in candidates), default=soonest))
+        floor = max(soonest, min(progress.earliest(event) or soonest for event in candidates))
         if any(self._executes_at(event, floor) for event in candidates):
             return floor
         hypothesis = [
@@ -227,7 +192,7 @@ class SemanticReasoner(WitnessedReasoner):
             return self._best(floor, deadline, sign=1)
 
     def quiet_until(self, deadline: Deadline) -> Fraction | None:
-        self._tell_time()
+        self.catch_up()
         hypothesis = [self._semantics.not_earlier(event, self._first) for event in self.progress.frontier]
         ceiling = self.progress.latest()
         with self._session.frame(*hypothesis):

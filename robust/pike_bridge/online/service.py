@@ -16,7 +16,7 @@ from robust.errors import InputError, Location, did_you_mean
 from robust.json_text import Array, Tagged, parse_line
 from robust.numbers import shorten
 from robust.pike_bridge.compile import checked_assumptions
-from robust.pike_bridge.model import ALWAYS, Guard, TeamPlan
+from robust.pike_bridge.model import TeamPlan, guard
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import conflict
 from robust.pike_bridge.online.journal import Journal, JournalStep, resume
@@ -78,32 +78,13 @@ News: TypeAlias = Message | Tick | Together
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """What has happened at one moment; `time` is None where it is the moment of arrival."""
+class Request:
+    """What a line says: what has happened at one moment; a question, which changes nothing; or why it is wrong."""
 
     line: int
-    time: Fraction | None
-    messages: tuple[Message, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """A question, which changes nothing."""
-
-    line: int
-    query: Query
-    assume: Guard = ALWAYS
-
-
-@dataclass(frozen=True, slots=True)
-class Wrong:
-    """A line that says nothing that is understood."""
-
-    line: int
-    message: str
-
-
-Request: TypeAlias = Told | Asked | Wrong
+    said: tuple[Message, ...] | Query | str
+    time: Fraction | None = None
+    """Of messages; None where it is the moment of arrival."""
 
 
 def read_request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
@@ -112,7 +93,7 @@ def read_request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Requ
         with in_line(INPUT, line):
             return _request(text, line, plan, timed=timed)
     except InputError as error:
-        return Wrong(line, str(error))
+        return Request(line, str(error))
 
 
 def _request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
@@ -126,10 +107,9 @@ def _request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
         reason = "questions have none" if asked else "the clock is real"
         raise InputError(f"found a time, expected none: {reason}", found.members["time"].location)
     match said:
-        case AskWhy(assume):
-            return Asked(line, said, checked_assumptions(plan, assume))
-        case AskPossible() | AskState():
-            return Asked(line, said)
+        case AskWhy() | AskPossible() | AskState():
+            checked_assumptions(plan, said.assume if isinstance(said, AskWhy) else {})
+            return Request(line, said)
         case Together(messages):
             listed = found.members.get("messages")
             places = [each.location for each in listed.items] if isinstance(listed, Array) else []
@@ -139,7 +119,7 @@ def _request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
             messages, places = (said,), [found.location]
     for message, place in zip(messages, places, strict=True):
         check_message(plan, message, place)
-    return Told(line, JSON.member(Fraction, found, "time") if timed else None, messages)
+    return Request(line, messages, JSON.member(Fraction, found, "time") if timed else None)
 
 
 def check_message(plan: TeamPlan, message: Message, location: Location | None = None) -> None:
@@ -242,21 +222,20 @@ class Service:
             InputError: if the journal cannot be written.
             OutOfTimeError: if the deadline passes; then the step that was under way is as if it had not begun.
         """
-        match request:
-            case Wrong(line, message):
-                yield {"kind": "error", "line": line, "message": message}
-            case Asked():
-                yield self._replied(request)
-            case Told(line, time, messages):
-                moment = time if time is not None else max(now or self.time, self.time)
+        match request.said:
+            case str(message):
+                yield {"kind": "error", "line": request.line, "message": message}
+            case tuple(messages):
+                moment = request.time if request.time is not None else max(now or self.time, self.time)
                 if moment < self.time:
-                    place = Location(INPUT, line)
-                    message = f"{place}: found time {moment}, expected {self.time} or later"
-                    yield {"kind": "error", "line": line, "message": message}
+                    message = f"{Location(INPUT, request.line)}: found time {moment}, expected {self.time} or later"
+                    yield {"kind": "error", "line": request.line, "message": message}
                 else:
                     yield from self.step(moment, messages)
-            case _:
-                assert_never(request)
+            case query:
+                with self.thinking():
+                    answer = self._replied(query)
+                yield {"kind": query.kind(), "line": request.line, **answer}
 
     def due(self, now: Fraction) -> Iterator[Encoded]:
         """Take the steps that are due by now, each at its time, or now if that is long ago.
@@ -300,25 +279,18 @@ class Service:
             wake = self.wake
         return {"kind": "wake", "time": None if wake is None else str(wake), "step": self.steps}
 
-    def _replied(self, asked: Asked) -> Encoded:
-        with self.thinking():
-            match asked.query:
-                case AskPossible():
-                    answer: Mapping[str, object] = {"values": self._values()}
-                case AskWhy():
-                    answer = self._reasons(asked.assume)
-                case AskState():
-                    answer = self._state()
-        return {"kind": asked.query.kind(), "line": asked.line, **answer}
-
-    def _values(self) -> dict[str, list[str]]:
-        chosen, domains = self.executive.progress.chosen, self.executive.plan.network.domains
-        return {name: list(self.executive.possible_values(name)) for name in domains if name not in chosen}
-
-    def _reasons(self, assume: Guard) -> Encoded:
-        facts = conflict(self.executive.progress, assume, solver=self.solver, deadline=self.deadline)
-        told = None if facts is None else [fact.as_dict() for fact in facts]
-        return {"possible": facts is None, "conflict": told}
+    def _replied(self, query: Query) -> Encoded:
+        progress = self.executive.progress
+        match query:
+            case AskPossible():
+                open_choices = [name for name in self.executive.plan.network.domains if name not in progress.chosen]
+                return {"values": {name: list(self.executive.possible_values(name)) for name in open_choices}}
+            case AskWhy(assume):
+                facts = conflict(progress, guard(assume), solver=self.solver, deadline=self.deadline)
+                told = None if facts is None else [fact.as_dict() for fact in facts]
+                return {"possible": facts is None, "conflict": told}
+            case AskState():
+                return self._state()
 
     def _state(self) -> Encoded:
         progress, activities = self.executive.progress, self.executive.plan.network.activities

@@ -21,7 +21,7 @@ from robust.execute.drive import run_in_world
 from robust.pike_bridge.model import ALWAYS, Assignment, Literal, TeamPlan
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import Fact, conflict
-from robust.pike_bridge.online.inquiry import StepReasons, step_reasons
+from robust.pike_bridge.online.inquiry import Inquiry, StepReasons
 from robust.pike_bridge.online.progress import (
     Chosen,
     Completion,
@@ -34,7 +34,7 @@ from robust.pike_bridge.online.progress import (
     Succeeded,
     Violated,
 )
-from robust.pike_bridge.online.reasoner import Accompanied, Reasoner
+from robust.pike_bridge.online.reasoner import Reasoner
 from robust.pike_bridge.online.reasoners import SMT, make_reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.semantics import Execution, faults, holds
@@ -353,16 +353,11 @@ class Rehearsal:
         if messages or decisions:
             self._steps.append(step)
             if self.explain:
-                reasons = step_reasons(self._executive, decisions, inferred, solver=self.solver, deadline=self.deadline)
-                step = self._steps[-1] = replace(step, reasons=reasons)
+                inquiry = Inquiry(self._executive.progress, solver=self.solver, deadline=self.deadline)
+                step = self._steps[-1] = replace(step, reasons=inquiry.step(decisions, inferred))
             if self.on_step is not None:
                 self.on_step(step)
         return decisions
-
-    @property
-    def started(self) -> bool:
-        """Whether there is anything to tell."""
-        return bool(self._steps)
 
     @property
     def wake(self) -> Fraction | None:
@@ -377,7 +372,7 @@ class Rehearsal:
     def _reasoner(self, deciding: Callable[[Progress], Reasoner], progress: Progress) -> Reasoner:
         """Who decides; the team is advised by semantics of its own, or by the same where that is what decides."""
         self._judge = SemanticReasoner(progress, solver=self.solver)
-        return self._judge if self.backend == SMT else Accompanied(deciding(progress), self._judge)
+        return self._judge if self.backend == SMT else deciding(progress)
 
     def _inferred(self) -> dict[str, tuple[str, ...]]:
         chosen = self._executive.progress.chosen

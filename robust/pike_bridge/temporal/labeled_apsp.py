@@ -17,30 +17,21 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import cached_property
 from heapq import heapify, heappop, heappush
 from typing import Final, TypeAlias
 
-from robust.pike_bridge.model import Environment, Tpnu
+from robust.pike_bridge.model import Environment, Tpnu, union
 from robust.pike_bridge.temporal.distance_graph import (
     DistanceGraph,
-    LabeledNumbers,
     LabeledValue,
+    LabeledValueSet,
     distance_graph,
-    union,
 )
 from robust.smt.limits import NEVER, Deadline
 
-Neighbours: TypeAlias = dict[int, LabeledNumbers]
-
-
-class Entry:
-    """The distance from one event to another, as a function of choices, modulo the guards of both."""
-
-    __slots__ = ("distances", "guard")
-
-    def __init__(self, distances: LabeledNumbers, guard: Environment) -> None:
-        self.distances = distances
-        self.guard = guard
+Numbers: TypeAlias = LabeledValueSet[int]
+Neighbours: TypeAlias = dict[int, Numbers]
 
 
 class Elimination:
@@ -51,7 +42,7 @@ class Elimination:
     """
 
     def __init__(self, graph: DistanceGraph, *, completions: bool, deadline: Deadline) -> None:
-        self.conflicts: Final = LabeledNumbers(graph.vocabulary)
+        self.conflicts: Final = Numbers(graph.vocabulary)
         """Environments in which no scenario has a schedule, only the most general ones [PIKE, Definition 4.1].
 
         They are not closed under completions as they are found: that every scenario without schedule entails one of
@@ -93,20 +84,20 @@ class Elimination:
                 for value, label in distances:
                     yield source, target, value, label | guard
 
-    def join(self, first: LabeledNumbers, second: LabeledNumbers, through: int, entry: Entry) -> None:
-        """Merge the sums of the distances from the entry's source to an event, and from there to its target.
+    def join(self, first: Numbers, second: Numbers, through: int, target: Numbers, ends: Environment) -> None:
+        """Merge the sums of the distances from a source to an event, and from there to a target, into those to the
+        target; `ends` are the guards of source and target.
 
         This is the body of the loops of [PIKE, Algorithm 9].
         """
         consistent, covered = self._vocabulary.consistent, self._covered
-        target, ends = entry.distances, entry.guard
         base = ends | self._guards[through]
         if not consistent(base):
             return
         ceiling = target.unconditional()
         added = []
-        others = second.pairs()
-        for value, label in first.pairs():
+        others = second.pairs
+        for value, label in first.pairs:
             self._deadline.enforce()
             start = base | label
             if not consistent(start) or covered(start):
@@ -125,10 +116,10 @@ class Elimination:
         """Whether the environment is known to be a conflict."""
         return self.conflicts.query(environment) is not None
 
-    def _contradict(self, forth: LabeledNumbers, back: LabeledNumbers, guard: Environment) -> None:
+    def _contradict(self, forth: Numbers, back: Numbers, guard: Environment) -> None:
         """Note as conflicts where two distances that lead to and fro add up to less than zero."""
-        for value, label in forth.pairs():
-            for other, other_label in back.pairs():
+        for value, label in forth.pairs:
+            for other, other_label in back.pairs:
                 if value + other >= 0:
                     break
                 whole = guard | label | other_label
@@ -138,21 +129,20 @@ class Elimination:
     def _read(self, graph: DistanceGraph) -> None:
         for edge in graph.edges:
             if edge.source != edge.target:
-                entry = self._entry(edge.source, edge.target)
-                entry.distances.add(edge.weight, edge.label & ~entry.guard)
+                both = self._guards[edge.source] | self._guards[edge.target]
+                self._entry(edge.source, edge.target).add(edge.weight, edge.label & ~both)
             elif edge.weight < 0:
                 self.conflicts.add(0, edge.label)
         if self._completions:
             for neighbours in self.after:
                 for distances in neighbours.values():
-                    distances.close(self._deadline)
+                    distances.complete(deadline=self._deadline)
 
-    def _entry(self, source: int, target: int) -> Entry:
-        distances = self.after[source].get(target)
-        if distances is None:
-            distances = LabeledNumbers(self._vocabulary)
-            self.after[source][target] = self.before[target][source] = distances
-        return Entry(distances, self._guards[source] | self._guards[target])
+    def _entry(self, source: int, target: int) -> Numbers:
+        """The distances from one event to another, modulo the guards of both."""
+        if target not in self.after[source]:
+            self.after[source][target] = self.before[target][source] = Numbers(self._vocabulary)
+        return self.after[source][target]
 
     def _degree(self, event: int) -> tuple[int, int, int]:
         degree = len(self.after[event].keys() | self.before[event].keys())
@@ -174,24 +164,24 @@ class Elimination:
         for source, first in before.items():
             del self.after[source][event]
             for target, second in after.items():
-                if target != source and self._vocabulary.consistent(guards[source] | guards[target]):
-                    self._join(source, target, first, second, event)
+                both = guards[source] | guards[target]
+                if target != source and self._vocabulary.consistent(both):
+                    entry = self._entry(source, target)
+                    self.join(first, second, event, entry, both)
+                    if not len(entry):
+                        del self.after[source][target], self.before[target][source]
         for target in after:
             del self.before[target][event]
-
-    def _join(self, source: int, target: int, first: LabeledNumbers, second: LabeledNumbers, event: int) -> None:
-        known = target in self.after[source]
-        entry = self._entry(source, target)
-        self.join(first, second, event, entry)
-        if not known and not len(entry.distances):
-            del self.after[source][target], self.before[target][source]
 
 
 class LabeledDistances:
     """D of [PIKE, Algorithm 9], a :class:`~robust.pike_bridge.temporal.distance_graph.Precedence`.
 
-    Rows are computed when they are first needed. So every method that takes events may raise OutOfTimeError, if the
-    deadline has passed, and KeyError, if there is no such event.
+    With or without completions [PIKE, Algorithm 10]. Rows are computed when they are first needed. So every method that
+    takes events may raise KeyError, if there is no such event.
+
+    Raises:
+        OutOfTimeError: if the deadline passes, now or when a row is first asked for.
     """
 
     def __init__(self, network: Tpnu, deadline: Deadline = NEVER, *, completions: bool = True) -> None:
@@ -204,9 +194,8 @@ class LabeledDistances:
         self._completions = completions
         self._deadline = deadline
         self._rank = {event: rank for rank, event in enumerate(self._elimination.order)}
-        self._rows: dict[int, list[LabeledNumbers]] = {}
-        self._prime_conflicts: LabeledNumbers | None = None
-        self._closed: dict[tuple[int, int], LabeledNumbers] = {}
+        self._rows: dict[int, list[Numbers]] = {}
+        self._closed: dict[tuple[int, int], Numbers] = {}
 
     @property
     def conflicts(self) -> tuple[Environment, ...]:
@@ -214,18 +203,7 @@ class LabeledDistances:
 
         A scenario has no schedule if and only if it entails one of them [PIKE, Theorem 4.1].
         """
-        return _labels(self._elimination.conflicts)
-
-    @property
-    def prime_conflicts(self) -> tuple[Environment, ...]:
-        """With completions, all the most general temporal conflicts, which may be many more; else as `conflicts`.
-
-        An environment none of whose scenarios has a schedule entails one of them.
-
-        Raises:
-            OutOfTimeError: if the deadline has passed.
-        """
-        return _labels(self._primes())
+        return tuple(label for _, label in self._elimination.conflicts)
 
     def conflicting(self, environment: Environment) -> bool:
         """Whether the environment is a temporal conflict; without completions, whether it is known to be one.
@@ -233,14 +211,18 @@ class LabeledDistances:
         Raises:
             OutOfTimeError: if the deadline has passed.
         """
-        return self._primes().query(environment) is not None
+        return self._primes.query(environment) is not None
 
-    def _primes(self) -> LabeledNumbers:
-        if self._prime_conflicts is None:
-            self._prime_conflicts = LabeledNumbers(self.vocabulary, self._elimination.conflicts)
-            if self._completions:
-                self._prime_conflicts.close(self._deadline)
-        return self._prime_conflicts
+    @cached_property
+    def _primes(self) -> Numbers:
+        """With completions, all the most general temporal conflicts, which may be many more; else those that are known.
+
+        An environment none of whose scenarios has a schedule entails one of them.
+        """
+        found = Numbers(self.vocabulary, self._elimination.conflicts)
+        if self._completions:
+            found.complete(deadline=self._deadline)
+        return found
 
     def query(self, source: str, target: str, environment: Environment = 0) -> Fraction | None:
         """The least known bound on t(target) − t(source) wherever both events and the environment hold; None for ∞.
@@ -271,19 +253,19 @@ class LabeledDistances:
     def _both(self, first: int, second: int) -> Environment:
         return self._graph.guards[first] | self._graph.guards[second]
 
-    def _distances(self, source: int, target: int) -> LabeledNumbers:
+    def _distances(self, source: int, target: int) -> Numbers:
         if (source, target) not in self._closed:
             if source not in self._rows:
                 self._rows[source] = self._row(source)
             self._closed[source, target] = self._close(self._rows[source][target], self._both(source, target))
         return self._closed[source, target]
 
-    def _row(self, source: int) -> list[LabeledNumbers]:
+    def _row(self, source: int) -> list[Numbers]:
         """The distances from one event to all: along later events first, then back to earlier ones.
 
         Every shortest path can be had in this form once events are eliminated [Planken et al. 2012].
         """
-        row = [LabeledNumbers(self.vocabulary) for _ in self._graph.events]
+        row = [Numbers(self.vocabulary) for _ in self._graph.events]
         row[source].add(0, 0)
         self._climb(source, row)
         for event in reversed(self._elimination.order):
@@ -292,7 +274,7 @@ class LabeledDistances:
                     self._extend(row, source, middle, event, distances)
         return row
 
-    def _climb(self, source: int, row: list[LabeledNumbers]) -> None:
+    def _climb(self, source: int, row: list[Numbers]) -> None:
         reached, ranks = {source}, [self._rank[source]]
         heapify(ranks)
         while ranks:
@@ -303,32 +285,18 @@ class LabeledDistances:
                     reached.add(event)
                     heappush(ranks, self._rank[event])
 
-    def _extend(
-        self, row: list[LabeledNumbers], source: int, middle: int, event: int, distances: LabeledNumbers
-    ) -> None:
-        if len(row[middle]) and self.vocabulary.consistent(self._both(source, event)):
-            self._elimination.join(row[middle], distances, middle, Entry(row[event], self._both(source, event)))
+    def _extend(self, row: list[Numbers], source: int, middle: int, event: int, distances: Numbers) -> None:
+        both = self._both(source, event)
+        if len(row[middle]) and self.vocabulary.consistent(both):
+            self._elimination.join(row[middle], distances, middle, row[event], both)
 
-    def _close(self, entry: LabeledNumbers, both: Environment) -> LabeledNumbers:
+    def _close(self, entry: Numbers, both: Environment) -> Numbers:
         """The entry with what follows because conflicts do not happen: in them, every bound holds."""
-        conflicts = _labels(self._primes())
+        conflicts = [label for _, label in self._primes]
         if not self._completions or not conflicts or not len(entry):
             return entry
-        least = entry.pairs()[0][0] - 1
-        whole = LabeledNumbers(self.vocabulary, entry)
+        least = entry.pairs[0][0] - 1
+        whole = Numbers(self.vocabulary, entry)
         whole.merge((least, conflict & ~both) for conflict in conflicts if self.vocabulary.consistent(conflict | both))
-        whole.close(self._deadline)
-        return LabeledNumbers(self.vocabulary, (pair for pair in whole if pair[0] > least))
-
-
-def _labels(conflicts: LabeledNumbers) -> tuple[Environment, ...]:
-    return tuple(label for _, label in conflicts)
-
-
-def labeled_distances(network: Tpnu, deadline: Deadline = NEVER, *, completions: bool = True) -> LabeledDistances:
-    """The labeled shortest paths of a network [PIKE, Algorithm 9], with or without completions [PIKE, Algorithm 10].
-
-    Raises:
-        OutOfTimeError: if the deadline passes, now or when a row is first asked for.
-    """
-    return LabeledDistances(network, deadline, completions=completions)
+        whole.complete(deadline=self._deadline)
+        return Numbers(self.vocabulary, (pair for pair in whole if pair[0] > least))

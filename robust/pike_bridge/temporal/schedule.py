@@ -7,57 +7,26 @@ only if its distance graph has no negative cycle [Dechter, Meiri and Pearl 1991]
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from robust.pike_bridge.knowledge.sat import Propositions
-from robust.pike_bridge.model import Constraint, Environment, Guard, Tpnu, entails
+from robust.pike_bridge.knowledge.sat import Propositions, satisfiable
+from robust.pike_bridge.model import Environment, Guard, Tpnu, entails, guard, union
 from robust.pike_bridge.temporal.distance_graph import DistanceEdge, DistanceGraph, distance_graph
 from robust.pike_bridge.temporal.labeled_apsp import Elimination
 from robust.pike_bridge.theory import Theory
 from robust.plan.polynomial import Polynomial
-from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session, Verdict
+from robust.smt.limits import NEVER, Deadline
+from robust.smt.session import Session
 from robust.smt.terms import Formula, Terms
 
 
-@dataclass(frozen=True, slots=True)
-class Schedule:
-    """A time for each event that the scenario activates; the earliest possible, if none is negative."""
+def schedule(network: Tpnu, scenario: Guard) -> dict[str, Fraction] | Guard:
+    """The earliest schedule of a scenario, or a temporal conflict that it entails [PIKE, Definitions 2.5 and 4.1].
 
-    times: Mapping[str, Fraction]
-
-
-@dataclass(frozen=True, slots=True)
-class CycleStep:
-    """One side of a constraint: t(target) − t(source) ≤ bound, where the constraint may run the other way."""
-
-    source: str
-    target: str
-    bound: Fraction
-    constraint: Constraint
-
-
-@dataclass(frozen=True, slots=True)
-class NegativeCycle:
-    """Steps that lead back to their first event, whose bounds add up to less than zero: they contradict each other."""
-
-    steps: tuple[CycleStep, ...]
-    guard: Guard
-    """Whenever it holds, all the steps do, so that it is a temporal conflict [PIKE, Definition 4.1]."""
-
-    @property
-    def total(self) -> Fraction:
-        """The sum of the bounds, which is negative."""
-        return sum((step.bound for step in self.steps), Fraction(0))
-
-
-def schedule(network: Tpnu, scenario: Guard) -> Schedule | NegativeCycle:
-    """The earliest schedule of a scenario, or why there is none [PIKE, Definition 2.5].
-
-    For an environment that is no full scenario, what holds in all of it counts: then a schedule says nothing of its
-    scenarios, and a negative cycle is one of each of them.
+    A schedule gives a time to each event that is activated; none is negative. For an environment that is no full
+    scenario, what holds in all of it counts: then a schedule says nothing of its scenarios.
 
     Raises:
         KeyError: if the scenario has an assignment that the network does not know.
@@ -66,24 +35,12 @@ def schedule(network: Tpnu, scenario: Guard) -> Schedule | NegativeCycle:
     environment = graph.vocabulary.encode(scenario)
     found = earliest_times(len(graph.events), graph.active(environment))
     if isinstance(found, Cycle):
-        return named_cycle(graph, found)
-    return Schedule(
-        {
-            event: Fraction(time, graph.scale)
-            for event, guard, time in zip(graph.events, graph.guards, found, strict=True)
-            if entails(environment, guard)
-        }
-    )
-
-
-def negative_cycle(network: Tpnu, scenario: Guard) -> NegativeCycle | None:
-    """Constraints of a scenario that contradict each other; None if it has a schedule.
-
-    Raises:
-        KeyError: if the scenario has an assignment that the network does not know.
-    """
-    found = schedule(network, scenario)
-    return found if isinstance(found, NegativeCycle) else None
+        return graph.vocabulary.decode(found.label)
+    return {
+        event: Fraction(time, graph.scale)
+        for event, needed, time in zip(graph.events, graph.guards, found, strict=True)
+        if entails(environment, needed)
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,24 +52,7 @@ class Cycle:
     @property
     def label(self) -> Environment:
         """The environment in which all the edges hold."""
-        label = 0
-        for edge in self.edges:
-            label |= edge.label
-        return label
-
-
-def named_cycle(graph: DistanceGraph, cycle: Cycle) -> NegativeCycle:
-    """A cycle in the terms of the network."""
-    steps = tuple(
-        CycleStep(
-            graph.events[edge.source],
-            graph.events[edge.target],
-            Fraction(edge.weight, graph.scale),
-            graph.constraints[edge.constraint],
-        )
-        for edge in cycle.edges
-    )
-    return NegativeCycle(steps, graph.vocabulary.decode(cycle.label))
+        return union(edge.label for edge in self.edges)
 
 
 def earliest_times(count: int, edges: Iterable[DistanceEdge]) -> list[int] | Cycle:
@@ -123,7 +63,7 @@ def earliest_times(count: int, edges: Iterable[DistanceEdge]) -> list[int] | Cyc
     # Seen by its source, an edge is a lower bound: t(source) ≥ t(target) − weight.
     bounds = sorted(edges, key=lambda edge: (edge.source, edge.target))
     times = [0] * count
-    reasons: list[DistanceEdge | None] = [None] * count
+    reasons: dict[int, DistanceEdge] = {}
     changed = True
     while changed:
         changed = False
@@ -139,32 +79,20 @@ def earliest_times(count: int, edges: Iterable[DistanceEdge]) -> list[int] | Cyc
     return times
 
 
-def _circle(reasons: Sequence[DistanceEdge | None]) -> Cycle | None:
+def _circle(reasons: Mapping[int, DistanceEdge]) -> Cycle | None:
     """A circle among the edges that gave each event its time; every such circle is negative."""
-    visited = [0] * len(reasons)
-    for start in range(len(reasons)):
+    visited: dict[int, int] = {}
+    for start in sorted(reasons):
         event = start
-        while not visited[event]:
-            visited[event] = start + 1
-            reason = reasons[event]
-            if reason is None:
-                break
-            event = reason.target
-        else:
-            if visited[event] == start + 1:
-                return _circle_from(event, reasons)
+        while event in reasons and event not in visited:
+            visited[event] = start
+            event = reasons[event].target
+        if visited.get(event) == start:
+            circle = [reasons[event]]
+            while circle[-1].target != event:
+                circle.append(reasons[circle[-1].target])
+            return Cycle(tuple(circle))
     return None
-
-
-def _circle_from(start: int, reasons: Sequence[DistanceEdge | None]) -> Cycle:
-    circle: list[DistanceEdge] = []
-    event = start
-    while (reason := reasons[event]) is not None:
-        circle.append(reason)
-        event = reason.target
-        if event == start:
-            break
-    return Cycle(tuple(circle))
 
 
 GROWTH = 2
@@ -203,7 +131,7 @@ def circulation(terms: Terms, propositions: Propositions, graph: DistanceGraph) 
         balance[edge.source] = balance[edge.source] - flow
         balance[edge.target] = balance[edge.target] + flow
         yield terms.at_least(flow)
-        holds = propositions.environment(graph.vocabulary.decode(edge.label))
+        holds = propositions.guard(graph.vocabulary.decode(edge.label))
         yield terms.disjunction((holds, terms.at_least(-flow)))
     for total in balance.values():
         yield terms.equal(total)
@@ -216,9 +144,8 @@ class _Search:
 
     def __init__(self, network: Tpnu, theory: Theory, deadline: Deadline, solver: str) -> None:
         self.graph = distance_graph(network)
-        self.terms = Terms()
-        domains: Mapping[str, tuple[str, ...]] = {**theory.domains, **network.domains}
-        self.propositions = Propositions(self.terms, domains)
+        self.propositions = Propositions({**theory.domains, **network.domains})
+        self.terms = self.propositions.terms
         self.conflicts: list[Environment] = []
         self._known = set(network.domains)
         self._theory = theory
@@ -239,11 +166,8 @@ class _Search:
         return replace(self.graph, edges=tuple(DistanceEdge(*edge, constraint=DERIVED) for edge in elimination.edges()))
 
     def _open(self, conflict: Environment, session: Session) -> bool:
-        with session.frame(self.propositions.environment(self.graph.vocabulary.decode(conflict))):
-            verdict = session.check("whether a conflict is possible", self._deadline)
-        if verdict is Verdict.UNKNOWN:
-            raise OutOfTimeError
-        return verdict is Verdict.SATISFIABLE
+        with session.frame(self.propositions.guard(self.graph.vocabulary.decode(conflict))):
+            return satisfiable(session, "whether a conflict is possible", self._deadline)
 
     def _note(self, conflict: Environment, session: Session) -> None:
         self.conflicts.append(conflict)
@@ -252,24 +176,16 @@ class _Search:
     def ask(self, further: Iterable[Formula]) -> Session:
         """A session for scenarios that satisfy the theory and something more."""
         session = Session(self.terms, solver=self._solver)
-        session.add_all(self.propositions.axioms, self._deadline)
-        session.add_all(map(self.propositions.formula, self._theory.constraints), self._deadline)
-        session.add_all(map(self.propositions.excluded, self._theory.conflicts), self._deadline)
+        session.add_all(self.propositions.theory(self._theory), self._deadline)
         session.add_all(further, self._deadline)
         return session
 
     def exhaust(self, session: Session) -> None:
         """Exclude from a session one conflict after the other, until it has no model or one that has a schedule."""
-        while True:
-            match session.check("a scenario without schedule", self._deadline):
-                case Verdict.UNKNOWN:
-                    raise OutOfTimeError
-                case Verdict.UNSATISFIABLE:
-                    return
-                case Verdict.SATISFIABLE:
-                    chosen = self.propositions.chosen(session)
-            scenario = self.graph.vocabulary.encode(each for each in chosen if each.variable in self._known)
-            conflict = self._conflict(scenario)
+        while satisfiable(session, "a scenario without schedule", self._deadline):
+            chosen = self.propositions.assigned(session.values(self.propositions.choices))
+            scenario = guard({name: value for name, value in chosen.items() if name in self._known})
+            conflict = self._conflict(self.graph.vocabulary.encode(scenario))
             if conflict is None:
                 return
             self._note(conflict, session)

@@ -6,8 +6,8 @@ Sound and much cheaper than labeled shortest paths, but not complete.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from math import inf
 from typing import TypeAlias
 
 from robust.pike_bridge.model import Environment, Tpnu, Vocabulary, bits
@@ -19,39 +19,29 @@ ROUNDS = 50
 
 Arrival: TypeAlias = tuple[int, int]
 """An earlier event, and the least time from it."""
-Cases: TypeAlias = tuple[tuple[Arrival, ...], ...]
-"""For each value of a choice, alternatives of which every one holds."""
-
-
-@dataclass(frozen=True, slots=True)
-class Bounds:
-    """What an event's time is at least, in the scenarios of one environment that activate it."""
-
-    event: int
-    always: tuple[Arrival, ...]
-    by_cases: tuple[Cases, ...]
+Cases: TypeAlias = Sequence[Sequence[Arrival]]
+"""Alternatives of which at least one holds, each of arrivals that then all hold: one for each value of a choice."""
 
 
 class StructuralPrecedence:
     """Precedence by unlabeled lower bounds, a :class:`~robust.pike_bridge.temporal.distance_graph.Precedence`.
 
-    With `contextual`, bounds are computed for each context that is asked about, instead of for the events' guards only.
+    Contexts only tell what is impossible: what counts are the guards of the two events. All is computed when asked.
     """
 
-    def __init__(self, network: Tpnu, deadline: Deadline = NEVER, *, contextual: bool = False) -> None:
+    def __init__(self, network: Tpnu, deadline: Deadline = NEVER) -> None:
         graph = distance_graph(network)
         self.vocabulary: Vocabulary = graph.vocabulary
-        self._graph: DistanceGraph = graph
+        self._guards = graph.guards
         self._places = graph.places
-        self._contextual = contextual
         self._deadline = deadline
         self._incoming: dict[int, list[DistanceEdge]] = defaultdict(list)
         for edge in graph.edges:
             # Seen by its source, an edge is a lower bound: t(source) ≥ t(target) − weight.
             self._incoming[edge.source].append(edge)
         self._order = _order(graph)
-        self._bounds: dict[Environment, list[Bounds]] = {}
-        self._rows: dict[tuple[int, Environment], list[int | None]] = {}
+        self._bounds: dict[Environment, list[tuple[int, Sequence[Cases]]]] = {}
+        self._rows: dict[int, list[float]] = {}
 
     def precedes(self, first: str, second: str, context: Environment) -> bool:
         """first ≺ second, by a positive lower bound that holds whenever both events and the context do.
@@ -63,104 +53,52 @@ class StructuralPrecedence:
             OutOfTimeError: if the deadline has passed.
         """
         before, after = self._places[first], self._places[second]
-        guards = self._graph.guards
-        if not self.vocabulary.consistent(context | guards[before] | guards[after]):
+        if self.conflicting(context | self._guards[before] | self._guards[after]):
             return False
-        bound = self._row(before, context if self._contextual else 0)[after]
-        return bound is not None and bound > 0
+        if before not in self._rows:
+            self._deadline.enforce()
+            self._rows[before] = self._longest(before)
+        return self._rows[before][after] > 0
 
     def conflicting(self, environment: Environment) -> bool:
         """Whether the environment contradicts itself: conflicts of times are not looked for."""
         return not self.vocabulary.consistent(environment)
 
-    def _row(self, source: int, context: Environment) -> list[int | None]:
-        whole = context | self._graph.guards[source]
-        if (source, whole) not in self._rows:
-            self._deadline.enforce()
-            self._rows[source, whole] = self._longest(source, self._bounds_in(whole))
-        return self._rows[source, whole]
-
-    def _longest(self, source: int, bounds: Sequence[Bounds]) -> list[int | None]:
-        """Lower bounds on the time from one event to all, by relaxation until nothing changes."""
-        lower: list[int | None] = [None] * len(self._graph.events)
+    def _longest(self, source: int) -> list[float]:
+        """Lower bounds on the time from one event to all, −∞ for none, by relaxation until nothing changes."""
+        guard = self._guards[source]
+        if guard not in self._bounds:
+            self._bounds[guard] = [(event, self._bounds_of(event, guard)) for event in self._order]
+        lower = [-inf] * len(self._guards)
         lower[source] = 0
         for _ in range(ROUNDS):
             changed = False
-            for bound in bounds:
-                found = _best(lower, bound)
-                known = lower[bound.event]
-                if found is not None and (known is None or found > known):
-                    lower[bound.event] = found
-                    changed = True
+            for event, bounds in self._bounds[guard]:
+                for cases in bounds:
+                    found = min(max(lower[other] + delay for other, delay in arrivals) for arrivals in cases)
+                    if found > lower[event]:
+                        lower[event] = found
+                        changed = True
             if not changed:
                 break
         return lower
 
-    def _bounds_in(self, environment: Environment) -> list[Bounds]:
-        """The bounds that count if the environment and the guard of the later event hold."""
-        if environment not in self._bounds:
-            found = (self._bounds_of(event, environment) for event in self._order)
-            self._bounds[environment] = [bound for bound in found if bound is not None]
-        return self._bounds[environment]
-
-    def _bounds_of(self, event: int, environment: Environment) -> Bounds | None:
-        whole = environment | self._graph.guards[event]
+    def _bounds_of(self, event: int, environment: Environment) -> list[Cases]:
+        """What the event's time is at least, in the scenarios of an environment that activate it."""
+        whole = environment | self._guards[event]
         if not self.vocabulary.consistent(whole):
-            return None
-        always: dict[int, int] = {}
-        by_assignment: dict[int, list[Arrival]] = defaultdict(list)
+            return []
+        found: dict[int, list[Arrival]] = defaultdict(list)
+        """By the bit of an assignment, or 0 for what always holds."""
         for edge in self._incoming[event]:
             missing = edge.label & ~whole & self.vocabulary.made
-            if not missing:
-                always[edge.target] = max(-edge.weight, always.get(edge.target, -edge.weight))
-            elif missing & (missing - 1) == 0 and self.vocabulary.consistent(edge.label | whole):
-                by_assignment[missing].append((edge.target, -edge.weight))
-        return Bounds(event, tuple(always.items()), tuple(self._cases(by_assignment)))
-
-    def _cases(self, by_assignment: Mapping[int, list[Arrival]]) -> Iterable[Cases]:
-        """The choices for each of whose values something is known, by the bit of the assignment."""
-        for bit in by_assignment:
-            field = self.vocabulary.field(self.vocabulary.assignments[bit.bit_length() - 1].variable)
-            values = [1 << position for position in bits(field)]
-            if bit == values[0] and all(value in by_assignment for value in values):
-                yield tuple(tuple(by_assignment[value]) for value in values)
-
-
-def structural_precedence(
-    network: Tpnu, deadline: Deadline = NEVER, *, contextual: bool = False
-) -> StructuralPrecedence:
-    """Precedence by the structure of a network; what it computes, it computes when asked."""
-    return StructuralPrecedence(network, deadline, contextual=contextual)
-
-
-def _best(lower: Sequence[int | None], bound: Bounds) -> int | None:
-    """The greatest lower bound that follows for an event from those of the events before it."""
-    best = _greatest(lower, bound.always)
-    for cases in bound.by_cases:
-        least = _least(lower, cases)
-        if least is not None and (best is None or least > best):
-            best = least
-    return best
-
-
-def _greatest(lower: Sequence[int | None], arrivals: Iterable[Arrival]) -> int | None:
-    best: int | None = None
-    for event, delay in arrivals:
-        known = lower[event]
-        if known is not None and (best is None or known + delay > best):
-            best = known + delay
-    return best
-
-
-def _least(lower: Sequence[int | None], cases: Cases) -> int | None:
-    """The least of what the cases give; None if nothing is known of one of them."""
-    least: int | None = None
-    for arrivals in cases:
-        found = _greatest(lower, arrivals)
-        if found is None:
-            return None
-        least = found if least is None else min(least, found)
-    return least
+            if missing & (missing - 1) == 0 and self.vocabulary.consistent(edge.label | whole):
+                found[missing].append((edge.target, -edge.weight))
+        assigned = [self.vocabulary.assignments[bit.bit_length() - 1].variable for bit in found if bit]
+        fields = [self.vocabulary.field(variable) for variable in dict.fromkeys(assigned)]
+        by_value = [[1 << position for position in bits(field)] for field in fields]
+        covered: list[Cases] = [[found[bit] for bit in values] for values in by_value if found.keys() >= set(values)]
+        return [[found[0]], *covered] if 0 in found else covered
 
 
 def _order(graph: DistanceGraph) -> list[int]:

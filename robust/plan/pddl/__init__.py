@@ -1,0 +1,1 @@
+"""PDDL: text to words, declarations, typed syntax, ground actions, and back to text."""

@@ -97,10 +97,10 @@ def condition(item: Item, scope: Scope) -> syntax.LiftedCondition:  # noqa: PLR0
         case "or":
             return syntax.Disjunction(tuple([condition(inner, scope) for inner in item.rest]), item.location)
         case "not":
-            check_operands(item, 1, "a condition")
+            check_operands(item, 1, "one condition")
             return syntax.Negation(condition(item.items[1], scope), item.location)
         case "imply":
-            check_operands(item, 2, "conditions")
+            check_operands(item, 2, "2 conditions")
             return syntax.Implication(condition(item.items[1], scope), condition(item.items[2], scope), item.location)
         case "forall" | "exists":
             variables = quantified(item, scope, "a condition")
@@ -116,18 +116,15 @@ def preference(form: Form) -> Exception:
     return unsupported(form, "a preference", "remove it, or state it as a condition that must hold")
 
 
-def check_operands(form: Form, number: int, what: str) -> None:
+def check_operands(form: Form, number: int, expected: str) -> None:
     """The form has that many operands."""
     if len(form.rest) != number:
-        expected = f"{number} {what}" if number > 1 else f"one {what.removeprefix('a ')}"
         raise fault(form, expected, found=f"{quote(form.head)} with {count(len(form.rest), 'operand')}")
 
 
 def quantified(form: Form, scope: Scope, what: str) -> tuple[syntax.TypedName, ...]:
     """The variables of `(forall (variables) ...)`; afterwards the third item exists."""
-    if len(form.items) != 3:
-        expected = f"variables in parentheses and {what}"
-        raise fault(form, expected, found=f"{quote(form.head)} with {count(len(form.rest), 'operand')}")
+    check_operands(form, 2, f"variables in parentheses and {what}")
     listed = form.items[1]
     if not isinstance(listed, Form):
         raise fault(listed, "variables in parentheses, as in (?x - type)")
@@ -137,8 +134,7 @@ def quantified(form: Form, scope: Scope, what: str) -> tuple[syntax.TypedName, .
 def _comparison(form: Form, scope: Scope) -> syntax.LiftedCondition:
     if form.head not in ("<", "<=", "=", ">=", ">"):
         raise fault(form.items[0], "a condition: a predicate, a comparison (< <= = >= >), and, or, not, imply, ...")
-    if len(form.rest) != 2:
-        raise fault(form, "two operands", found=f"'{form.head}' with {count(len(form.rest), 'operand')}")
+    check_operands(form, 2, "two operands")
     left, right = form.rest
     if form.head == "=":
         _check_known(left, scope)
@@ -299,17 +295,20 @@ def _literal(form: Form, scope: Scope, when: Timing | None) -> syntax.LiteralEff
         raise fault(form, _TIMED_EFFECT)
     if form.head != "not":
         return syntax.LiteralEffect(when, proposition(form, scope), value=True)
-    check_operands(form, 1, "a proposition")
+    return syntax.LiteralEffect(when, negated(form, scope), value=False)
+
+
+def negated(form: Form, scope: Scope) -> syntax.Proposition:
+    """The proposition in `(not (proposition))`."""
+    check_operands(form, 1, "one proposition")
     inner = form.items[1]
     if not isinstance(inner, Form):
         raise fault(inner, "a proposition in parentheses")
-    return syntax.LiteralEffect(when, proposition(inner, scope), value=False)
+    return proposition(inner, scope)
 
 
 def _update(form: Form, scope: Scope, when: Timing | None) -> syntax.NumericUpdate | syntax.ContinuousUpdate:
-    if len(form.rest) != 2:
-        found = f"'{form.head}' with {count(len(form.rest), 'operand')}"
-        raise fault(form, "a numeric function and an expression", found=found)
+    check_operands(form, 2, "a numeric function and an expression")
     update = syntax.Update(form.head)
     target = _target(form.items[1], scope)
     right = form.items[2]
@@ -387,7 +386,7 @@ def _product(factors: list[syntax.NumericExpression], timed: list[bool], form: F
 
 
 def _conditional(form: Form, scope: Scope, when: Timing | None) -> syntax.WhenEffect:
-    check_operands(form, 2, "parts, a condition and an effect")
+    check_operands(form, 2, "2 parts, a condition and an effect")
     inside = effects(form.items[2], scope, when)
     for effect in syntax.primitive(inside):
         if isinstance(effect, syntax.ContinuousUpdate):

@@ -211,23 +211,21 @@ def typed_list(items: Sequence[Item], kind: Kind, what: str) -> list[tuple[Word,
     """The words of `a b - t c - (either u v)` with the names of their types (none: not given)."""
     result: list[tuple[Word, tuple[Word, ...]]] = []
     pending: list[Word] = []
-    position = 0
-    while position < len(items):
-        item = items[position]
+    remaining = iter(items)
+    for item in remaining:
         if _is_dash(item):
             if not pending:
                 raise fault(item, f"{what} before '-'")
-            if position + 1 == len(items):
+            following = next(remaining, None)
+            if following is None:
                 raise fault(item, "a type after '-'", found="nothing after '-'")
-            types = _type_names(items[position + 1])
+            types = _type_names(following)
             result.extend((word, types) for word in pending)
             pending = []
-            position += 2
-            continue
-        if not isinstance(item, Word) or item.kind is not kind:
+        elif isinstance(item, Word) and item.kind is kind:
+            pending.append(item)
+        else:
             raise fault(item, f"{what}{' (a name that begins with ?)' if kind is Kind.VARIABLE else ''}")
-        pending.append(item)
-        position += 1
     return result + [(word, ()) for word in pending]
 
 
@@ -252,7 +250,8 @@ def types(items: Sequence[Item]) -> dict[str, frozenset[str]]:
     for word, above in typed_list(items, Kind.NAME, "the name of a type"):
         names = {parent.text for parent in above} or {OBJECT}
         if places.get(word.text) is not None and parents[word.text] != names:
-            raise fault(word, f"one declaration; the first is {_place(places[word.text])}", found=_again(word, "type"))
+            found = f"a second, different type '{word.text}'"
+            raise fault(word, f"one declaration; the first is at {places[word.text].location}", found=found)
         if word.text == OBJECT and above and names != {OBJECT}:
             raise fault(word, "no type above it: every type is below 'object'")
         places[word.text] = word
@@ -312,49 +311,48 @@ def objects(
     for declared in typed_names(items, Kind.NAME, "the name of an object", hierarchy):
         other = result.setdefault(declared.name, declared)
         if set(other.types) != set(declared.types):
-            expected = f"the type of the declaration {_place(other)}"
+            expected = f"the type of the declaration at {other.location}"
             raise fault(declared.location, expected, found=f"object '{declared.name}' with another type")
     return result
 
 
 def predicates(items: Sequence[Item], hierarchy: Mapping[str, frozenset[str]]) -> dict[str, Signature]:
-    result: dict[str, Signature] = {}
-    for item in items:
-        _add(result, _signature(item, "predicate", hierarchy), "predicate")
-    return result
+    return _signatures(items, "predicate", hierarchy)
 
 
 def functions(
     items: Sequence[Item], hierarchy: Mapping[str, frozenset[str]], predicates: Mapping[str, Signature]
 ) -> dict[str, Signature]:
     """Numeric functions; `- number` may follow them."""
-    result: dict[str, Signature] = {}
-    position = 0
-    while position < len(items):
-        item = items[position]
-        if _is_dash(item):
-            _check_numeric(items, position)
-            position += 2
+    forms: list[Item] = []
+    remaining = iter(items)
+    for item in remaining:
+        if not _is_dash(item):
+            forms.append(item)
             continue
-        signature = _signature(item, "function", hierarchy)
-        if signature.name in predicates:
-            other = predicates[signature.name]
-            expected = f"another name; it is a predicate {_place(other)}"
-            raise fault(signature.location, expected, found=f"function '{signature.name}'")
-        _add(result, signature, "function")
-        position += 1
+        kind = next(remaining, None)
+        if not forms or kind is None:
+            raise fault(item, "a function before '-' and 'number' after it")
+        if isinstance(kind, Form) and kind.head != "either":
+            raise fault(kind, "'number' after '-'")
+        if not isinstance(kind, Word) or kind.text != "number":
+            raise unsupported(kind, "a function that returns objects", "use a predicate with one more argument")
+    result = _signatures(forms, "function", hierarchy)
+    for name, signature in result.items():
+        if name in predicates:
+            expected = f"another name; it is a predicate at {predicates[name].location}"
+            raise fault(signature.location, expected, found=f"function '{name}'")
     return result
 
 
-def _check_numeric(items: Sequence[Item], position: int) -> None:
-    if position == 0 or position + 1 == len(items) or _is_dash(items[position - 1]):
-        raise fault(items[position], "a function before '-' and 'number' after it")
-    kind = items[position + 1]
-    if isinstance(kind, Word) and kind.text == "number":
-        return
-    if isinstance(kind, Form) and kind.head != "either":
-        raise fault(kind, "'number' after '-'")
-    raise unsupported(kind, "a function that returns objects", "use a predicate with one more argument")
+def _signatures(items: Sequence[Item], what: str, hierarchy: Mapping[str, frozenset[str]]) -> dict[str, Signature]:
+    known: dict[str, Signature] = {}
+    for signature in (_signature(item, what, hierarchy) for item in items):
+        other = known.setdefault(signature.name, signature)
+        if other is not signature:
+            expected = f"one declaration; the first is at {other.location}"
+            raise fault(signature.location, expected, found=f"a second {what} '{signature.name}'")
+    return known
 
 
 def _signature(item: Item, what: str, hierarchy: Mapping[str, frozenset[str]]) -> Signature:
@@ -368,13 +366,6 @@ def _signature(item: Item, what: str, hierarchy: Mapping[str, frozenset[str]]) -
     return Signature(head.text, variables(item.rest, hierarchy), head.location)
 
 
-def _add(known: dict[str, Signature], signature: Signature, what: str) -> None:
-    if signature.name in known:
-        expected = f"one declaration; the first is {_place(known[signature.name])}"
-        raise fault(signature.location, expected, found=f"a second {what} '{signature.name}'")
-    known[signature.name] = signature
-
-
 def synth_parameters(items: Sequence[Item], taken: Iterable[str]) -> tuple[str, ...]:
     """Parameters to synthesise: `?s` or `?s - number`, with names that are not `taken`."""
     if len(items) == 1 and isinstance(items[0], Form):
@@ -386,19 +377,7 @@ def synth_parameters(items: Sequence[Item], taken: Iterable[str]) -> tuple[str, 
             raise fault(kinds[0], "'number': parameters to synthesise are numbers")
         name = word.text[1:]
         if name in used or name == "duration":
-            raise duplicate_parameter(word)
+            raise fault(word, "parameters and variables of different names")
         used.add(name)
         result.append(name)
     return tuple(result)
-
-
-def duplicate_parameter(word: Word) -> InputError:
-    return fault(word, "parameters and variables of different names")
-
-
-def _again(word: Word, what: str) -> str:
-    return f"a second, different {what} '{word.text}'"
-
-
-def _place(declared: Word | TypedName | Signature) -> str:
-    return f"at {declared.location}"

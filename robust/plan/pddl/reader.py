@@ -15,11 +15,11 @@ from robust.errors import Location, did_you_mean
 from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
 from robust.plan.pddl import declarations, syntax
 from robust.plan.pddl.conditions import (
-    check_operands,
     condition,
     duration_bounds,
     effects,
     expression,
+    negated,
     timed_conditions,
 )
 from robust.plan.pddl.declarations import Scope, Vocabulary, function, proposition, unsupported
@@ -195,11 +195,7 @@ class InitialState:
             return self._number(form)
         if form.head != "not":
             return _atom(proposition(form, self._scope)), True
-        check_operands(form, 1, "a proposition")
-        inner = form.items[1]
-        if not isinstance(inner, Form):
-            raise fault(inner, "a proposition in parentheses")
-        return _atom(proposition(inner, self._scope)), False
+        return _atom(negated(form, self._scope)), False
 
     def _number(self, form: Form) -> tuple[Fluent, Fraction]:
         if len(form.rest) != 2:

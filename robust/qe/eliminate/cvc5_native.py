@@ -7,13 +7,12 @@ from fractions import Fraction
 from typing import Any
 
 from robust.errors import SolverError, UnsupportedError
-from robust.processes import stream_from_copy
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import Sense
 from robust.qe.eliminate.enumerate import polyhedra_of
 from robust.qe.eliminate.interface import Eliminator, Query, require_reals, without
 from robust.qe.nnf import FALSE, TRUE, ExpressionReader, Junction, Leaf, Literal, Nnf, Operator, Shape, fold, names_in
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, stream_from_copy
 
 try:
     import cvc5

@@ -16,16 +16,7 @@ from typing import TypeVar
 from robust.qe.conjunctions import Conjunction, irredundant, project, project_at, solve_equalities, variables_of
 from robust.qe.constraint import LinearConstraint, trim
 from robust.qe.eliminate.interface import Context, Eliminator, Query, outside, without
-from robust.qe.nnf import (
-    Leaf,
-    Literal,
-    Model,
-    Nnf,
-    Reader,
-    implicant,
-    names_in,
-    negation,
-)
+from robust.qe.nnf import Leaf, Literal, Model, Nnf, Reader, implicant, names_in, negation
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 
@@ -93,11 +84,6 @@ def satisfiable(session: Session, question: str, deadline: Deadline) -> bool:
     return verdict is Verdict.SATISFIABLE
 
 
-def model_of(session: Session, reader: Reader, names: Iterable[str]) -> Model:
-    """The values of the named symbols in the last model."""
-    return session.values(reader.symbols(names))
-
-
 @dataclass(frozen=True)
 class QueryImplicant:
     """Leaves that are true in a model of a query and imply, within its network, that the query is satisfiable.
@@ -151,7 +137,7 @@ def polyhedra_of(
     names = names_in(formula)
     while satisfiable(asked, "another polyhedron", deadline):
         chosen: dict[Leaf, None] = {}
-        implicant(formula, model_of(asked, reader, names), chosen)
+        implicant(formula, asked.values(reader.symbols(names)), chosen)
         leaves = trim(leaf for leaf in chosen if isinstance(leaf, LinearConstraint))
         piece = irredundant(complement.generalize(leaves)) or ()
         yield piece
@@ -225,7 +211,7 @@ class _Search:
         """
         if not satisfiable(self._asked, self._query.name, self._deadline):
             return None
-        model = model_of(self._asked, self._reader, self._names)
+        model = self._asked.values(self._reader.symbols(self._names))
         leaves = self._needs.generalize(self._implicant(model))
         constraints = tuple(leaf for leaf in leaves if isinstance(leaf, LinearConstraint))
         if not self._projects:
@@ -261,7 +247,7 @@ class FourierMotzkin(Eliminator):
         session.add_all([context.reader.write(without(formula, known))], deadline)
         names, eliminated = names_in(formula), query.eliminated
         while satisfiable(session, query.name, deadline):
-            found = QueryImplicant.at(query, model_of(session, context.reader, names))
+            found = QueryImplicant.at(query, session.values(context.reader.symbols(names)))
             leaves = (*query.network, *found.chosen, *found.support)
             constraints = trim(leaf for leaf in leaves if isinstance(leaf, LinearConstraint))
             piece = project(constraints, eliminated, deadline)

@@ -118,12 +118,6 @@ def require_reals(formula: Nnf, name: str) -> None:
         )
 
 
-def require_eliminator(name: str) -> None:
-    """InputError if there is no such back end."""
-    if name not in ELIMINATORS:
-        raise InputError(f"unknown back end {name!r}{did_you_mean(name, ELIMINATORS)}")
-
-
 def create_eliminator(name: str, context: Context) -> Eliminator:
     """The back end of that name.
 
@@ -131,7 +125,8 @@ def create_eliminator(name: str, context: Context) -> Eliminator:
         InputError: if there is no such back end.
         SolverError: if what it needs is not installed.
     """
-    require_eliminator(name)
+    if name not in ELIMINATORS:
+        raise InputError(f"unknown back end {name!r}{did_you_mean(name, ELIMINATORS)}")
     module, attribute = ELIMINATORS[name]
     made = getattr(import_module(module), attribute)(context)
     if not isinstance(made, Eliminator):

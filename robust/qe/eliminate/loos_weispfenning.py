@@ -17,6 +17,8 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
+from operator import or_
 
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import Coefficients, LinearConstraint, Sense, substitute_equality
@@ -32,6 +34,7 @@ from robust.qe.nnf import (
     booleans_in,
     conjunction,
     disjunction,
+    fold,
     negation,
     rebuild,
 )
@@ -100,65 +103,48 @@ def eliminate(
     return _Run(formula, names, possible, deadline, assumed).result()
 
 
+@dataclass(eq=False)
 class _Run:
     """One elimination. Sets of the symbols that are eliminated are integers, a bit for each of them."""
 
-    def __init__(
-        self,
-        formula: Nnf,
-        names: Iterable[str],
-        possible: Callable[[Nnf], bool],
-        deadline: Deadline,
-        assumed: Iterable[LinearConstraint],
-    ) -> None:
-        self._formula = formula
-        self._names = sorted(names)
+    formula: Nnf
+    names: Iterable[str]
+    possible: Callable[[Nnf], bool]
+    deadline: Deadline
+    assumed: Iterable[LinearConstraint]
+
+    def __post_init__(self) -> None:
+        self._names = sorted(self.names)
         self._bit = {name: 1 << index for index, name in enumerate(self._names)}
-        self._booleans = booleans_in(formula)
-        self._possible = possible
-        self._deadline = deadline
-        self._assumed = tuple(assumed)
+        self._booleans = booleans_in(self.formula)
+        self._assumed = tuple(self.assumed)
         self._found: dict[Nnf, tuple[int, int]] = {}
         self._results: dict[tuple[frozenset[Nnf], int], Nnf] = {}
 
     def result(self) -> Nnf:
-        formula = self._simplified(self._formula)
-        return self._simplified(perform(self._exists(formula, (1 << len(self._names)) - 1), self._deadline))
+        formula = self._simplified(self.formula)
+        return self._simplified(perform(self._exists(formula, (1 << len(self._names)) - 1), self.deadline))
 
     def _simplified(self, formula: Nnf, assumed: Iterable[Leaf] = ()) -> Nnf:
-        return simplified(formula, (*self._assumed, *assumed), self._deadline)
+        return simplified(formula, (*self._assumed, *assumed), self.deadline)
 
-    def _mask(self, root: Nnf) -> int:
-        """The symbols in a formula that are eliminated."""
-        return self._facts_of(root)[0]
+    def _mask(self, *roots: Nnf) -> int:
+        """The symbols in formulas that are eliminated."""
+        return reduce(or_, (self._facts(root)[0] for root in roots), 0)
 
     def _leaves(self, root: Nnf) -> int:
         """How many leaves the formula has, written out."""
-        return self._facts_of(root)[1]
+        return self._facts(root)[1]
 
-    def _facts_of(self, root: Nnf) -> tuple[int, int]:
-        if root in self._found:
-            return self._found[root]
-        found, bit = self._found, self._bit
-        stack = [root]
-        while stack:
-            node = stack[-1]
-            mask, leaves = 0, 0
-            if isinstance(node, Junction):
-                missing = [operand for operand in node.operands if operand not in found]
-                if missing:
-                    stack += missing
-                    continue
-                for operand in node.operands:
-                    mask |= found[operand][0]
-                    leaves += found[operand][1]
-            else:
-                leaves = 1
-                for name in node.parameters:
-                    mask |= bit.get(name, 0)
-            found[node] = mask, leaves
-            stack.pop()
-        return found[root]
+    def _facts(self, root: Nnf) -> tuple[int, int]:
+        def leaf(node: Leaf) -> tuple[int, int]:
+            return reduce(or_, (self._bit.get(name, 0) for name in node.parameters), 0), 1
+
+        def junction(_node: Junction, parts: list[tuple[int, int]]) -> tuple[int, int]:
+            return reduce(or_, (mask for mask, _ in parts), 0), sum(leaves for _, leaves in parts)
+
+        known = self._found.get(root)
+        return fold(root, leaf, junction, self._found) if known is None else known
 
     def _listed(self, mask: int) -> list[str]:
         return [name for name in self._names if self._bit[name] & mask]
@@ -202,12 +188,10 @@ class _Run:
         """∃ mask. of a conjunction that cannot be taken apart; the same ones come up again and again."""
         if len(operands) == 1:
             return (yield self._exists(operands[0], mask))
-        inside = 0
-        for operand in operands:
-            inside |= self._mask(operand)
-        key = frozenset(operands), inside & mask
+        inside = self._mask(*operands) & mask
+        key = frozenset(operands), inside
         if key not in self._results:
-            self._results[key] = yield self._connected(operands, inside & mask)
+            self._results[key] = yield self._connected(operands, inside)
         return self._results[key]
 
     def _connected(self, operands: Sequence[Nnf], mask: int) -> Task:
@@ -227,9 +211,9 @@ class _Run:
         known = [operand for operand in rest if not isinstance(operand, Junction)]
         images = []
         for case, condition in cases.items():
-            self._deadline.enforce()
+            self.deadline.enforce()
             image = self._simplified(conjunction((condition, substitute(body, name, case))), known)
-            if image is not FALSE and (self._leaves(image) < LARGE or self._possible(image)):
+            if image is not FALSE and (self._leaves(image) < LARGE or self.possible(image)):
                 images.append(image)
         united = self._simplified(conjunction((*rest, disjunction(images))))
         return (yield self._exists(united, mask & ~self._bit[name]))
@@ -240,17 +224,12 @@ class _Run:
         for operand in operands:
             if not isinstance(operand, Junction):
                 continue
-            self._deadline.enforce()
+            self.deadline.enforce()
             others = [other for other in operands if other is not operand]
             masks = [self._mask(part) & mask for part in operand.operands]
             if all(part == self._mask(operand) & mask for part in masks):
                 continue
-            groups = []
-            for group in self._groups(others, mask):
-                shared = 0
-                for member in group:
-                    shared |= self._mask(member) & mask
-                groups.append(shared)
+            groups = [self._mask(*group) & mask for group in self._groups(others, mask)]
             touched = max(sum(1 for group in groups if group & part) for part in masks)
             spared = sum(1 for group in groups if group & self._mask(operand)) - touched
             if spared > 0 and (best is None or spared > best[0]):

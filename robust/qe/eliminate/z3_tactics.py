@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from robust.errors import SolverError, UnsupportedError
-from robust.processes import stream_from_copy
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import Sense
 from robust.qe.eliminate.enumerate import polyhedra_of
@@ -23,7 +22,7 @@ from robust.qe.nnf import (
     disjunction,
     fold,
 )
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, stream_from_copy
 
 try:
     import z3
@@ -55,7 +54,7 @@ class Z3Tactic(Eliminator):
     ) -> Iterator[Conjunction]:
         def work() -> Iterator[Nnf]:
             expression = z3.simplify(build())
-            if not _has_quantifier(expression):
+            if not z3.Probe("has-quantifiers")(expression):
                 # `qe2` answers "true" to formulas without a quantifier.
                 yield from_z3(expression)
                 return
@@ -79,19 +78,6 @@ def _exists(formula: Nnf, names: Iterable[str]) -> Any:
     bound = [(z3.Bool if name in booleans else z3.Real)(name) for name in sorted(names)]
     body = to_z3(formula)
     return z3.Exists(bound, body) if bound else body
-
-
-def _has_quantifier(root: Any) -> bool:
-    seen: set[int] = set()
-    stack = [root]
-    while stack:
-        node = stack.pop()
-        if z3.is_quantifier(node):
-            return True
-        if node.get_id() not in seen:
-            seen.add(node.get_id())
-            stack += node.children()
-    return False
 
 
 def to_z3(root: Nnf) -> Any:

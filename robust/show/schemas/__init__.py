@@ -6,23 +6,11 @@ import json
 from importlib import resources
 from typing import Any
 
+_ENDING = ".schema.json"
 FILES = {
-    "robust/check/1": "check.schema.json",
-    "robust/envelope/1": "envelope.schema.json",
-    "robust/error/1": "error.schema.json",
-    "robust/region/1": "region.schema.json",
-    "robust/compare/1": "compare.schema.json",
-    "robust/certify/1": "certify.schema.json",
-    "robust/verify/1": "certify-verify.schema.json",
-    "robust/convert/1": "convert.schema.json",
-    "robust/execute/1": "execute.schema.json",
-    "robust/pike-check/1": "pike-check.schema.json",
-    "robust/pike-compile/1": "pike-compile.schema.json",
-    "robust/pike-cross/1": "pike-cross.schema.json",
-    "robust/pike-run/1": "pike-run.schema.json",
-    "robust/pike-stdio/1": "pike-stdio.schema.json",
-    "robust/pike-stdio-input/1": "pike-stdio-input.schema.json",
-    "robust/pike-plot/1": "pike-plot.schema.json",
+    f"robust/{file.name.removesuffix(_ENDING).removeprefix('certify-')}/1": file.name
+    for file in resources.files(__name__).iterdir()
+    if file.name.endswith(_ENDING)
 }
 
 

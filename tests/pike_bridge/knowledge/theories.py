@@ -1,33 +1,31 @@
 """Small random theories, and what is true of them by trying every assignment."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import product
+from collections.abc import Mapping
 
 from hypothesis import strategies as st
 
-from robust.pike_bridge.knowledge.interface import Commitment, Exclude, Require
-from robust.pike_bridge.model import Assignment, Guard, guard
-from robust.pike_bridge.theory import All, Formula, Is, Not, Some, Theory, is_model
+from robust.pike_bridge.knowledge.interface import Exclude, Require
+from robust.pike_bridge.model import Assignment, guard
+from robust.pike_bridge.theory import All, Is, Not, Some, Theory
+from tests.pike_bridge.brute_force import scenarios
 
 Model = Mapping[str, str]
 Domains = Mapping[str, tuple[str, ...]]
 
 
 @st.composite
-def domains(draw: st.DrawFn, most: int = 5) -> dict[str, tuple[str, ...]]:
+def domains(draw, most=5):
     sizes = draw(st.lists(st.sampled_from((2, 3, 2, 1)), min_size=1, max_size=most))
     return {f"v{at}": ("1", "2", "3")[:size] for at, size in enumerate(sizes)}
 
 
 @st.composite
-def environments(draw: st.DrawFn, of: Domains, most: int = 3) -> Guard:
-    names = draw(st.lists(st.sampled_from(sorted(of)), max_size=most, unique=True))
+def environments(draw, of, most=3):
+    names = draw(st.lists(st.sampled_from(sorted(of)), max_size=most, unique=True)) if of else ()
     return guard({name: draw(st.sampled_from(of[name])) for name in names})
 
 
-def formulas(of: Domains) -> st.SearchStrategy[Formula]:
+def formulas(of):
     literals = st.sampled_from([Is(Assignment(name, value)) for name, values in of.items() for value in values])
     return st.recursive(
         literals,
@@ -41,52 +39,54 @@ def formulas(of: Domains) -> st.SearchStrategy[Formula]:
 
 
 @st.composite
-def theories(draw: st.DrawFn, most: int = 5) -> Theory:
-    found = draw(domains(most))
+def theories(draw, most=5, of=None):
+    found = of or draw(domains(most))
     constraints = draw(st.lists(formulas(found), max_size=3))
     conflicts = draw(st.lists(environments(found).filter(bool), max_size=4))
     return Theory(found, tuple(constraints), tuple(conflicts))
 
 
-def commitments(of: Domains) -> st.SearchStrategy[list[Commitment]]:
+def commitments(of):
     one = st.one_of(environments(of).map(Require), environments(of).map(Exclude))
     return st.lists(one, max_size=3)
 
 
-def scenarios(of: Domains) -> Iterator[dict[str, str]]:
-    for values in product(*of.values()):
-        yield dict(zip(of, values, strict=True))
+def satisfies(scenario, formula):
+    """Whether a full assignment satisfies a formula."""
+    match formula:
+        case Is((variable, value)):
+            return scenario[variable] == value
+        case Not(operand):
+            return not satisfies(scenario, operand)
+        case All(operands):
+            return all(satisfies(scenario, each) for each in operands)
+        case Some(operands):
+            return any(satisfies(scenario, each) for each in operands)
 
 
-def models(theory: Theory) -> list[Model]:
+def is_model(scenario, theory):
+    """Whether a full assignment satisfies every constraint and resolves every conflict."""
+    return all(satisfies(scenario, each) for each in theory.constraints) and not any(
+        conflict <= guard(scenario) for conflict in theory.conflicts
+    )
+
+
+def models(theory):
     return [scenario for scenario in scenarios(theory.domains) if is_model(scenario, theory)]
 
 
-def listed(found: Iterable[Model]) -> list[tuple[tuple[str, str], ...]]:
-    return sorted(tuple(sorted(model.items())) for model in found)
+def allowed(model, step):
+    return all((each.environment <= guard(model)) == isinstance(each, Require) for each in step)
 
 
-def allowed(model: Model, step: Sequence[Commitment]) -> bool:
-    for commitment in step:
-        holds = all(model[name] == value for name, value in commitment.environment)
-        if holds != isinstance(commitment, Require):
-            return False
-    return True
-
-
-def prime_implicants(of: Domains, found: Iterable[Model]) -> set[Guard]:
+def prime_implicants(of, found):
     """The minimal environments that only models extend, among all partial assignments."""
-    known = set(listed(found))
-    partial = [
-        guard({name: value for name, value in zip(of, values, strict=True) if value is not None})
-        for values in product(*((None, *values) for values in of.values()))
-    ]
-    result: set[Guard] = set()
-    for environment in sorted(partial, key=len):
-        if any(smaller <= environment for smaller in result):
-            continue
-        fixed = dict(environment)
-        extensions = scenarios({name: (fixed[name],) if name in fixed else values for name, values in of.items()})
-        if all(tuple(sorted(each.items())) in known for each in extensions):
+    known = set(map(guard, found))
+    partial = scenarios({name: (None, *values) for name, values in of.items()})
+    result = set()
+    for fixed in sorted(partial, key=lambda fixed: sum(value is not None for value in fixed.values())):
+        environment = guard({name: value for name, value in fixed.items() if value is not None})
+        extensions = scenarios({name: values if fixed[name] is None else (fixed[name],) for name, values in of.items()})
+        if not any(smaller <= environment for smaller in result) and known.issuperset(map(guard, extensions)):
             result.add(environment)
     return result

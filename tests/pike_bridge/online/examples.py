@@ -7,13 +7,14 @@ from pathlib import Path
 from robust.errors import SolverError
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.generators.random_plans import random_plan
-from robust.pike_bridge.model import Literal
+from robust.pike_bridge.model import Activity, Event, Literal, TeamPlan, Tpnu, guard
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.progress import Outcome
-from robust.pike_bridge.online.reasoner import Accompanied
+from robust.pike_bridge.online.progress import Failed, Outcome
+from robust.pike_bridge.online.reasoner import Reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Disturbance, SimulatedTeam, Story
+from robust.pike_bridge.random_plans import random_plan
+from robust.pike_bridge.semantics import Existence, Oracle
 from robust.plan.model import Atom
 
 KITCHEN = Path(__file__).parents[3] / "robust" / "examples" / "kitchen" / "kitchen.tpnu.json"
@@ -40,6 +41,13 @@ def tale(*disturbances, **outcomes):
 
 ANY = tale()
 MUG = tale(xA1="mug")
+
+
+def working(*constraints, choices=(), most=5):
+    """Someone works from `begin` to `end`, for two or more; the event `own` is ours."""
+    events = tuple(Event(name) for name in ("begin", "end", "own"))
+    work = Activity("(work)", "begin", "end", Fraction(2), Fraction(most), agent="human")
+    return TeamPlan(Tpnu("work", choices, events, constraints, (work,)), (), ())
 
 
 def started(plan=None, reasoner=SemanticReasoner):
@@ -74,32 +82,50 @@ def watch(executive, after, *, judge=None, story=ANY, seed=0, horizon=None):
     return executive.outcome
 
 
-class Compared(Accompanied):
+def confirming(plan, asked):
+    """For `watch`: asks the oracle about each partial execution [PIKE, Theorem 4.7]; broken links are beyond it."""
+    oracle = Oracle(plan)
+
+    def confirm(executive, now, _found):
+        progress = executive.progress
+        if not progress.void:
+            answer = oracle.decide(guard(progress.chosen), progress.times, now=progress.now)
+            expected = Existence.NONE if isinstance(executive.outcome, Failed) else Existence.EXISTS
+            assert answer.verdict is expected, (plan.name, now)
+            asked.append(now)
+
+    return confirm
+
+
+class Compared(Reasoner):
     """Each question goes to both; the companion knows better.
 
     Questions raise SolverError if the answers differ.
     """
 
-    def possible(self, deadline):
-        return self._same("possible", super().possible(deadline), self.companion.possible(deadline))
+    def __init__(self, deciding, companion):
+        super().__init__(deciding.progress)
+        self.name, self.deciding, self.companion = deciding.name, deciding, companion
+
+    def _learn(self, news):
+        raise AssertionError
 
     def executable(self, event, deadline):
-        theirs = self.companion.executable(event, deadline)
-        return self._same(f"{event} executable", super().executable(event, deadline), theirs)
+        return self._same("executable", event, deadline)
 
     def could(self, environment, deadline):
-        theirs = self.companion.could(environment, deadline)
-        return self._same(f"could {sorted(environment)}", super().could(environment, deadline), theirs)
+        return self._same("could", environment, deadline)
 
     def next_time(self, deadline):
         """The earlier of both; the companion's is exact, and no other may be later."""
-        ours, theirs = super().next_time(deadline), self.companion.next_time(deadline)
+        ours, theirs = self.deciding.next_time(deadline), self.companion.next_time(deadline)
         if theirs is not None and (ours is None or ours > theirs):
             raise SolverError(f"{self.name} would look again at {ours}, {self.companion.name} at {theirs}")
         return ours
 
-    def _same(self, question, ours, theirs):
+    def _same(self, question, *about):
+        ours, theirs = (getattr(each, question)(*about) for each in (self.deciding, self.companion))
         if ours != theirs:
-            now = self.progress.now
-            raise SolverError(f"{question} at {now}? {self.name}: {ours}, {self.companion.name}: {theirs}")
+            found = f"{question} {about[:-1]} at {self.progress.now}?"
+            raise SolverError(f"{found} {self.name}: {ours}, {self.companion.name}: {theirs}")
         return ours

@@ -1,0 +1,5 @@
+(define (problem {jobs}_jobs)
+  (:domain battery)
+  (:objects {names} - job)
+  (:init (= (energy) {energy}))
+  (:goal (and (watched) {goals})))

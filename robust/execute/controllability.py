@@ -1,0 +1,275 @@
+"""Is a box weakly, dynamically and strongly controllable, and why not: verdicts that say what they are about.
+
+A box promises that *for each* parameter value in it a schedule exists, and that every allowed schedule satisfies the
+obligations. Whether a dispatcher can find the schedule is a question about the network alone:
+
+- weakly controllable: it can if it knows all values beforehand. Exact.
+- dynamically controllable: it can if it sees each contingent link end, at that moment. Exact if each parameter that
+  varies is (part of) the length of one contingent link and stands nowhere else in the network; parameters that the
+  network does not mention, such as rates and levels, do not matter. A parameter that several links share, or that
+  stands in a requirement's bound, is beyond networks with uncertainty: CONTROLLABLE is then proved with independent and
+  hidden values or by one schedule, NOT_CONTROLLABLE with values that are known beforehand, and UNKNOWN is between.
+- strongly controllable: one schedule of what it executes suits all values. Exact, for all parameters.
+
+Every box that is a decoupled robustness envelope is weakly controllable by definition. Here it is decided again, from
+the network alone: by Farkas' lemma, a point without a schedule is a negative cycle, found by an SMT query. In general
+the question is coNP-complete (Morris and Muscettola, 1999).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import KW_ONLY, dataclass
+from enum import Enum
+from fractions import Fraction
+from itertools import product
+
+from robust.encode.interface import Facet
+from robust.encode.network import TemporalNetwork
+from robust.encode.validity import Validity
+from robust.errors import RobustError
+from robust.execute import controllable_boxes as boxes
+from robust.execute.stnu import Wait, dynamic, explain, waits
+from robust.plan.model import ParametrizedPlan
+from robust.qe.box import Box, Interval
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from robust.smt.session import Session
+from robust.smt.session import Verdict as SolverVerdict
+from robust.smt.terms import Terms
+
+
+class Kind(Enum):
+    """What the dispatcher has to know: all values beforehand, those revealed so far, or none."""
+
+    WEAK = "weak"
+    DYNAMIC = "dynamic"
+    STRONG = "strong"
+
+
+class Verdict(Enum):
+    """What is known about a box."""
+
+    CONTROLLABLE = "controllable"
+    NOT_CONTROLLABLE = "not controllable"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A verdict about one kind of controllability; `reason` says why it is not CONTROLLABLE."""
+
+    kind: Kind
+    verdict: Verdict
+    reason: str | None
+    seconds: float
+
+
+MOST_CORNERS = 64
+"""How many combinations of values that are known beforehand are tried to refute what is vague."""
+
+
+@dataclass
+class Controllability:
+    """The questions about one plan and box.
+
+    Args:
+        plan: the plan whose network it is.
+        box: the box; where it is not closed, its closure is as controllable.
+        solver: for weak controllability, `z3` or `cvc5`.
+        deadline: when to give up.
+
+    Raises:
+        UnsupportedError: for a bound that is not linear in the parameters.
+    """
+
+    plan: ParametrizedPlan
+    box: Box
+    _: KW_ONLY
+    solver: str = "z3"
+    deadline: Deadline = NEVER
+
+    def __post_init__(self) -> None:
+        self.network = boxes.parametric_stnu(self.plan, self.box)
+
+    def finding(self, kind: Kind) -> Finding:
+        """The verdict about one kind; UNKNOWN if time runs out."""
+        started = time.perf_counter()
+        try:
+            verdict, reason = {Kind.WEAK: self._weak, Kind.DYNAMIC: self._dynamic, Kind.STRONG: self._strong}[kind]()
+        except OutOfTimeError:
+            verdict, reason = Verdict.UNKNOWN, "out of time"
+        return Finding(kind, verdict, reason, time.perf_counter() - started)
+
+    def findings(self) -> tuple[Finding, ...]:
+        """The verdicts about all kinds, weak first."""
+        return tuple(self.finding(kind) for kind in Kind)
+
+    def shrunk(self, kind: Kind) -> boxes.Shrunk:
+        """The max–min fair part of the box that is controllable: see :mod:`robust.execute.controllable_boxes`.
+
+        Of a box with vague parameters, it is the part that is dynamically controllable without knowing them, unless one
+        schedule suits the whole box.
+
+        Raises:
+            InputError: if not even the nominal values leave a schedule.
+            OutOfTimeError: if the deadline passes first.
+        """
+        if kind is Kind.WEAK or (kind is Kind.DYNAMIC and self._is_strong_only()):
+            return boxes.Shrunk(self.box, ())
+        wanted = (boxes.Dynamically if kind is Kind.DYNAMIC else boxes.Strongly)(self.network, self.deadline)
+        return boxes.shrink(self.plan.parameters, self.box, wanted)
+
+    def waits(self) -> tuple[Wait, ...]:
+        """Who waits for which end if the box is dynamically controllable; nobody where one schedule suits all values.
+
+        Raises:
+            InputError: if a contingent link may end before it starts, or a requirement is infinitely strong.
+            OutOfTimeError: if the deadline passes first.
+        """
+        if self._is_strong_only():
+            return ()
+        answer = dynamic(self.network.at(boxes.ends_of(self.box)), self.deadline)
+        return () if answer.cycle is not None else waits(answer)
+
+    def _is_strong_only(self) -> bool:
+        """Whether it takes a fixed schedule to know that the box is dynamically controllable."""
+        ends = boxes.ends_of(self.box)
+        exact = not self.network.vague and next(self.network.early(ends), None) is None
+        return not exact and self._obstacle(ends) is not None and self.strong_answer().is_controllable
+
+    def strong_answer(self) -> boxes.StrongAnswer:
+        """The one schedule that suits all values, or why there is none."""
+        return boxes.strong(self.network, boxes.ends_of(self.box))
+
+    # -- verdicts ------------------------------------------------------------------------------------------------------
+
+    def _weak(self) -> tuple[Verdict, str | None]:
+        """Whether every point of the closure of the box has a schedule: none is lost at open ends."""
+        terms = Terms()
+        validity = Validity(TemporalNetwork(self.plan), (), terms)
+        found = validity.broken_facet(self.box.ranges, lambda: Session(terms, solver=self.solver), self.deadline)
+        match found:
+            case None:
+                return Verdict.CONTROLLABLE, None
+            case Facet():
+                return Verdict.NOT_CONTROLLABLE, f"contradiction: {'; '.join(found.origins)}"
+            case SolverVerdict():
+                raise OutOfTimeError
+
+    def _strong(self) -> tuple[Verdict, str | None]:
+        answer = self.strong_answer()
+        if answer.is_controllable:
+            return Verdict.CONTROLLABLE, None
+        needed = "; ".join(dict.fromkeys(one.origin for one in answer.cycle))
+        if answer.endless:
+            names = ", ".join(sorted({name for name, _ in answer.endless}))
+            return Verdict.NOT_CONTROLLABLE, f"no time is late enough for all values of {names}: {needed}"
+        names = ", ".join(sorted({name for one in answer.cycle for (name, _), _ in one.form.coefficients()}))
+        return Verdict.NOT_CONTROLLABLE, f"no schedule suits all values of {names or 'the parameters'}: {needed}"
+
+    def _dynamic(self) -> tuple[Verdict, str | None]:
+        ends = boxes.ends_of(self.box)
+        reason = self._obstacle(ends)
+        if reason is None:
+            return Verdict.CONTROLLABLE, None
+        vague = {name: why for name, why in self.network.vague.items() if name in self.box.intervals}
+        if not vague and next(self.network.early(ends), None) is None:
+            return Verdict.NOT_CONTROLLABLE, reason
+        if self.strong_answer().is_controllable:
+            return Verdict.CONTROLLABLE, None
+        for known, part in self._corners(vague):
+            network = boxes.parametric_stnu(self.plan, part)
+            if not network.vague and next(network.early(boxes.ends_of(part)), None) is None:
+                answer = dynamic(network.at(boxes.ends_of(part)), self.deadline)
+                if answer.cycle is not None:
+                    beforehand = ", ".join(f"{name} = {value}" for name, value in known.items())
+                    why = explain(answer.form.stnu, answer.cycle)
+                    return Verdict.NOT_CONTROLLABLE, f"{why}, even if {beforehand} is known" if known else why
+        return Verdict.UNKNOWN, "; ".join(vague.values()) or reason
+
+    def _obstacle(self, ends: boxes.Ends) -> str | None:
+        """Why dynamic controllability is not proved; None if it is."""
+        for index, _ in self.network.early(ends):
+            return f"{self.network.links[index].origin} may end before it starts"
+        endless = self.network.endless(ends)
+        if endless:
+            return f"no time is late enough for all values of {', '.join(sorted({name for name, _ in endless}))}"
+        answer = dynamic(self.network.at(ends), self.deadline)
+        return None if answer.cycle is None else explain(answer.form.stnu, answer.cycle)
+
+    def _corners(self, vague: Mapping[str, str]) -> Iterator[tuple[dict[str, Fraction], Box]]:
+        """The box with extreme values of vague parameters known; both ends of all at once if they are many."""
+        nominal = {parameter.name: parameter.nominal for parameter in self.plan.parameters}
+        values = []
+        for name in vague:
+            interval = self.box[name]
+            known = [end for end in (interval.lower, interval.upper) if end is not None]
+            values.append(known or [nominal[name]])
+        few = 2 ** len(vague) <= MOST_CORNERS
+        corners: Iterable[tuple[Fraction, ...]] = (
+            product(*values) if few else zip(*((known[0], known[-1]) for known in values), strict=True)
+        )
+        for corner in corners:
+            chosen = dict(zip(vague, corner, strict=True))
+            fixed = {name: Interval(value, value) for name, value in chosen.items()}
+            yield chosen, Box({**self.box.intervals, **fixed})
+
+
+def shrink(
+    plan: ParametrizedPlan,
+    box: Box,
+    kind: Kind,
+    *,
+    deadline: Deadline = NEVER,
+) -> Box:
+    """The largest part of a box, max–min fair around the nominal point, that has a kind of controllability. Exact.
+
+    Raises:
+        InputError: if not even the nominal values leave a schedule.
+        UnsupportedError: for a bound that is not linear in the parameters.
+        OutOfTimeError: if the deadline passes first.
+    """
+    return Controllability(plan, box, deadline=deadline).shrunk(kind).box
+
+
+@dataclass(frozen=True)
+class ControllabilityReport:
+    """The verdicts about a box, and the part of it that has the wanted kind of controllability.
+
+    `shrunk` and `lost` are None, with a `failure`, if there is no such part or time ran out. `waits` are who waits for
+    which end, if the part is dynamically controllable and that was wanted.
+    """
+
+    wanted: Kind
+    findings: tuple[Finding, ...]
+    box: Box
+    shrunk: boxes.Shrunk | None
+    lost: boxes.Loss | None
+    failure: str | None
+    waits: tuple[str, ...]
+
+    @property
+    def was_controllable(self) -> bool:
+        """Whether the box itself is as wanted."""
+        return any(one.kind is self.wanted and one.verdict is Verdict.CONTROLLABLE for one in self.findings)
+
+
+def assess(
+    plan: ParametrizedPlan, box: Box, wanted: str, *, solver: str, timeout: float | None
+) -> ControllabilityReport:
+    """Decide all kinds for a box that is inside the envelope, and shrink it to the wanted kind."""
+    kind = Kind(wanted)
+    deadline = Deadline.after(timeout)
+    asked = Controllability(plan, box, solver=solver, deadline=deadline)
+    findings = asked.findings()
+    try:
+        shrunk = asked.shrunk(kind)
+        inside = Controllability(plan, shrunk.box, solver=solver, deadline=deadline)
+        strategy = inside.waits() if kind is Kind.DYNAMIC else ()
+    except OutOfTimeError:
+        return ControllabilityReport(kind, findings, box, None, None, "out of time", ())
+    except RobustError as error:
+        return ControllabilityReport(kind, findings, box, None, None, error.message, ())
+    lost = boxes.loss(box, shrunk.box)
+    return ControllabilityReport(kind, findings, box, shrunk, lost, None, tuple(map(str, strategy)))

@@ -1,0 +1,544 @@
+"""Networks of plans for boxes of parameter values: strong controllability, and what a box has to give up.
+
+A duration `end − start in [γ, γ]` is a contingent link: nature chooses γ in ρ(γ), and the end reveals it. So is any
+other link that an expression over parameters fixes, such as a start time `start − .zero in [γ, γ]`. A parameter in a
+bound that leaves room is never revealed by the network; there, the worst value in the box counts.
+
+Strong controllability is one schedule of what the dispatcher executes that suits all lengths that nature may choose.
+Each time point happens at an expression over parameters after the last time point before it that the dispatcher
+executes. So each requirement is a difference between two such time points that has to be at least the worst value of an
+expression over the box, and strong controllability is consistency of a simple temporal network (Vidal and Fargier,
+1999). This decides it exactly, also if several links share a parameter or requirements mention some: nothing is
+revealed to a fixed schedule.
+
+The largest part of a box that is dynamically or strongly controllable is found exactly. Both properties get lost as a
+box grows, and each reason for it is a conjunction of linear inequalities over the ends of the box: the pieces of a
+semi-reducible negative cycle are negative, or the worst values of some requirements add up. So a box that is not
+controllable tells how far its faces have to come back before that reason is void; there is no bisection and no
+tolerance.
+
+As in :mod:`robust.irr.widen`, all faces move outwards from the nominal point together, each at the speed of its
+parameter's weight, up to where they stood; those that reasons block stay, the others move on. The result is max–min
+fair, and no controllable box between it and the given one contains it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+from robust.errors import InputError, UnsupportedError
+from robust.execute.stnu import Link, Step, Stnu, dynamic
+from robust.plan.model import (
+    ZERO,
+    Bound,
+    NumericVariable,
+    Parameter,
+    ParameterReference,
+    ParametrizedPlan,
+    TimePoint,
+    TimePointKind,
+)
+from robust.plan.polynomial import Polynomial
+from robust.qe.box import Box, Face, Interval, Side
+from robust.smt.limits import Deadline
+
+Length = Polynomial[str]
+"""A linear expression over parameters."""
+Form = Polynomial[Face]
+"""A linear expression over the ends of a box."""
+Ends = Mapping[Face, Fraction | None]
+"""Where the faces of a box stand; None is infinitely far out. Whether an end belongs to the box makes no difference to
+controllability: constraints of networks include their bounds."""
+
+NOTHING = (Fraction(0), Fraction(0))
+"""Zero, as :func:`value` has it."""
+_NOTHING: Length = Polynomial({})
+_NO_FORM: Form = Polynomial({})
+
+
+def ends_of(box: Box) -> dict[Face, Fraction | None]:
+    """Both ends of every interval."""
+    return {(name, side): interval.end(side) for name, interval in box.intervals.items() for side in Side}
+
+
+def least(length: Length) -> Form:
+    """The least value of an expression in a box, over the box's ends."""
+    terms: dict[tuple[Face, ...], Fraction] = {(): length.constant_term}
+    for name, factor in length.coefficients():
+        terms[(name, Side.LOWER if factor > 0 else Side.UPPER),] = factor
+    return Polynomial(terms)
+
+
+def greatest(length: Length) -> Form:
+    """The greatest value of an expression in a box, over the box's ends."""
+    return -least(-length)
+
+
+def value(form: Form, ends: Ends) -> tuple[Fraction, Fraction]:
+    """A form's value as (how often infinity, the rest): faces that are infinitely far out are equally far."""
+    infinite, finite = Fraction(0), form.constant_term
+    for face, factor in form.coefficients():
+        end = ends[face]
+        if end is None:
+            infinite += factor * face[1].sign
+        else:
+            finite += factor * end
+    return infinite, finite
+
+
+def finite_value(form: Form, ends: Ends) -> Fraction | None:
+    """A form's value; None if it is infinite."""
+    infinite, finite = value(form, ends)
+    return None if infinite else finite
+
+
+ParametricLink = Link[Length]
+"""A link whose bounds are expressions over parameters; both are the length if it is contingent."""
+
+
+def variables_of(link: ParametricLink) -> frozenset[str]:
+    """The parameters that a link mentions."""
+    return frozenset(name for bound in (link.lower, link.upper) if bound is not None for name in bound.variables)
+
+
+@dataclass(frozen=True)
+class ParametricStnu:
+    """A plan's network for every box in which its contingent links stay legal.
+
+    `vague` are parameters that a network with uncertainty cannot express, with the reason: what is dynamically
+    controllable if they are independent and never revealed is so, but not the other way round.
+    """
+
+    points: tuple[TimePoint, ...]
+    links: tuple[ParametricLink, ...]
+    vague: Mapping[str, str]
+
+    def at(self, ends: Ends) -> Stnu:
+        """The network of a box.
+
+        Raises:
+            InputError: if a contingent link may end before it starts (see :meth:`early`), or a requirement cannot be
+                met because a face is infinitely far out (see :meth:`endless`).
+        """
+        endless = self.endless(ends)
+        if endless:
+            names = ", ".join(sorted({name for name, _ in endless}))
+            raise InputError(f"a requirement becomes infinitely strong; expected finite ends for {names}")
+        return Stnu(self.points, tuple(_concrete(link, ends) for link in self.links))
+
+    def early(self, ends: Ends) -> Iterator[tuple[int, Form]]:
+        """Contingent links that may end before they start in a box, by index, with the form that is negative.
+
+        One whose length is fixed is no matter of uncertainty, and not among them.
+        """
+        for index, link in enumerate(self.links):
+            if link.is_contingent and link.lower is not None:
+                low, high = value(least(link.lower), ends), value(greatest(link.lower), ends)
+                if low < NOTHING and low != high:
+                    yield index, least(link.lower)
+
+    def endless(self, ends: Ends) -> frozenset[Face]:
+        """Faces that are infinitely far out and make a bound of a requirement infinitely strong: none may be."""
+        found: set[Face] = set()
+        for link in self.links:
+            for extreme, bound in ((greatest, link.lower), (least, link.upper)):
+                if bound is not None and not link.is_contingent:
+                    found.update(face for face, _ in extreme(bound).coefficients() if ends[face] is None)
+        return frozenset(found)
+
+    @cached_property
+    def differences(self) -> tuple[Difference, ...]:
+        """The requirements with the worst lengths of contingent links, for every box."""
+        return _differences(self)
+
+    def form(self, step: Step) -> Form:
+        """The weight of an edge of the distance graph, over the ends of a box: never more in a larger box."""
+        link = self.links[step.link]
+        bound = link.upper if step.way.is_forwards else link.lower
+        if bound is None:
+            raise ValueError(f"{link.origin} has no bound {step.way.value}")
+        return least(bound) if step.way.is_forwards else -greatest(bound)
+
+
+def _concrete(link: ParametricLink, ends: Ends) -> Link[Fraction]:
+    if not link.is_contingent:
+        lower = None if link.lower is None else finite_value(greatest(link.lower), ends)
+        upper = None if link.upper is None else finite_value(least(link.upper), ends)
+        return Link(link.source, link.target, lower, upper, origin=link.origin)
+    length = link.lower or _NOTHING
+    low, high = finite_value(least(length), ends), finite_value(greatest(length), ends)
+    if low is not None and low == high and low < 0:
+        return Link(link.source, link.target, low, low, origin=link.origin)
+    if low is None:
+        raise InputError(f"contingent link {link.origin} has no least length; expected one of at least 0")
+    return Link(link.source, link.target, low, high, True, str(length), link.origin)
+
+
+# -- from a plan -----------------------------------------------------------------------------------------------------
+
+
+def parametric_stnu(plan: ParametrizedPlan, box: Box) -> ParametricStnu:
+    """The network of a plan, its contingent links oriented such that they have a length in the box.
+
+    Raises:
+        UnsupportedError: for a bound that is not linear in the parameters.
+    """
+    bounds = list(_bounds(plan))
+    fixed = [bound for bound in bounds if bound.lower is not None and bound.lower == bound.upper]
+    contingent = _contingent(plan, fixed, box)
+    links = [
+        *contingent.values(),
+        *(bound for bound in bounds if id(bound) not in contingent),
+        *(ParametricLink(ZERO, p, _NOTHING, None, origin=f"{p} ≥ 0") for p in plan.time_points[1:]),
+    ]
+    return ParametricStnu(plan.time_points, tuple(links), _vague(links, box))
+
+
+def _bounds(plan: ParametrizedPlan) -> Iterator[ParametricLink]:
+    """Every bound of the network; a lower and an upper bound that are equal make one link."""
+    for point in plan.time_points:
+        if point.kind is TimePointKind.TIMED_LITERAL:
+            time: Length = Polynomial.constant(point.time or Fraction(0))
+            yield ParametricLink(ZERO, point, time, time, origin=f"timed initial literal {point}")
+    for item in plan.constraints:
+        lower = None if item.lower is None else _length(item.lower)
+        upper = None if item.upper is None else _length(item.upper)
+        yield ParametricLink(item.source, item.target, lower, upper, origin=str(item))
+
+
+def _length(bound: Bound) -> Length:
+    if not bound.is_linear:
+        raise UnsupportedError(f"the bound {bound} of a temporal constraint is not linear in the parameters")
+
+    def named(variable: NumericVariable) -> Length:
+        if not isinstance(variable, ParameterReference):
+            raise TypeError(f"a temporal constraint can only mention parameters, not {variable}")
+        return Polynomial.variable(variable.name)
+
+    return bound.substitute(named)
+
+
+def _contingent(plan: ParametrizedPlan, fixed: Iterable[ParametricLink], box: Box) -> dict[int, ParametricLink]:
+    """Which of the links that fix a distance are contingent, by identity: at most one into each time point, no circles.
+
+    Durations of instances come first, also constant ones: the end of an action comes by itself.
+    """
+    duration = {(one.start, one.end) for one in plan.instances if one.durative}
+    chosen: dict[int, ParametricLink] = {}
+    before: dict[TimePoint, TimePoint] = {}
+    oriented = [(id(one), _oriented(one, duration, box)) for one in fixed]
+    oriented.sort(key=lambda pair: (pair[1].source, pair[1].target) not in duration)
+    for key, link in oriented:
+        is_duration = (link.source, link.target) in duration
+        varies = link.lower is not None and not link.lower.is_constant
+        free = link.target.kind not in {TimePointKind.ZERO, TimePointKind.TIMED_LITERAL}
+        if (is_duration or varies) and free and link.target not in before and not _follows(link, before):
+            before[link.target] = link.source
+            chosen[key] = link
+    return chosen
+
+
+def _oriented(link: ParametricLink, duration: set[tuple[TimePoint, TimePoint]], box: Box) -> ParametricLink:
+    """The link as a contingent one: from what happens first."""
+    length = link.lower or _NOTHING
+    turned = (link.target, link.source) in duration
+    if (link.source, link.target) not in duration and not turned:
+        turned = value(greatest(length), ends_of(box)) <= NOTHING
+    source, target, length = (link.target, link.source, -length) if turned else (link.source, link.target, length)
+    return ParametricLink(source, target, length, length, True, origin=link.origin)
+
+
+def _follows(link: ParametricLink, before: Mapping[TimePoint, TimePoint]) -> bool:
+    """Whether the link's source happens because of its target."""
+    point = link.source
+    while point != link.target and point in before:
+        point = before[point]
+    return point == link.target
+
+
+def _vague(links: Iterable[ParametricLink], box: Box) -> dict[str, str]:
+    lengths: Counter[str] = Counter()
+    bounds: Counter[str] = Counter()
+    for link in links:
+        (lengths if link.is_contingent else bounds).update(variables_of(link))
+    reasons = {}
+    for name, interval in box.intervals.items():
+        if interval.width == 0:
+            continue
+        if bounds[name]:
+            reasons[name] = f"{name} stands in a bound, and the network does not say what reveals it"
+        elif lengths[name] > 1:
+            reasons[name] = f"{name} is the length of {lengths[name]} links, the first of which reveals the others"
+    return reasons
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """`t_target − t_source ≥ form` between time points that the dispatcher executes; `origin` is the requirement."""
+
+    source: TimePoint
+    target: TimePoint
+    form: Form
+    origin: str
+
+
+@dataclass(frozen=True)
+class StrongAnswer:
+    """A schedule of the dispatcher's time points, or a cycle of differences whose sum is positive.
+
+    `endless` are faces that are infinitely far out although a difference grows with them: each may be at any finite
+    place as far as that difference is concerned, but not infinitely far out.
+    """
+
+    schedule: Mapping[TimePoint, Fraction] | None
+    cycle: tuple[Difference, ...]
+    endless: frozenset[Face]
+
+    @property
+    def is_controllable(self) -> bool:
+        return self.schedule is not None
+
+
+def _differences(network: ParametricStnu) -> tuple[Difference, ...]:
+    into = {link.target: link for link in network.links if link.is_contingent}
+
+    def place(point: TimePoint) -> tuple[TimePoint, Length]:
+        offset = Polynomial[str]({})
+        while point in into:
+            link = into[point]
+            offset = offset + (link.lower or 0)
+            point = link.source
+        return point, offset
+
+    base = {point: place(point) for point in network.points}
+    found: dict[tuple[TimePoint, TimePoint, Form], Difference] = {}
+    for link in network.links:
+        if not link.is_contingent:
+            (a, before), (b, after) = base[link.source], base[link.target]
+            sides = [] if link.lower is None else [(a, b, greatest(link.lower + before - after))]
+            sides += [] if link.upper is None else [(b, a, greatest(after - before - link.upper))]
+            for side in sides:
+                found.setdefault(side, Difference(*side, link.origin))
+    return tuple(found.values())
+
+
+def strong(network: ParametricStnu, ends: Ends) -> StrongAnswer:
+    """The earliest schedule that suits all parameter values in a box with these ends, or why there is none."""
+    needed = network.differences
+    endless = frozenset(face for one in needed for face, _ in one.form.coefficients() if ends[face] is None)
+    if endless:
+        first = next(one for one in needed if any(face in endless for face, _ in one.form.coefficients()))
+        return StrongAnswer(None, (first,), endless)
+    weighted = [(one, finite_value(one.form, ends) or Fraction(0)) for one in needed]
+    times = dict.fromkeys((point for one in needed for point in (one.source, one.target)), Fraction(0))
+    why: dict[TimePoint, Difference] = {}
+    late = ZERO
+    for _ in range(len(times) + 1):
+        moved = False
+        for one, weight in weighted:
+            if times[one.source] + weight > times[one.target]:
+                times[one.target] = times[one.source] + weight
+                why[one.target] = one
+                moved, late = True, one.target
+        if not moved:
+            origin = times[network.points[0]]
+            return StrongAnswer({point: time - origin for point, time in times.items()}, (), frozenset())
+    return StrongAnswer(None, _cycle(why, late), frozenset())
+
+
+def _cycle(why: Mapping[TimePoint, Difference], late: TimePoint) -> tuple[Difference, ...]:
+    """The cycle of last causes behind a time point that never settles."""
+    seen: list[TimePoint] = []
+    point = late
+    while point not in seen:
+        seen.append(point)
+        point = why[point].source
+    members = seen[seen.index(point) :]
+    return tuple(why[member] for member in reversed(members))
+
+
+HORIZON = Fraction(1_000_000)
+"""How far, in units of its weight, a face goes that may be at any finite place, but not infinitely far out."""
+
+Reason = tuple[Form, ...]
+"""A box is not controllable if all these forms over its ends are negative."""
+
+
+@dataclass(frozen=True)
+class Dynamically:
+    """Dynamic controllability; parameters that the network is vague about are taken to be independent and hidden."""
+
+    network: ParametricStnu
+    deadline: Deadline
+
+    def endless(self, ends: Ends) -> frozenset[Face]:
+        return self.network.endless(ends)
+
+    def reason(self, ends: Ends) -> Reason | None:
+        for _, form in self.network.early(ends):
+            return (form,)
+        answer = dynamic(self.network.at(ends), self.deadline)
+        if answer.cycle is None:
+            return None
+        return tuple(sum(map(self.network.form, piece), _NO_FORM) for piece in answer.cycle.pieces)
+
+
+@dataclass(frozen=True)
+class Strongly:
+    """Strong controllability."""
+
+    network: ParametricStnu
+    deadline: Deadline
+
+    def endless(self, ends: Ends) -> frozenset[Face]:
+        return strong(self.network, ends).endless
+
+    def reason(self, ends: Ends) -> Reason | None:
+        self.deadline.enforce()
+        answer = strong(self.network, ends)
+        return None if answer.is_controllable else (-sum((one.form for one in answer.cycle), _NO_FORM),)
+
+
+Property = Dynamically | Strongly
+"""What a box has to have, and every box inside it has then too.
+
+`endless` are faces that must not be infinitely far out, however the others stand; `reason` is why a box does not have
+the property.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Shrunk:
+    """The result: a box, and `cut`, its faces that could be at any finite place but were not allowed to be infinite."""
+
+    box: Box
+    cut: tuple[Face, ...]
+
+
+def shrink(parameters: Sequence[Parameter], box: Box, wanted: Property) -> Shrunk:
+    """The max–min fair part of a box around the nominal point that has a property; see the module's text.
+
+    Where the nominal value is outside the box, faces move from the middle of the interval instead.
+
+    Raises:
+        InputError: if not even the point that faces start from has the property: it has no schedule.
+        OutOfTimeError: if the property's deadline passes.
+    """
+    return _Shrinking(parameters, box, wanted).run()
+
+
+class _Shrinking:
+    def __init__(self, parameters: Sequence[Parameter], box: Box, wanted: Property) -> None:
+        self._box = box
+        self._wanted = wanted
+        self._weight = {parameter.name: parameter.weight for parameter in parameters}
+        nominal = {parameter.name: parameter.nominal for parameter in parameters}
+        self._centre = {n: middle if middle in box[n] else box[n].some_value() for n, middle in nominal.items()}
+        self._outer: dict[Face, Fraction | None] = ends_of(box)
+        self._cut = tuple(sorted(wanted.endless(self._outer), key=lambda face: (face[0], face[1].value)))
+        for face in self._cut:
+            self._outer[face] = self._place(face, HORIZON)
+        self._ends: dict[Face, Fraction | None] = {face: self._centre[face[0]] for face in self._outer}
+        self._reasons: list[Reason] = []
+
+    def run(self) -> Shrunk:
+        if self._wanted.reason(self._outer) is None:
+            self._ends = dict(self._outer)
+        else:
+            if self._wanted.reason(self._ends) is not None:
+                raise InputError("the plan's network has no schedule at the nominal values")
+            moving = [(name, side) for name in self._box.intervals for side in (Side.UPPER, Side.LOWER)]
+            at = Fraction(0)
+            while moving:
+                moving, at = self._round(moving, at)
+        cut = tuple(face for face in self._cut if self._ends[face] == self._outer[face])
+        return Shrunk(self._result(), cut)
+
+    def _round(self, moving: list[Face], at: Fraction) -> tuple[list[Face], Fraction]:
+        """Move faces outwards together until one arrives or is blocked; returns those that may go on, and where."""
+        reached = self._farthest(moving, at)
+        if reached is None:
+            self._ends.update(dict.fromkeys(moving))
+            return [], at
+        self._ends.update({face: self._place(face, reached) for face in moving})
+        going: list[Face] = []
+        for face in moving:
+            farthest = self._farthest([*going, face], reached) if self._stretch(face) != reached else reached
+            if farthest is None or farthest > reached:
+                going.append(face)
+        return going, reached
+
+    def _farthest(self, moving: Sequence[Face], at: Fraction) -> Fraction | None:
+        """The greatest stretch at which faces have not arrived and the box has the property, at least `at`.
+
+        None is infinite.
+        """
+        stretch = min((room for face in moving if (room := self._stretch(face)) is not None), default=None)
+        while stretch is None or stretch > at:
+            ends = {**self._ends, **{face: self._place(face, stretch) for face in moving}}
+            reason = self._known(ends) or self._wanted.reason(ends)
+            if reason is None:
+                return stretch
+            if reason not in self._reasons:
+                self._reasons.append(reason)
+            stretch = max((root for form in reason if (root := self._root(form, moving)) is not None), default=at)
+        return at
+
+    def _known(self, ends: Ends) -> Reason | None:
+        return next((r for r in self._reasons if all(value(form, ends) < NOTHING for form in r)), None)
+
+    def _root(self, form: Form, moving: Sequence[Face]) -> Fraction | None:
+        """At which stretch a form that falls while faces move out is zero; None if it does not depend on them."""
+        slope = Fraction(0)
+        for face, factor in form.coefficients():
+            if face in moving:
+                slope += factor * self._weight[face[0]] * face[1].sign
+        ends = {**self._ends, **{face: self._centre[face[0]] for face in moving}}
+        infinite, constant = value(form, ends)
+        return None if slope >= 0 or infinite else -constant / slope
+
+    def _stretch(self, face: Face) -> Fraction | None:
+        """At which stretch a face has arrived where it stood."""
+        end = self._outer[face]
+        return None if end is None else (end - self._centre[face[0]]) / self._weight[face[0]] * face[1].sign
+
+    def _place(self, face: Face, stretch: Fraction | None) -> Fraction | None:
+        if stretch is None:
+            return None
+        return self._centre[face[0]] + stretch * self._weight[face[0]] * face[1].sign
+
+    def _result(self) -> Box:
+        intervals = {}
+        for name, old in self._box.intervals.items():
+            low, high = self._ends[name, Side.LOWER], self._ends[name, Side.UPPER]
+            closed = low != old.lower or old.lower_closed, high != old.upper or old.upper_closed
+            intervals[name] = Interval(low, high, *closed)
+        return Box(intervals)
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """How much narrower a box has become: by face, and as a share of the total width; None is infinite.
+
+    `share` is None if the total width was infinite.
+    """
+
+    faces: Mapping[Face, Fraction | None]
+    share: Fraction | None
+
+
+def loss(box: Box, shrunk: Box) -> Loss:
+    """What a box loses if it is replaced by one inside it."""
+    before, after = ends_of(box), ends_of(shrunk)
+    faces: dict[Face, Fraction | None] = {}
+    for face, old in before.items():
+        new = after[face]
+        both = None if old is None or new is None else abs(old - new)
+        faces[face] = Fraction(0) if old == new else both
+    wide, narrow = box.total_width, shrunk.total_width
+    share = None if wide is None or narrow is None else ((wide - narrow) / wide if wide else Fraction(0))
+    return Loss(faces, share)

@@ -1,1 +1,0 @@
-"""Dispatch of parametrized plans under a box of parameter values [IRR §3, Algorithm 2]."""

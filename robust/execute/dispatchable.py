@@ -1,0 +1,574 @@
+"""Plans ready for dispatch: what does not depend on what happens is worked out once, for any number of runs.
+
+DREEX accepts what a box of parameter values allows that is proved to be inside the robustness envelope. BLEX(x), the
+baseline, accepts any duration or consumption within x per cent of what was planned, and proves nothing.
+
+The temporal network becomes tables that a dispatcher can read quickly: who waits for whom, and how long. Under a box
+that is dynamically controllable, the tables hold all that follows from the constraints and from what nature may still
+choose, with the waits of P. Morris (2014): :mod:`robust.execute.stnu`. Under any other box no
+strategy is certain; the tables then hold what follows if nature is kind. For BLEX they hold the constraints of the plan
+as they are written: it looks no further ahead than from one time point to the next [IRR, Algorithm 2].
+
+:class:`Windows` are MinMaxDispatchTime, online: when each time point may happen, given when others have happened.
+Whatever happens narrows the windows of all that its bounds reach. The tables of a closed network hold every bound that
+follows from others, so that one pass is exact: a window is that of the network in which all past times are fixed.
+
+Parameters "must be eventually observable" [IRR §3, Parametrization]. A distance between time points that is a parameter
+is revealed by the later one: a duration by the action's end, a start time by the start. A consumption or production is
+revealed by the level right after the effect, a rate by the level at the action's end, and an initial level at time
+zero.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+from functools import cached_property
+from itertools import product
+from typing import TypeVar
+
+from robust.encode.interface import EPSILON
+from robust.errors import InputError, Location, did_you_mean
+from robust.execute import controllable_boxes as boxes
+from robust.execute.stnu import Case, DynamicAnswer, ShortestPaths, dynamic
+from robust.numbers import is_number, parse_number, shorten
+from robust.plan import model
+from robust.plan.polynomial import Polynomial
+from robust.plan.timeline import Reading, State
+from robust.qe.box import Box, Interval
+
+_PLACE = Location("--executor")
+_Grouped = TypeVar("_Grouped")
+
+
+@dataclass(frozen=True, slots=True)
+class Dreex:
+    """The executor that is guided by an envelope."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blex:
+    """The optimistic baseline: `share` is the deviation that it accepts, 0.3 for BLEX(30)."""
+
+    share: Fraction
+
+    def interval(self, value: Fraction) -> Interval:
+        """[(1 − x)·v, (1 + x)·v]."""
+        ends = sorted((value * (1 - self.share), value * (1 + self.share)))
+        return Interval(ends[0], ends[1])
+
+    def box(self, plan: model.ParametrizedPlan) -> Box:
+        """The interval of every parameter, around its nominal value."""
+        return Box({one.name: self.interval(one.nominal) for one in plan.parameters})
+
+
+Executor = Dreex | Blex
+
+
+def parse_executor(text: str) -> Executor:
+    """`dreex`, or `blex:30` for 30 per cent; InputError for anything else."""
+    name, colon, share = (part.strip() for part in text.lower().partition(":"))
+    if name == "dreex" and not colon:
+        return Dreex()
+    if name != "blex":
+        message = f"found {shorten(text)}, expected dreex or blex:PER_CENT{did_you_mean(name, ('dreex', 'blex'))}"
+        raise InputError(message, _PLACE)
+    if not is_number(share):
+        raise InputError(f"found {shorten(text)}, expected a number of per cent such as blex:30", _PLACE)
+    value = parse_number(share, _PLACE)
+    if not 0 <= value <= 100:
+        raise InputError(f"found {shorten(text)}, expected from 0 to 100 per cent", _PLACE)
+    return Blex(value / 100)
+
+
+class Guarantee(Enum):
+    """What is known when execution begins, for as long as all observations are inside the box."""
+
+    DYNAMIC = "dynamic"
+    """The plan succeeds."""
+    WEAK = "weak"
+    """For all values there is a schedule that succeeds, but no strategy is certain to find it."""
+    NONE = "none"
+    """Nothing has been proved."""
+
+
+@dataclass(frozen=True, slots=True)
+class NaturalLink:
+    """A distance that is not the dispatcher's to choose: `target` is waited for once `source` has happened.
+
+    `length` is a linear expression over parameters; `allowed` are the lengths that are accepted.
+    """
+
+    source: model.TimePoint
+    target: model.TimePoint
+    length: Polynomial[str]
+    allowed: Interval
+
+    @property
+    def parameter(self) -> str | None:
+        """The parameter that the length reveals, if it is only one."""
+        variables = self.length.variables
+        return next(iter(variables)) if len(variables) == 1 else None
+
+    def revealed(self, length: Fraction) -> Fraction:
+        """The value of that parameter."""
+        ((_, factor),) = self.length.coefficients()
+        return (length - self.length.constant_term) / factor
+
+
+class DispatchNetwork:
+    """Tables of a plan's network, made once and read by any number of executions; time points are numbered.
+
+    `above[x]` has `(y, w)` for t_y ≤ t_x + w, `below[x]` has `(y, w)` for t_y ≥ t_x + w. `waits[x]` has `(activation,
+    end, delay)`: x waits until `delay` after `activation` unless `end` has happened; None: however long that takes.
+    """
+
+    def __init__(
+        self,
+        points: Sequence[model.TimePoint],
+        links: Iterable[NaturalLink],
+        edges: Iterable[tuple[int, int, Fraction]],
+        waits: Iterable[tuple[int, int, int, Fraction | None]],
+        *,
+        closed: bool,
+    ) -> None:
+        """`edges` are `(x, y, w)` for t_y − t_x ≤ w; `waits` are point, activation, end and delay.
+
+        Raises:
+            InputError: if there is no schedule, as far as a network that is not `closed` shows that.
+        """
+        self.points = tuple(points)
+        self.index: Mapping[model.TimePoint, int] = {point: i for i, point in enumerate(self.points)}
+        self.natural: Mapping[model.TimePoint, NaturalLink] = {link.target: link for link in links}
+        self.closed = closed
+        if closed:
+            paths = ShortestPaths(len(self.points), edges)
+            pairs = product(range(len(self.points)), repeat=2)
+            edges = ((x, y, weight) for x, y in pairs if (weight := paths.length(x, y)) is not None)
+        self._edges = _strongest(edges)
+        self._waits = tuple(waits)
+        self.above: list[list[tuple[int, Fraction]]] = [[] for _ in self.points]
+        self.below: list[list[tuple[int, Fraction]]] = [[] for _ in self.points]
+        self.waits: list[list[tuple[int, int, Fraction | None]]] = [[] for _ in self.points]
+        for (x, y), weight in self._edges.items():
+            self.above[x].append((y, weight))
+            self.below[y].append((x, -weight))
+        for point, activation, end, delay in self._waits:
+            self.waits[point].append((activation, end, delay))
+
+    @cached_property
+    def blockers(self) -> tuple[frozenset[int], ...]:
+        """For each time point those that must have happened first.
+
+        A time point that may coincide with a natural one waits for it, unless it brings it about: whoever starts first
+        could be wrong.
+        """
+        found: list[set[int]] = [set() for _ in self.points]
+        for (x, y), weight in self._edges.items():
+            first, second = self.points[y], self.points[x]
+            chance = first in self.natural and second not in self.natural and not self._follows(first, second)
+            if weight < 0 or (weight == 0 and chance):
+                found[x].add(y)
+        for point, activation, _, _ in self._waits:
+            found[point].add(activation)
+        return tuple(map(frozenset, found))
+
+    def _follows(self, point: model.TimePoint, cause: model.TimePoint) -> bool:
+        """Whether a natural time point happens because of another time point."""
+        while point in self.natural and point != cause:
+            point = self.natural[point].source
+        return point == cause
+
+    def tightened(self, edges: Iterable[tuple[int, int, Fraction]]) -> DispatchNetwork:
+        """The network with more edges, such as those of a parameter that has been observed."""
+        every = [*((x, y, w) for (x, y), w in self._edges.items()), *edges]
+        return DispatchNetwork(self.points, self.natural.values(), every, self._waits, closed=self.closed)
+
+
+def _strongest(edges: Iterable[tuple[int, int, Fraction]]) -> dict[tuple[int, int], Fraction]:
+    found: dict[tuple[int, int], Fraction] = {}
+    for x, y, weight in edges:
+        if x != y:
+            found[x, y] = min(weight, found.get((x, y), weight))
+        elif weight < 0:
+            raise InputError("the network has no schedule; expected one for every value in the box")
+    return found
+
+
+class Windows:
+    """The windows of one execution; time points are numbered as in the network.
+
+    `times` are those of what has happened. `lower` and `upper` are the least and the greatest time at which each time
+    point may happen, None is never too late; `cause` is what the greatest time follows from.
+    """
+
+    def __init__(self, network: DispatchNetwork) -> None:
+        self.network = network
+        self.times: dict[int, Fraction] = {}
+        self.lower = [Fraction(0)] * len(network.points)
+        self.upper: list[Fraction | None] = [None] * len(network.points)
+        self.cause: list[int | None] = [None] * len(network.points)
+
+    def happened(self, point: int, time: Fraction) -> None:
+        """A time point has happened; its time need not be in its window."""
+        self.times[point] = time
+        for other, weight in self.network.above[point]:
+            if other not in self.times:
+                latest, known = time + weight, self.upper[other]
+                if known is None or latest < known:
+                    self.upper[other], self.cause[other] = latest, point
+        for other, weight in self.network.below[point]:
+            if other not in self.times:
+                self.lower[other] = max(self.lower[other], time + weight)
+
+    def window(self, point: int) -> tuple[Fraction, Fraction | None]:
+        """The least and the greatest time at which a time point may happen."""
+        return self.lower[point], self.upper[point]
+
+    def is_late(self, point: int, now: Fraction) -> bool:
+        """Whether its greatest time has passed."""
+        upper = self.upper[point]
+        return upper is not None and upper < now
+
+    def ready(self, point: int) -> Fraction | None:
+        """From when on a time point can be dispatched, if nothing else happens; None if it waits for something."""
+        if not self.times.keys() >= self.network.blockers[point]:
+            return None
+        ready = self.lower[point]
+        for activation, end, delay in self.network.waits[point]:
+            if end not in self.times:
+                if delay is None:
+                    return None
+                ready = max(ready, self.times[activation] + delay)
+        return ready
+
+    def moments(self, points: Iterable[int], patience: Fraction) -> Iterator[Fraction]:
+        """When each of these becomes ready, and when its greatest time plus `patience` comes."""
+        for point in points:
+            ready, upper = self.ready(point), self.upper[point]
+            if ready is not None:
+                yield ready
+            if upper is not None:
+                yield upper + patience
+
+    def over(self, network: DispatchNetwork) -> Windows:
+        """The same history in another network with the same time points."""
+        fresh = Windows(network)
+        for point, time in self.times.items():
+            fresh.happened(point, time)
+        return fresh
+
+
+# -- from a plan -------------------------------------------------------------------------------------------------------
+
+
+def dispatch_network(network: boxes.ParametricStnu, box: Box, executor: Executor) -> tuple[DispatchNetwork, Guarantee]:
+    """The network of a plan under a box, and what is known of the executions that it leads to.
+
+    Raises:
+        InputError: if there is no schedule, whatever nature chooses.
+    """
+    links = [_natural(link, box, executor) for link in network.links if link.is_contingent]
+    if isinstance(executor, Blex):
+        edges = _possible_edges(network, box, links)
+        return DispatchNetwork(network.points, links, edges, (), closed=False), Guarantee.NONE
+    certain = _certain(network, box, links)
+    if certain is not None:
+        return certain, Guarantee.DYNAMIC
+    edges = _possible_edges(network, box, links)
+    return DispatchNetwork(network.points, links, edges, (), closed=True), Guarantee.WEAK
+
+
+def _natural(link: boxes.ParametricLink, box: Box, executor: Executor) -> NaturalLink:
+    length = link.lower or Polynomial({})
+    if isinstance(executor, Blex) and length.is_constant:
+        return NaturalLink(link.source, link.target, length, executor.interval(length.constant_term))
+    ends = boxes.ends_of(box)
+    lower, upper = boxes.finite_value(boxes.least(length), ends), boxes.finite_value(boxes.greatest(length), ends)
+    below = [box[name].lower_closed if factor > 0 else box[name].upper_closed for name, factor in length.coefficients()]
+    above = [box[name].upper_closed if factor > 0 else box[name].lower_closed for name, factor in length.coefficients()]
+    interval = Interval(lower, upper, lower is not None and all(below), upper is not None and all(above))
+    return NaturalLink(link.source, link.target, length, interval)
+
+
+def _possible_edges(
+    network: boxes.ParametricStnu, box: Box, links: Sequence[NaturalLink]
+) -> Iterable[tuple[int, int, Fraction]]:
+    """What holds for some values in the box: bounds are as weak as the box makes them."""
+    index = {point: i for i, point in enumerate(network.points)}
+    ends = boxes.ends_of(box)
+    for link in network.links:
+        if link.is_contingent:
+            continue
+        lower = None if link.lower is None else boxes.finite_value(boxes.least(link.lower), ends)
+        upper = None if link.upper is None else boxes.finite_value(boxes.greatest(link.upper), ends)
+        yield from _edges(index[link.source], index[link.target], lower, upper)
+    for natural in links:
+        allowed = natural.allowed
+        yield from _edges(index[natural.source], index[natural.target], allowed.lower, allowed.upper)
+
+
+def _edges(
+    source: int, target: int, lower: Fraction | None, upper: Fraction | None
+) -> Iterable[tuple[int, int, Fraction]]:
+    if upper is not None:
+        yield source, target, upper
+    if lower is not None:
+        yield target, source, -lower
+
+
+def _certain(network: boxes.ParametricStnu, box: Box, links: Sequence[NaturalLink]) -> DispatchNetwork | None:
+    """The network with all that follows from reductions; None if it is not dynamically controllable."""
+    try:
+        answer = dynamic(network.at(boxes.ends_of(box)))
+    except InputError:  # a face is infinitely far out, or a link may end before it starts: no strategy is certain
+        return None
+    return strategy(answer, links) if answer.is_controllable else None
+
+
+def strategy(answer: DynamicAnswer, links: Iterable[NaturalLink]) -> DispatchNetwork:
+    """How to execute a dynamically controllable network, in terms of time points: starts A′ = A + x become A."""
+    form, stnu = answer.form, answer.form.stnu
+    index = {point: number for number, point in enumerate(stnu.points)}
+    place = {number: (number, Fraction(0)) for number in index.values()}
+    for number, node in form.start.items():
+        link = stnu.links[number]
+        place[node] = index[link.source], link.lower or Fraction(0)
+    edges = [
+        bound
+        for one in stnu.contingents
+        for bound in _edges(index[one.source], index[one.target], one.lower, one.upper)
+    ]
+    waits: list[tuple[int, int, int, Fraction | None]] = []
+    executed = {index[point] for point in stnu.executable}
+    for edge in (*form.edges, *answer.derived):
+        length = form.length(edge.weight)
+        (source, before), (target, after) = place[edge.source], place[edge.target]
+        if edge.case is Case.ORDINARY and length is not None:
+            # t_target + after − t_source − before ≤ length
+            edges.append((source, target, length + before - after))
+        elif edge.case is Case.UPPER and edge.label is not None and edge.weight < 0 and edge.source in executed:
+            end = index[stnu.links[edge.label].target]
+            waits.append((source, target, end, None if length is None else after - length))
+    return DispatchNetwork(stnu.points, links, edges, waits, closed=True)
+
+
+class Means(Enum):
+    """How a parameter is revealed."""
+
+    TIME = "time"
+    LEVEL = "level"
+    INITIAL = "initial level"
+
+
+@dataclass(frozen=True, slots=True)
+class Revelation:
+    """`parameter` is known once `point` has happened; `instance` is the one whose time or effect reveals it."""
+
+    parameter: str
+    means: Means
+    point: model.TimePoint
+    instance: str | None
+
+
+def revelations(plan: model.ParametrizedPlan, links: Iterable[NaturalLink]) -> tuple[Revelation, ...]:
+    """What reveals each parameter of a plan; nothing may."""
+    found = [
+        Revelation(link.parameter, Means.TIME, link.target, link.target.instance)
+        for link in links
+        if link.parameter is not None
+    ]
+    for more in (_levels(plan), _initial(plan)):
+        known = {one.parameter for one in found}
+        found += [one for one in more if one.parameter not in known]
+    return tuple(dict.fromkeys(found))
+
+
+def written_fluents(plan: model.ParametrizedPlan) -> set[model.Fluent]:
+    """The fluents that change."""
+    effects = {effect.fluent for one in plan.instances for effect in one.numeric_effects}
+    flows = {effect.fluent for one in plan.instances for effect in one.continuous_effects}
+    timed = {one.target for one in plan.timed_literals if isinstance(one.target, model.Fluent)}
+    return effects | flows | timed
+
+
+def _levels(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
+    written = written_fluents(plan)
+    for instance in plan.instances:
+        for expression, point in _changes(instance):
+            name = _single(plan, expression, written)
+            if name is not None:
+                yield Revelation(name, Means.LEVEL, point, instance.identifier)
+
+
+def _changes(instance: model.ActionInstance) -> list[tuple[model.Expression, model.TimePoint]]:
+    """How much an instance changes, and when that is seen."""
+    changes = [(one.expression, instance.at(one.timing)) for one in instance.numeric_effects]
+    return changes + [(one.rate, instance.end) for one in instance.continuous_effects]
+
+
+def _variables_of(instance: model.ActionInstance) -> frozenset[model.NumericVariable]:
+    """The variables that an instance reads."""
+    conditions: list[model.Condition] = [one.condition for one in instance.durations]
+    for parts in (instance.conditions, instance.atom_effects, instance.numeric_effects):
+        conditions += [one.condition for one in parts]
+    compared = (one.expression for condition in conditions for one in model.comparisons(condition))
+    expressions = [*compared, *(expression for expression, _ in _changes(instance))]
+    return frozenset(variable for expression in expressions for variable in expression.variables)
+
+
+def _single(plan: model.ParametrizedPlan, expression: model.Expression, written: set[model.Fluent]) -> str | None:
+    """The parameter of an effect, if it is the only one in it and one value of the effect means one value of it."""
+    in_terms = with_static_values(plan, expression, written)
+    names = [variable.name for variable in in_terms.variables if isinstance(variable, model.ParameterReference)]
+    if len(names) != 1:
+        return None
+    mentions = [monomial for monomial in in_terms.terms if model.ParameterReference(names[0]) in monomial]
+    linear = len(mentions) == 1 and mentions[0].count(model.ParameterReference(names[0])) == 1
+    # A factor such as ?duration is known when the effect happens, and not zero in an effect that matters.
+    factors = [variable for variable in mentions[0] if variable != model.ParameterReference(names[0])]
+    return names[0] if linear and all(isinstance(one, model.Duration) for one in factors) else None
+
+
+def with_static_values(
+    plan: model.ParametrizedPlan, expression: model.Expression, written: set[model.Fluent]
+) -> model.Expression:
+    """An expression with the initial values of fluents that never change, which may be parameters."""
+
+    def value(variable: model.NumericVariable) -> model.Expression:
+        if isinstance(variable, model.Fluent) and variable not in written and variable in plan.initial_fluents:
+            return plan.initial_fluents[variable]
+        return Polynomial.variable(variable)
+
+    return expression.substitute(value)
+
+
+def _initial(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
+    written = written_fluents(plan)
+    for fluent, value in plan.initial_fluents.items():
+        names = [variable.name for variable in value.variables if isinstance(variable, model.ParameterReference)]
+        if fluent in written and len(names) == 1 and value.is_linear:
+            yield Revelation(names[0], Means.INITIAL, model.ZERO, None)
+
+
+def _grouped(pairs: Iterable[tuple[model.TimePoint, _Grouped]]) -> Mapping[model.TimePoint, Sequence[_Grouped]]:
+    found: dict[model.TimePoint, list[_Grouped]] = {}
+    for point, one in pairs:
+        found.setdefault(point, []).append(one)
+    return found
+
+
+@dataclass(frozen=True)
+class Dispatchable:
+    """A plan, the box of accepted parameter values, and what a dispatcher needs of them.
+
+    `guarantee` says what is known if the box is inside the plan's robustness envelope; whoever computed the box knows
+    that. `shared` are bounds of the network that become stronger when their parameters are observed.
+    """
+
+    plan: model.ParametrizedPlan
+    box: Box
+    epsilon: Fraction
+    network: DispatchNetwork
+    guarantee: Guarantee
+    revelations: tuple[Revelation, ...]
+    shared: tuple[boxes.ParametricLink, ...]
+
+    @cached_property
+    def ours(self) -> tuple[int, ...]:
+        """The time points that the dispatcher executes, by number; timed literals are not among them."""
+        fixed = {model.TimePointKind.ZERO, model.TimePointKind.TIMED_LITERAL}
+        return tuple(
+            number
+            for number, point in enumerate(self.network.points)
+            if point.kind not in fixed and point not in self.network.natural
+        )
+
+    @cached_property
+    def followers(self) -> Mapping[model.TimePoint, Sequence[NaturalLink]]:
+        """The natural links that begin with a time point."""
+        return _grouped((link.source, link) for link in self.network.natural.values())
+
+    @cached_property
+    def literals(self) -> tuple[tuple[Fraction, int], ...]:
+        """Time and number of every timed literal, in order."""
+        found = [(point.time, number) for number, point in enumerate(self.network.points) if point.time is not None]
+        return tuple(sorted(found))
+
+    @cached_property
+    def expected(self) -> Mapping[model.TimePoint, Sequence[Revelation]]:
+        """What should be observed once a time point has happened, beside its time."""
+        return _grouped((one.point, one) for one in self.revelations if one.means is not Means.TIME)
+
+    @cached_property
+    def means(self) -> Mapping[str, Means]:
+        """How each parameter is revealed; those that nothing reveals are missing."""
+        return {one.parameter: one.means for one in self.revelations}
+
+    @cached_property
+    def reads(self) -> Mapping[str, frozenset[model.NumericVariable]]:
+        """The variables that each instance reads."""
+        return {one.identifier: _variables_of(one) for one in self.plan.instances}
+
+    @cached_property
+    def varying(self) -> Mapping[str, tuple[model.Fluent, ...]]:
+        """For each instance the fluents in its effects that nothing changes: what it may consume."""
+        changed, found = written_fluents(self.plan), {}
+        for one in self.plan.instances:
+            fluents = {fluent for expression, _ in _changes(one) for fluent in model.fluents_in(expression)}
+            found[one.identifier] = tuple(sorted(fluents - changed))
+        return found
+
+    @cached_property
+    def levels(self) -> Mapping[model.Fluent, Fraction]:
+        """Initial values at nominal parameter values."""
+        reading = Reading(State(frozenset(), {}), self.plan.nominal)
+        return {fluent: reading.expression(value) for fluent, value in self.plan.initial_fluents.items()}
+
+
+def make_dispatchable(
+    plan: model.ParametrizedPlan, box: Box | None = None, executor: Executor = Dreex(), *, epsilon: Fraction = EPSILON
+) -> Dispatchable:
+    """A plan ready for dispatch.
+
+    Args:
+        plan: the plan with its network.
+        box: the accepted values of each parameter; for BLEX the default is its own, for DREEX the nominal point.
+        executor: which deviations of other durations are accepted, and how far ahead is looked.
+        epsilon: the separation of mutex time points; overdue observations are noticed after that time.
+
+    Raises:
+        InputError: for a box of other parameters, or if there is no schedule.
+        UnsupportedError: for a bound of the network that is not linear in the parameters.
+    """
+    if box is None:
+        box = executor.box(plan) if isinstance(executor, Blex) else Box.nominal(plan.parameters)
+    _check_box(plan, box)
+    parametric = boxes.parametric_stnu(plan, box)
+    network, guarantee = dispatch_network(parametric, box, executor)
+    shown, shared = revelations(plan, network.natural.values()), tuple(_shared(parametric))
+    return Dispatchable(plan, box, epsilon, network, guarantee, shown, shared)
+
+
+def _check_box(plan: model.ParametrizedPlan, box: Box) -> None:
+    names = {parameter.name for parameter in plan.parameters}
+    for name in box.intervals:
+        if name not in names:
+            raise InputError(f"found {name!r} in the box, expected a parameter of the plan{did_you_mean(name, names)}")
+    for name in names:
+        if name not in box.intervals:
+            raise InputError(f"found no interval for parameter {name!r}, expected one for every parameter")
+
+
+def _shared(network: boxes.ParametricStnu) -> list[boxes.ParametricLink]:
+    """Links that say more once their parameters are known: all but lengths that nothing else mentions."""
+    variables = [boxes.variables_of(link) for link in network.links]
+    mentions = Counter(name for names in variables for name in names)
+    return [
+        link
+        for link, names in zip(network.links, variables, strict=True)
+        if names and (not link.is_contingent or any(mentions[name] > 1 for name in names))
+    ]

@@ -1,0 +1,687 @@
+"""Simulated worlds: they carry out what a dispatcher decides, and tell it what comes of that.
+
+How long actions take, how much they consume and when things happen that nobody decides is drawn; all else is as the
+model says. An action whose condition does not hold fails: at its start, it does not happen at all; later, it ends there
+and then, without its effects at the end. Conditions over all are looked at when something happens, and once between any
+two such moments. The state is a convenience of the simulation: whether a whole execution was valid is for
+:mod:`robust.plan.simulate` to say.
+
+What is drawn, and from which distributions, is said by world files: TOML with one table for each rule; of several that
+fit, the first counts. Numbers are exact, and may be written as texts such as "1/3". Without a rule, nature does what
+the plan expects::
+
+    [[draw]]
+    duration = "prepare"          # an action, a ground action "(prepare first cap)", or an instance of the plan
+    distribution = "normal"       # or constant, uniform, half-normal
+    mean = 150                    # the planned value if left out
+    deviation = 70
+    minimum = 20                  # none if left out
+    below = "fold"                # what becomes of draws below the minimum; or "clip"
+
+    [[draw]]
+    consumption = "use"           # ground fluents that nothing changes, such as (use a b): anew for each instance
+    distribution = "uniform"
+    lower = 0.8
+    upper = "4/3"
+    relative = true               # numbers are multiples of the planned value
+
+    [[draw]]
+    parameter = "handling"        # a parameter of the plan: once for each run
+    distribution = "half-normal"
+    origin = 5                    # the planned value if left out
+    deviation = 1
+
+Draws are multiples of 1/1000, constants excepted. Every draw has a random number of its own, made of the run's seed,
+what is drawn, and how often that has been drawn before. So two executors that meet in the same world with the same seed
+have the same luck, whatever order they do things in: results can be compared pair by pair.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from fractions import Fraction
+from itertools import count
+from os import PathLike
+from random import Random
+from typing import Final, TypeVar, assert_never
+
+from robust.errors import InputError, Location, did_you_mean
+from robust.execute import dispatcher
+from robust.execute.dispatchable import Dispatchable, Means, NaturalLink
+from robust.numbers import parse_number, shorten
+from robust.plan import model
+from robust.plan.pddl.forms import read_text
+from robust.plan.polynomial import Polynomial
+from robust.plan.timeline import Reading, State
+
+GRID = 1000
+"""How many values there are from one integer to the next."""
+
+
+class Below(Enum):
+    """What becomes of draws below the minimum: folded up, to as far above it as they were below, or clipped to it."""
+
+    FOLD = "fold"
+    CLIP = "clip"
+
+
+def on_grid(value: float) -> Fraction:
+    """The nearest multiple of 1/1000."""
+    return Fraction(round(value * GRID), GRID)
+
+
+class Luck:
+    """The draws of one run; durations are never below 0."""
+
+    def __init__(self, rules: Rules, seed: int | str) -> None:
+        self.rules = rules
+        self._seed = seed
+        self._count: Counter[str] = Counter()
+        self._kept: dict[str, Fraction] = {}
+
+    def duration(self, instance: model.ActionInstance, planned: Fraction) -> Fraction | None:
+        """How long an instance takes this time; None without a rule."""
+        drawn = self._draw(self.rules.duration(instance), f"duration {instance}", planned)
+        return None if drawn is None else max(drawn, Fraction(0))
+
+    def consumption(self, instance: model.ActionInstance, fluent: model.Fluent, planned: Fraction) -> Fraction | None:
+        """The value of a fluent for an instance; None without a rule."""
+        return self._draw(self.rules.consumption(fluent), f"{fluent} of {instance}", planned)
+
+    def parameter(self, name: str, planned: Fraction, *, once: bool) -> Fraction | None:
+        """The value of a parameter; None without a rule. With `once` it stays what it was when it was drawn first."""
+        if once and name in self._kept:
+            return self._kept[name]
+        drawn = self._draw(self.rules.parameter(name), f"parameter {name}", planned)
+        if once and drawn is not None:
+            self._kept[name] = drawn
+        return drawn
+
+    def _draw(self, rule: Rule | None, what: str, planned: Fraction) -> Fraction | None:
+        if rule is None:
+            return None
+        number = self._count[what]
+        self._count[what] += 1
+        return rule.draw(planned, Random(f"{self._seed}/{what}/{number}"))  # noqa: S311 - no secrets here
+
+
+class Subject(Enum):
+    """What a rule is about."""
+
+    DURATION = "duration"
+    CONSUMPTION = "consumption"
+    PARAMETER = "parameter"
+
+
+_KEYS: Final[Mapping[str, tuple[str, ...]]] = {
+    "constant": ("value",),
+    "uniform": ("lower", "upper"),
+    "normal": ("mean", "deviation", "minimum", "below"),
+    "half-normal": ("origin", "deviation"),
+}
+_PLANNED: Final = {"value", "mean", "origin"}
+"""Keys that mean the planned value if they are left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """`numbers` are those of the file; `of` puts in the planned value."""
+
+    subject: Subject
+    name: str
+    distribution: str
+    numbers: Mapping[str, Fraction]
+    below: Below = Below.FOLD
+    relative: bool = False
+
+    def of(self, planned: Fraction) -> Mapping[str, Fraction]:
+        """The numbers of the distribution for a quantity with this planned value."""
+        unit = planned if self.relative else Fraction(1)
+        numbers = dict.fromkeys(_PLANNED.intersection(_KEYS[self.distribution]), planned)
+        numbers |= {key: value * unit for key, value in self.numbers.items()}
+        if self.distribution == "uniform":  # a negative unit turns the ends round
+            numbers["lower"], numbers["upper"] = sorted((numbers["lower"], numbers["upper"]))
+        if "deviation" in numbers:
+            numbers["deviation"] = abs(numbers["deviation"])
+        return numbers
+
+    def draw(self, planned: Fraction, random: Random) -> Fraction:
+        """One value.
+
+        A normal distribution may have a minimum [IRR §5, "described by a normal distribution with a minimum value"]; a
+        half-normal one is its origin plus the absolute value of a normal variable with mean 0.
+        """
+        numbers = self.of(planned)
+        match self.distribution:
+            case "constant":
+                return numbers["value"]
+            case "uniform":
+                drawn = on_grid(random.uniform(float(numbers["lower"]), float(numbers["upper"])))
+                return min(max(drawn, numbers["lower"]), numbers["upper"])
+            case "half-normal":
+                return numbers["origin"] + abs(on_grid(random.gauss(0.0, float(numbers["deviation"]))))
+        drawn = on_grid(random.gauss(float(numbers["mean"]), float(numbers["deviation"])))
+        minimum = numbers.get("minimum", drawn)
+        if drawn >= minimum:
+            return drawn
+        return minimum if self.below is Below.CLIP else 2 * minimum - drawn
+
+
+@dataclass(frozen=True)
+class Rules:
+    """All rules of a world."""
+
+    rules: tuple[Rule, ...] = ()
+
+    def duration(self, instance: model.ActionInstance) -> Rule | None:
+        """The rule for the duration of an instance."""
+        return self._first(Subject.DURATION, {instance.identifier, instance.action, str(instance)})
+
+    def consumption(self, fluent: model.Fluent) -> Rule | None:
+        """The rule for the value of a fluent that nothing changes."""
+        return self._first(Subject.CONSUMPTION, {fluent.function, str(fluent)})
+
+    def parameter(self, name: str) -> Rule | None:
+        return self._first(Subject.PARAMETER, {name})
+
+    def _first(self, subject: Subject, names: set[str]) -> Rule | None:
+        return next((one for one in self.rules if one.subject is subject and one.name in names), None)
+
+
+def read_rules(path: str | PathLike[str]) -> Rules:
+    """The rules in a world file; InputError if it cannot be read or is wrong."""
+    return parse_rules(read_text(path), str(path))
+
+
+def parse_rules(text: str, file: str = "<world>") -> Rules:
+    """The rules in a text; InputError names the rule and the key that is wrong."""
+    import tomllib  # noqa: PLC0415 - only needed here
+
+    try:
+        document = tomllib.loads(text, parse_float=_Decimal)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"found no TOML: {error}", Location(file)) from None
+    for key in document:
+        if key != "draw":
+            message = f"found key {shorten(key)}, expected only tables [[draw]]{did_you_mean(key, ['draw'])}"
+            raise InputError(message, Location(file))
+    tables = document.get("draw", [])
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise InputError("found a value for 'draw', expected tables [[draw]]", Location(file))
+    return Rules(tuple(_rule(table, f"{file}, draw {number}") for number, table in enumerate(tables, start=1)))
+
+
+class _Decimal(str):
+    """The text of a TOML float: its exact value counts."""
+
+    __slots__ = ()
+
+
+def _rule(table: Mapping[str, object], place: str) -> Rule:
+    location = Location(place)
+    subjects = [subject for subject in Subject if subject.value in table]
+    if len(subjects) != 1:
+        found = "none" if not subjects else " and ".join(subject.value for subject in subjects)
+        raise InputError(f"found {found}, expected one of duration, consumption and parameter", location)
+    subject = subjects[0]
+    name = table[subject.value]
+    if not isinstance(name, str) or not name.strip() or isinstance(name, _Decimal):
+        raise InputError(f"found {shorten(str(name))} for {subject.value!r}, expected a name", location)
+    kind = table.get("distribution")
+    if not isinstance(kind, str) or kind not in _KEYS:
+        hint = did_you_mean(str(kind), _KEYS)
+        raise InputError(f"found distribution {shorten(str(kind))}, expected one of {', '.join(_KEYS)}{hint}", location)
+    known = {subject.value, "distribution", "relative", *_KEYS[kind]}
+    for key in table:
+        if key not in known:
+            raise InputError(f"found key {shorten(key)}, expected another{did_you_mean(key, known)}", location)
+    below, relative = table.get("below", "fold"), table.get("relative", False)
+    if not isinstance(relative, bool):
+        raise InputError(f"found {shorten(str(relative))} for 'relative', expected true or false", location)
+    if below not in {"fold", "clip"}:
+        raise InputError(f"found {shorten(str(below))} for 'below', expected fold or clip", location)
+    numbers = {key: _number(table[key], key, location) for key in _KEYS[kind] if key != "below" and key in table}
+    rule = Rule(subject, _normal_name(subject, name), kind, numbers, Below(below), relative)
+    _check_numbers(rule, location)
+    return rule
+
+
+def _normal_name(subject: Subject, name: str) -> str:
+    """Ground actions and fluents as they are written elsewhere; identifiers keep their case."""
+    text = name.strip()
+    if text.startswith("(") and text.endswith(")"):
+        return f"({' '.join(text[1:-1].lower().split())})"
+    return text.lower() if subject is Subject.CONSUMPTION else text
+
+
+def _number(value: object, key: str, location: Location) -> Fraction:
+    if isinstance(value, int) and not isinstance(value, bool):
+        return Fraction(value)
+    if isinstance(value, str):
+        return parse_number(value.strip(), location)
+    raise InputError(f"found {shorten(str(value))} for {key!r}, expected a number", location)
+
+
+def _check_numbers(rule: Rule, location: Location) -> None:
+    for key in _KEYS[rule.distribution]:
+        if key not in rule.numbers and key not in {*_PLANNED, "minimum", "below"}:
+            raise InputError(f"found no {key!r}, expected a number for a {rule.distribution} distribution", location)
+    numbers = rule.numbers
+    if numbers.get("deviation", Fraction(0)) < 0:
+        raise InputError(f"found deviation {numbers['deviation']}, expected at least 0", location)
+    if rule.distribution == "uniform" and numbers["lower"] > numbers["upper"]:
+        raise InputError("found lower above upper, expected lower ≤ upper", location)
+    if rule.subject is Subject.DURATION:
+        least = {"uniform": "lower", "constant": "value", "half-normal": "origin"}.get(rule.distribution)
+        if least is not None and numbers.get(least, Fraction(0)) < 0:
+            raise InputError(f"found {least} {numbers[least]} of a duration, expected at least 0", location)
+        if rule.distribution == "normal" and numbers.get("minimum", Fraction(-1)) < 0:
+            found = "no minimum" if "minimum" not in numbers else f"minimum {numbers['minimum']}"
+            raise InputError(f"found {found} of a duration, expected one of at least 0", location)
+
+
+# -- carrying out ------------------------------------------------------------------------------------------------------
+
+Values = Mapping[model.NumericVariable, Fraction]
+
+
+_Conditional = TypeVar("_Conditional", model.TimedCondition, model.AtomEffect, model.NumericEffect)
+
+
+def _conditional(parts: Iterable[_Conditional], values: Values) -> tuple[_Conditional, ...]:
+    return tuple(replace(one, condition=condition_with(one.condition, values)) for one in parts)
+
+
+def with_values(instance: model.ActionInstance, values: Values) -> model.ActionInstance:
+    """The instance with these variables replaced by their values, in conditions and effects."""
+    return replace(
+        instance,
+        durations=tuple(replace(one, condition=_comparison(one.condition, values)) for one in instance.durations),
+        conditions=_conditional(instance.conditions, values),
+        atom_effects=_conditional(instance.atom_effects, values),
+        numeric_effects=tuple(
+            replace(one, expression=expression_with(one.expression, values))
+            for one in _conditional(instance.numeric_effects, values)
+        ),
+        continuous_effects=tuple(
+            replace(one, rate=expression_with(one.rate, values)) for one in instance.continuous_effects
+        ),
+    )
+
+
+def expression_with(expression: model.Expression, values: Values) -> model.Expression:
+    """An expression with these variables replaced by their values."""
+
+    def value(variable: model.NumericVariable) -> model.Expression:
+        known = values.get(variable)
+        return Polynomial.variable(variable) if known is None else Polynomial.constant(known)
+
+    return expression.substitute(value)
+
+
+def _comparison(condition: model.Comparison, values: Values) -> model.Comparison:
+    return model.Comparison(expression_with(condition.expression, values), condition.relation)
+
+
+def condition_with(condition: model.Condition, values: Values) -> model.Condition:
+    """A condition with these variables replaced by their values."""
+    match condition:
+        case model.Truth() | model.Holds():
+            return condition
+        case model.Comparison():
+            return _comparison(condition, values)
+        case model.And(operands) | model.Or(operands):
+            return type(condition)(tuple(condition_with(one, values) for one in operands))
+    assert_never(condition)
+
+
+class WorldState:
+    """Atoms, fluents and the moment; `flows` are the rates of running instances by their identifier."""
+
+    def __init__(
+        self, atoms: Iterable[model.Atom], fluents: Mapping[model.Fluent, Fraction], time: Fraction = Fraction(0)
+    ) -> None:
+        self.atoms = set(atoms)
+        self.fluents = dict(fluents)
+        self.time = time
+        self.flows: dict[str, tuple[tuple[model.Fluent, Fraction], ...]] = {}
+
+    def snapshot(self) -> State:
+        """A copy that does not change any more."""
+        return State(frozenset(self.atoms), dict(self.fluents))
+
+    def advance(self, time: Fraction) -> None:
+        """Let time pass: fluents change continuously."""
+        if self.flows and time > self.time:
+            for flow in self.flows.values():
+                for fluent, rate in flow:
+                    self.fluents[fluent] += rate * (time - self.time)
+        self.time = max(self.time, time)
+
+    def unmet(
+        self, instance: model.ActionInstance, timing: model.Timing, duration: Fraction | None = None
+    ) -> model.TimedCondition | None:
+        """The first condition of an instance, of that timing, that does not hold now.
+
+        Conditions that read `?duration` hold until the duration is known.
+        """
+        reading = self._reading(duration)
+        for one in instance.conditions:
+            compared = (part.expression.variables for part in model.comparisons(one.condition))
+            readable = duration is not None or not any(model.Duration() in variables for variables in compared)
+            if one.timing is timing and readable and not reading.holds(one.condition):
+                return one
+        return None
+
+    def apply(self, instance: model.ActionInstance, timing: model.Timing, duration: Fraction | None = None) -> None:
+        """The effects of an instance at one of its time points; all of them read the state before any."""
+        reading = self._reading(duration)
+        adds = [one for one in instance.atom_effects if one.timing is timing and reading.holds(one.condition)]
+        changes = [
+            (one, reading.expression(one.expression))
+            for one in instance.numeric_effects
+            if one.timing is timing and reading.holds(one.condition)
+        ]
+        self.atoms.difference_update([one.atom for one in adds if not one.value])
+        self.atoms.update([one.atom for one in adds if one.value])
+        for effect, value in sorted(changes, key=lambda change: change[0].operator is model.Assignment.INCREASE):
+            if effect.operator is model.Assignment.ASSIGN:
+                self.fluents[effect.fluent] = value
+            else:
+                self.fluents[effect.fluent] = reading.variable(effect.fluent) + value
+
+    def begin_flows(self, instance: model.ActionInstance, duration: Fraction | None) -> None:
+        """Continuous effects set in; their rates stay as they are now."""
+        reading = self._reading(duration)
+        flow = tuple((one.fluent, reading.expression(one.rate)) for one in instance.continuous_effects)
+        self.flows.update({instance.identifier: flow} if flow else {})
+
+    def pass_literal(self, literal: model.TimedLiteral) -> None:
+        """A timed initial literal takes effect."""
+        match literal.target:
+            case model.Fluent():
+                self.fluents[literal.target] = Fraction(literal.value)
+            case atom if literal.value:
+                self.atoms.add(atom)
+            case atom:
+                self.atoms.discard(atom)
+
+    def _reading(self, duration: Fraction | None) -> Reading:
+        return Reading(State(frozenset(self.atoms), self.fluents), {}, duration)
+
+
+class Outcome(Enum):
+    """What became of an instance."""
+
+    DONE = "done"
+    FAILED = "failed"
+    """A condition stopped to hold."""
+    STOPPED = "stopped"
+    """It was running when the plan was given up, and was not waited for."""
+    RUNNING = "running"
+
+
+@dataclass(slots=True)
+class Executed:
+    """What happened to one instance, with the values that were actual: parameters are replaced in `instance`.
+
+    Times are from the beginning of the plan. `natural` says that the duration was not the dispatcher's to choose.
+    """
+
+    instance: model.ActionInstance
+    start: Fraction
+    end: Fraction | None
+    outcome: Outcome
+    natural: bool
+
+
+class SimulatedWorld:
+    """One run of a plan in a world; see :class:`robust.execute.drive.World`. Time begins at 0.
+
+    Args:
+        dispatchable: the plan.
+        luck: what nature draws.
+        levels_known: whether initial levels are facts, as in a plan for the state that another one has reached; else
+            those that are parameters are drawn.
+    """
+
+    def __init__(self, dispatchable: Dispatchable, luck: Luck, *, levels_known: bool = False) -> None:
+        self.dispatchable = dispatchable
+        self.executed: dict[str, Executed] = {}
+        plan = dispatchable.plan
+        self._luck = luck
+        self._values = {one.name: self._drawn(one, levels_known=levels_known) for one in plan.parameters}
+        self._consumed: dict[tuple[str, model.Fluent], Fraction] = {}
+        self._due: dict[str, Fraction] = {}
+        """When what is running will end, where that is known."""
+        self._changed = True
+        self._given_up = False
+        self._messages: list[dispatcher.Message] = []
+        self._agenda: list[tuple[Fraction, int, Callable[[Fraction], None]]] = []
+        self._order = count()
+        self.initial = self._initial_levels()
+        """The fluents at time 0 as they really are."""
+        self.state = WorldState(plan.initial_atoms, self.initial)
+        for literal in plan.timed_literals:
+            self._plan_for(literal.time, lambda _, literal=literal: self.state.pass_literal(literal))  # type: ignore[misc]
+        self._follow(model.ZERO, Fraction(0))
+
+    @property
+    def values(self) -> dict[model.NumericVariable, Fraction]:
+        """The actual values of parameters; a duration has its value from the start of its action on."""
+        return {model.ParameterReference(name): value for name, value in self._values.items()}
+
+    # -- the world ---------------------------------------------------------------------------------------------------
+
+    def receive(self, now: Fraction, decisions: Sequence[dispatcher.Decision]) -> None:
+        for decision in decisions:
+            match decision:
+                case dispatcher.Dispatch(point) if point.kind is model.TimePointKind.END:
+                    self._end(point.instance or "", now)
+                case dispatcher.Dispatch(point):
+                    self._start(point, now)
+                case _:
+                    self._given_up |= isinstance(decision, dispatcher.Ending)
+
+    @property
+    def next_time(self) -> Fraction | None:
+        if self._messages:
+            return self.state.time
+        return self._agenda[0][0] if self._agenda else None
+
+    def messages(self, now: Fraction) -> Sequence[dispatcher.Message]:
+        self.pass_until(now)
+        messages, self._messages = self._messages, []
+        return messages
+
+    def pass_until(self, now: Fraction) -> None:
+        """Let everything happen that happens by itself up to a moment, and let time pass."""
+        while self._agenda and self._agenda[0][0] <= now:
+            time, _, act = heapq.heappop(self._agenda)
+            self._pass(time)
+            self._check_at(time)
+            act(time)
+            self._check_at(time)
+        self._pass(now)
+
+    def stop(self, now: Fraction) -> None:
+        """End what is running, there and then."""
+        self.pass_until(now)
+        for one in self._running:
+            self._finish(one, now, Outcome.STOPPED)
+
+    # -- instances ---------------------------------------------------------------------------------------------------
+
+    def _start(self, point: model.TimePoint, now: Fraction) -> None:
+        self._pass(now)
+        identifier = point.instance or ""
+        planned = self.dispatchable.plan.instance[identifier]
+        ending = next((link for link in self.dispatchable.followers.get(point, ()) if link.target == planned.end), None)
+        duration = None if ending is None or not planned.durative else self._length(ending)
+        instance = self._actual(planned, duration)
+        unmet = self.state.unmet(instance, model.Timing.AT_START, duration)
+        if unmet is not None:
+            self._messages.append(dispatcher.Failed(identifier, now, f"{unmet.text} does not hold"))
+            return
+        self.state.apply(instance, model.Timing.AT_START, duration)
+        done = not planned.durative
+        outcome = Outcome.DONE if done else Outcome.RUNNING
+        self.executed[identifier] = Executed(instance, now, now if done else None, outcome, duration is not None)
+        if not done:
+            self.state.begin_flows(instance, duration)
+        self._check_at(now)
+        self._reveal(point)
+        if duration is not None:
+            self._due[identifier] = now + duration
+            self._plan_for(now + duration, lambda time: self._complete(identifier, time))
+        self._follow(point, now)
+
+    def _complete(self, identifier: str, time: Fraction) -> None:
+        if self.executed[identifier].outcome is Outcome.RUNNING and self._end(identifier, time):
+            self._messages.append(dispatcher.Completed(identifier, time))
+
+    def _end(self, identifier: str, now: Fraction) -> bool:
+        """Whether the instance ended as it should."""
+        one = self.executed.get(identifier)
+        if one is None or one.outcome is not Outcome.RUNNING:
+            return False
+        self._pass(now)
+        duration = now - one.start
+        unmet = self.state.unmet(one.instance, model.Timing.AT_END, duration)
+        if unmet is not None:
+            self._fail(one, now, unmet.text)
+            return False
+        self._finish(one, now, Outcome.DONE)
+        self.state.apply(one.instance, model.Timing.AT_END, duration)
+        self._check_at(now)
+        point = self.dispatchable.plan.instance[identifier].end
+        self._reveal(point)
+        self._follow(point, now)
+        return True
+
+    def _finish(self, one: Executed, now: Fraction, outcome: Outcome) -> None:
+        self.state.flows.pop(one.instance.identifier, None)
+        one.end, one.outcome = now, outcome
+
+    def _fail(self, one: Executed, now: Fraction, condition: str) -> None:
+        self._finish(one, now, Outcome.FAILED)
+        self._messages.append(dispatcher.Failed(one.instance.identifier, now, f"{condition} does not hold"))
+
+    # -- conditions over all -----------------------------------------------------------------------------------------
+
+    def _pass(self, time: Fraction) -> None:
+        """Let time pass. What is running has conditions in between, wherever it ends."""
+        begin = self.state.time
+        if time <= begin:
+            return
+        if self._changed or self.state.flows:
+            self.state.advance((begin + time) / 2)
+            broken = self._broken(self._running)
+            self.state.advance(time)
+            self._changed = False
+            for one, condition in broken:
+                self._fail(one, time, condition)
+        self.state.advance(time)
+
+    def _check_at(self, now: Fraction) -> None:
+        """What is known to be running before and after a moment has its conditions at that moment."""
+        self._changed = True
+        begun = [one for one in self._running if one.start < now]
+        inside = [one for one in begun if self._due.get(one.instance.identifier, now) > now]
+        for one, condition in self._broken(inside):
+            self._fail(one, now, condition)
+
+    @property
+    def _running(self) -> list[Executed]:
+        return [one for one in self.executed.values() if one.outcome is Outcome.RUNNING]
+
+    def _broken(self, running: Sequence[Executed]) -> list[tuple[Executed, str]]:
+        found = [(one, self.state.unmet(one.instance, model.Timing.OVER_ALL)) for one in running]
+        return [(one, unmet.text) for one, unmet in found if unmet is not None]
+
+    # -- what nobody decides -----------------------------------------------------------------------------------------
+
+    def _plan_for(self, time: Fraction, act: Callable[[Fraction], None]) -> None:
+        heapq.heappush(self._agenda, (time, next(self._order), act))
+
+    def _follow(self, point: model.TimePoint, now: Fraction) -> None:
+        """Starts that happen by themselves after a time point; ends follow from starts."""
+        for link in self.dispatchable.followers.get(point, ()):
+            if link.target.kind is not model.TimePointKind.END:
+                self._plan_for(now + self._length(link), lambda time, link=link: self._begin(link.target, time))  # type: ignore[misc]
+
+    def _begin(self, point: model.TimePoint, time: Fraction) -> None:
+        if self._given_up:
+            return
+        self._messages.append(dispatcher.Started(point.instance or "", time))
+        self._start(point, time)
+
+    def _length(self, link: NaturalLink) -> Fraction:
+        """The actual length of a distance; the parameter that it reveals gets the value that it has then."""
+        plan = self.dispatchable.plan
+        nominal = link.length.evaluate(plan.nominal)
+        instance = plan.instance[link.target.instance or ""]
+        is_duration = link.source == instance.start and link.target == instance.end
+        drawn = self._luck.duration(instance, nominal) if is_duration else None
+        if drawn is None:
+            return max(link.length.evaluate(self._values), Fraction(0))
+        if link.parameter is not None:
+            self._values[link.parameter] = link.revealed(drawn)
+        return drawn
+
+    def _drawn(self, parameter: model.Parameter, *, levels_known: bool) -> Fraction:
+        means = self.dispatchable.means.get(parameter.name)
+        if means is Means.INITIAL and levels_known:
+            return parameter.nominal
+        drawn = self._luck.parameter(parameter.name, parameter.nominal, once=means is not Means.TIME)
+        return parameter.nominal if drawn is None else drawn
+
+    def _initial_levels(self) -> dict[model.Fluent, Fraction]:
+        """Levels as they are; fluents that nothing changes keep the values that the plan expects."""
+        levels = dict(self.dispatchable.levels)
+        plan = self.dispatchable.plan
+        reading = Reading(State(frozenset(), {}), self._values)
+        for one in self.dispatchable.expected.get(model.ZERO, ()):
+            for fluent, value in plan.initial_fluents.items():
+                if model.ParameterReference(one.parameter) in value.variables:
+                    levels[fluent] = reading.expression(value)
+            self._messages.append(dispatcher.Observed(one.parameter, self._values[one.parameter]))
+        return levels
+
+    def _actual(self, instance: model.ActionInstance, duration: Fraction | None) -> model.ActionInstance:
+        """The instance with what it will really need and consume."""
+        values = self.values
+        plan = self.dispatchable.plan
+        for fluent in self.dispatchable.varying[instance.identifier]:
+            drawn = self._luck.consumption(instance, fluent, self.dispatchable.levels[fluent])
+            if drawn is None and not plan.initial_fluents[fluent].is_constant:
+                drawn = plan.initial_fluents[fluent].evaluate(self.values)
+            if drawn is not None:
+                values[fluent] = drawn
+                self._consumed[instance.identifier, fluent] = drawn
+        if duration is not None:
+            values[model.Duration()] = duration
+        if self.dispatchable.reads[instance.identifier].isdisjoint(values):
+            return instance
+        return with_values(instance, values)
+
+    def _reveal(self, point: model.TimePoint) -> None:
+        for one in self.dispatchable.expected.get(point, ()):
+            self._messages.append(
+                dispatcher.Observed(one.parameter, self._revealed(one.parameter, one.instance), one.instance)
+            )
+
+    def _revealed(self, name: str, identifier: str | None) -> Fraction:
+        """The value that an instance shows of a parameter: it may have been drawn for this instance alone."""
+        plan = self.dispatchable.plan
+        reference = model.ParameterReference(name)
+        for fluent in self.dispatchable.varying.get(identifier or "", ()):
+            value = plan.initial_fluents[fluent]
+            if reference in value.variables and value.is_linear and (identifier or "", fluent) in self._consumed:
+                factor = dict(value.coefficients())[reference]
+                return (self._consumed[identifier or "", fluent] - value.constant_term) / factor
+        return self._values[name]

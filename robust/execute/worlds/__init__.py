@@ -1,1 +1,0 @@
-"""Simulated worlds: durations and consumption drawn from distributions, actions carried out as the model says."""

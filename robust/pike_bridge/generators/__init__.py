@@ -1,1 +1,0 @@
-"""Plans with choices: the paper's examples, and families of random ones."""

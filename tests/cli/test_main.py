@@ -1,0 +1,109 @@
+"""What is there before anything is computed, and whatever is wrong: one line that says so; most of it is recorded."""
+
+import subprocess
+import sys
+
+import pytest
+from matplotlib.figure import Figure
+
+import robust
+import robust.api
+from tests.cli import inputs
+from tests.cli.running import COMMAND, assert_one_line, command, environment, example, process
+
+# -- start -----------------------------------------------------------------------------------------------------------
+
+
+HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "joblib", "rich")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["check", "--help"], ["bench", "scaling", "--help"]])
+def test_nothing_heavy_is_imported(arguments):
+    script = (
+        "import sys; from robust.cli import run; "
+        f"code = run({arguments!r}); "
+        f"print([name for name in {HEAVY!r} if name in sys.modules], file=sys.stderr); sys.exit(code)"
+    )
+    words = [sys.executable, "-W", "error", "-c", script]
+    done = subprocess.run(words, check=False, capture_output=True, text=True, env=environment())
+    assert (done.returncode, done.stderr) == (0, "[]\n")
+
+
+def test_help_loads_little():
+    """What takes time at the start is loading modules; seconds would depend on what else the machine does."""
+    script = (
+        "import sys; before = set(sys.modules); from robust.cli import run; run(['--help']); "
+        "print(*sorted(set(sys.modules) - before), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True, env=environment())
+    loaded = done.stderr.split()
+    assert "robust.cli" in loaded
+    assert len([name for name in loaded if name.startswith("robust")]) < 30
+    assert len(loaded) < 250
+
+
+# -- what is wrong ---------------------------------------------------------------------------------------------------
+
+
+def test_the_unchanged_input_is_right(tmp_path):
+    assert command("check", *inputs.write(tmp_path).files).code == 0
+
+
+def test_plan_without_instances(tmp_path):
+    ended = command("check", *inputs.write(tmp_path, plan="# nothing\n").files)
+    assert_one_line(ended)
+    assert "plan.stn" in ended.err
+    assert "expected at least one" in ended.err
+
+
+def test_file_name_with_line_break(tmp_path):
+    domain, problem, _ = inputs.write(tmp_path).files
+    assert_one_line(command("check", domain, problem, tmp_path / "a\nb.stn"))
+
+
+def test_plot_that_cannot_be_written_in_the_end(monkeypatch, tmp_path):
+    def fail(*_arguments, **_options):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Figure, "savefig", fail)
+    ended = command("envelope", *example(), "--plot", tmp_path / "box.svg")
+    assert ended.code == 2
+    assert ended.err.startswith("robust: error: --plot: cannot write")
+    assert "no space left on device" in ended.err
+
+
+def test_internal_errors_are_one_line_and_the_traceback_is_on_request(monkeypatch):
+    def fail(*_arguments, **_options):
+        raise ZeroDivisionError("first\nsecond")
+
+    monkeypatch.setattr(robust.api, "searching_check", fail)
+    ended = command("check", *example())
+    assert ended.code == 3
+    assert ended.err == (
+        "robust: internal error: ZeroDivisionError: first second; please report this, with the output of --verbose\n"
+    )
+    verbose = command("check", *example(), "--verbose")
+    assert verbose.code == 3
+    assert "Traceback" in verbose.err
+    assert verbose.err.splitlines()[-1].startswith("robust: internal error: ZeroDivisionError")
+
+
+def test_output_device_that_is_full():
+    words = [*COMMAND, "check", *example()]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(words, stdout=full, check=False, stderr=subprocess.PIPE, text=True, env=environment())
+    assert done.returncode == 2
+    assert done.stderr == "robust: error: No space left on device\n"
+
+
+def test_closed_streams():
+    line = " ".join([*COMMAND, "check", *example(), ">&-"])
+    done = subprocess.run(["sh", "-c", line], check=False, capture_output=True, text=True, env=environment())
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_streams_without_unicode():
+    ended = process("check", *example("plan-flexible-wait.stn"), PYTHONIOENCODING="ascii")
+    assert ended.code == 1
+    assert ended.err == ""
+    assert "(charge scout) = 170" in ended.out

@@ -1,0 +1,126 @@
+"""Questions to encodings, and what their answers have in common with each other and with simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
+from itertools import product
+from random import Random
+from typing import Any
+
+import z3
+
+from robust.encode import create_encoding
+from robust.encode.encoding import RelationalEncoding
+from robust.encode.interface import Encoding, Facet, Obligation
+from robust.encode.positions.encoding import PositionsEncoding
+from robust.encode.variables import Range
+from robust.irr.check import Answer, CheckResult
+from robust.plan.model import ParametrizedPlan, TimePoint
+from robust.smt.session import Session, Verdict
+from robust.smt.terms import Formula
+
+
+def refuted(result: CheckResult) -> list[str]:
+    """The obligations that break, each with a counterexample."""
+    broken = [name for name, answer in result.obligations.items() if answer is Answer.REFUTED]
+    assert broken == list(result.counterexamples)
+    assert Answer.UNKNOWN not in result.obligations.values()
+    return broken
+
+
+def first_broken(plan: ParametrizedPlan, broken: Iterable[str]) -> list[str]:
+    """Those of the earliest stage: later ones say nothing of the only schedule if an earlier one excludes it."""
+    stage = {obligation.name: obligation.stage.value for obligation in RelationalEncoding(plan).obligations}
+    earliest = min((stage[name] for name in broken), default=None)
+    return [name for name in stage if name in broken and stage[name] == earliest]
+
+
+def is_broken(
+    encoding: PositionsEncoding,
+    obligation: Obligation,
+    parameters: Mapping[str, Fraction],
+    schedule: Mapping[TimePoint, Fraction],
+) -> bool:
+    """Whether the encoding says that one schedule breaks an obligation."""
+    terms = encoding.terms
+    session = Session(terms)
+    session.add(*encoding.query(obligation))
+    for unknown in {unknown for place in encoding.network.places.values() for unknown in place.variables}:
+        known = parameters | {f"t({point})": time for point, time in schedule.items()}
+        session.add(terms.manager.Equals(terms.real(unknown), terms.number(known[str(unknown)])))
+    for name, value in parameters.items():
+        symbol = next(s for s in encoding.unknowns() if s.symbol_name() == name)
+        session.add(terms.manager.Equals(symbol, terms.number(value)))
+    verdict = session.check(obligation.name)
+    assert verdict is not Verdict.UNKNOWN
+    return verdict is Verdict.SATISFIABLE
+
+
+def follows(encoding: Encoding, facet: Facet, ranges: Mapping[str, Range]) -> None:
+    """A facet of the network is broken somewhere in the box, and every schedule keeps it."""
+    assert facet.breaks_in(ranges)
+    assert facet.obligation is None
+    assert facet.origins
+    session = Session(encoding.terms)
+    session.add(*encoding.network_formulas(), encoding.terms.greater(-facet.expression))
+    assert session.check("a facet follows from the network") is Verdict.UNSATISFIABLE
+
+
+def in_z3(encoding: Encoding, formulas: Iterable[Formula]) -> Any:
+    solver = encoding.terms.environment.factory.Solver(name="z3", logic="QF_LRA")
+    converted = [solver.converter.convert(formula) for formula in formulas]
+    return z3.And(*(z3.BoolRef(c) if isinstance(c, z3.Ast) else c for c in converted))
+
+
+def hidden(encoding: Encoding, formulas: Iterable[Formula]) -> list[Any]:
+    """The symbols of the formulas other than parameters, as z3 constants."""
+    names = set(encoding.plan.nominal)
+    symbols = {symbol for formula in formulas for symbol in encoding.terms.variables(formula)}
+    return [
+        (z3.Bool if symbol.symbol_type().is_bool_type() else z3.Real)(symbol.symbol_name())
+        for symbol in sorted(symbols, key=lambda symbol: symbol.symbol_name())
+        if symbol.symbol_name() not in names
+    ]
+
+
+def difference(left: Encoding, right: Encoding) -> Verdict:
+    """Parameter values with a schedule for which only the left encoding says that an obligation can break."""
+    network, bad_left = left.network_formulas(), [left.query(o) for o in left.obligations]
+    bad_right = [right.query(o) for o in right.obligations]
+    never = []
+    for query in bad_right:
+        body, bound = z3.Not(in_z3(right, query)), hidden(right, query)
+        never.append(z3.ForAll(bound, body) if bound else body)
+    solver = z3.Tactic("qsat").solver()
+    solver.set("timeout", 10_000)
+    solver.add(in_z3(left, network), z3.Or(*(in_z3(left, query) for query in bad_left)), *never)
+    answer = solver.check()
+    if answer == z3.unknown:
+        return Verdict.UNKNOWN
+    return Verdict.SATISFIABLE if answer == z3.sat else Verdict.UNSATISFIABLE
+
+
+def both(plan: ParametrizedPlan, epsilon: Fraction = Fraction(1, 1000)) -> tuple[Encoding, Encoding]:
+    return create_encoding("relational", plan, epsilon), create_encoding("positions", plan, epsilon)
+
+
+FAR = Fraction(50)
+"""Stands for an infinite end when points are sampled; bounds and factors of drawn networks are much smaller."""
+
+
+def sampled(ranges: Mapping[str, Range], random: Random, count: int) -> list[dict[str, Fraction]]:
+    """Corners (far out where the box is infinite), the middle, and points in between."""
+    ends = {name: _ends(*pair) for name, pair in ranges.items()}
+    corners = [dict(zip(ends, corner, strict=True)) for corner in product(*ends.values())]
+    middle = {name: (low + high) / 2 for name, (low, high) in ends.items()}
+    inside = [
+        {name: low + (high - low) * Fraction(random.randint(0, 16), 16) for name, (low, high) in ends.items()}
+        for _ in range(count)
+    ]
+    return [*corners, middle, *inside]
+
+
+def _ends(low: Fraction | None, high: Fraction | None) -> tuple[Fraction, Fraction]:
+    low = low if low is not None else (high if high is not None else Fraction(0)) - FAR
+    return low, high if high is not None else low + 2 * FAR

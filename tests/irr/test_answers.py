@@ -1,0 +1,271 @@
+"""What checks and searches say: whole answers, reasons, numbers of queries, and whom they ask."""
+
+from __future__ import annotations
+
+import logging
+import re
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+from itertools import product
+
+import pytest
+
+from robust.api import check, compare, envelope
+from robust.encode.encoding import RelationalEncoding
+from robust.errors import InputError, Location
+from robust.irr.check import Answer, Checker, CheckResult, Counterexample
+from robust.irr.containment import Containment, Refutation
+from robust.irr.search import Status
+from robust.plan.model import ZERO, ParametrizedPlan, TemporalConstraint
+from robust.plan.simulate import simulate
+from robust.qe.box import Box, Interval, Side
+from robust.smt.limits import Deadline
+from robust.smt.session import Session, Statistics, Verdict
+from tests.irr.building import fail_at_query, lasts, loose, parameter, shipped, timed, weighted
+from tests.plan.building import DURATION, END, START, F, G, above, action, at_most, number, plan_of, reference, value
+
+PLAN = timed(parameter("k", 6), pieces=lasts(3, 11))
+NAMES = ["i act: non-negative duration", "i act: at end c0", "i act: at end c1"]
+
+
+def box(low: int, high: Fraction | int) -> Box:
+    return Box({"k": Interval(Fraction(low), Fraction(high))})
+
+
+def timeless(result: CheckResult) -> CheckResult:
+    assert result.seconds > 0
+    return replace(result, seconds=0.0, statistics=Statistics())
+
+
+def answer(within: Box, verdict: Answer, answers: list[Answer], **more) -> CheckResult:
+    shown = more.pop("counterexamples", {})
+    return CheckResult(
+        verdict, within, dict(zip(NAMES, answers, strict=True)), shown, 0.0, statistics=Statistics(), **more
+    )
+
+
+def shown(name: str, k: Fraction) -> dict[str, Counterexample]:
+    """The only schedule there is with that length, as the simulator sees it."""
+    [i] = PLAN.instances
+    schedule = {ZERO: Fraction(0), i.start: Fraction(1), i.end: 1 + k}
+    return {name: Counterexample(name, {"k": k}, schedule, simulate(PLAN, {"k": k}, schedule))}
+
+
+def contradictory(place: Location | None) -> ParametrizedPlan:
+    """i lasts 5, and ends by 1."""
+    i = action("i")
+    ends = ((i.start, i.end, number(5), number(5), place), (ZERO, i.end, number(0), number(1), None))
+    return plan_of(i, parameters=(parameter("k", 1),), constraints=tuple(TemporalConstraint(*each) for each in ends))
+
+
+# -- checks ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("solver", ["z3", "cvc5"])
+def test_whole_answers_of_checks(monkeypatch, solver) -> None:
+    proved, refuted, unknown = Answer.PROVED, Answer.REFUTED, Answer.UNKNOWN
+    seen: list[tuple[int, int, str]] = []
+    inside = check(PLAN, at=["k=3:11"], solver=solver, on_obligation=lambda *one: seen.append(one))
+    assert timeless(inside) == answer(box(3, 11), proved, [proved] * 3)
+    assert seen == [(index, 3, name) for index, name in enumerate(NAMES)]
+    assert (inside.statistics.queries, inside.statistics.unsatisfiable, inside.cut_short) == (3, 3, False)
+    for every, last in ((False, unknown), (True, proved)):
+        found = check(PLAN, at=["k=2"], every=every, solver=solver)
+        broken = shown(NAMES[1], Fraction(2))
+        assert timeless(found) == answer(box(2, 2), refuted, [proved, refuted, last], counterexamples=broken)
+    with monkeypatch.context() as patched:
+        asked: list[str] = []
+        original = Session.check
+        patched.setattr(Session, "check", lambda *given: asked.append(given[1]) or original(*given))
+        check(PLAN, at=["k=2"], solver=solver)
+        assert asked == [NAMES[0], NAMES[1], f"{NAMES[1]}: counterexample"]
+    everything = check(PLAN, at=["k=0:inf"], every=True, solver=solver)
+    assert [*everything.obligations.values()] == [proved, refuted, refuted]
+    for name, example in everything.counterexamples.items():
+        assert {name: example} == shown(name, example.parameters["k"])
+    late = check(PLAN, timeout=0, solver=solver, on_obligation=lambda *one: seen.append(one))
+    assert timeless(late) == answer(box(6, 6), unknown, [unknown] * 3, timed_out=True)
+
+
+def test_nothing_is_examined_where_schedules_are_not_known_to_exist(monkeypatch) -> None:
+    seen: list[tuple[int, int, str]] = []
+    options = {"at": ["k=0:5"], "on_obligation": lambda *one: seen.append(one)}
+    known = check(loose(1), **options)
+    assert (known.answer, len(seen), known.statistics.queries) == (Answer.PROVED, 1, 1)
+    monkeypatch.setattr(Session, "check", lambda *_: Verdict.UNKNOWN)
+    unknown = check(loose(1), **options)
+    assert (unknown.answer, len(seen), unknown.cut_short, unknown.timed_out) == (Answer.UNKNOWN, 1, True, False)
+
+
+@pytest.mark.parametrize("timed_out", [False, True])
+def test_a_check_that_is_given_up_says_why(timed_out) -> None:
+    checker = Checker(RelationalEncoding(PLAN), box(2, 4))
+    fresh = answer(box(2, 4), Answer.UNKNOWN, [Answer.UNKNOWN] * 3, timed_out=timed_out, interrupted=not timed_out)
+    assert timeless(checker.so_far(timed_out=timed_out)) == fresh
+    done = checker.run()
+    given_up = replace(done, timed_out=timed_out, interrupted=not timed_out)
+    assert timeless(checker.so_far(timed_out=timed_out)) == timeless(given_up)
+
+
+# -- contradictions ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "search",
+    [check, compare, *(partial(envelope, method=method) for method in ("irr", "widen", "optimal"))],
+    ids=["check", "compare", "irr", "widen", "optimal"],
+)
+@pytest.mark.parametrize("place", [None, Location("late.stn", 3)])
+def test_a_network_without_any_schedule_is_a_mistake(search, place) -> None:
+    with pytest.raises(InputError) as error:
+        search(contradictory(place))
+    assert str(error.value) == (
+        f"{'late.stn: ' if place else ''}the plan's network has no schedule: c: i.end - .zero in [0, 1]; "
+        f"c: i.end - i.start in [5, 5]{' (line 3)' if place else ''}; i.start ≥ 0 contradict each other; "
+        "expected constraints that can hold together"
+    )
+
+
+def test_an_empty_envelope_is_no_mistake() -> None:
+    result = envelope(timed(parameter("k", 6), pieces=lasts(6, 5)), method="optimal")
+    reason = "the envelope is empty: no parameter values are inside"
+    assert (result.status, result.reason, result.values) == (Status.INVALID, reason, {"k": Fraction(6)})
+
+
+# -- containment -------------------------------------------------------------------------------------------------------
+
+
+def test_containment_does_not_ask_again() -> None:
+    containment = Containment(RelationalEncoding(PLAN))
+    counted: list[int] = []
+    for within in (box(3, 11), box(4, 10), box(3, 12), box(11, 12), box(2, 3)):
+        containment.refute(within, Deadline())
+        counted.append(containment.statistics.queries)
+    assert counted[0] == counted[1] < counted[2] == counted[3] < counted[4]
+
+
+CONTRADICTION = re.compile(
+    r"no schedule( with .*)?: (?:.*; )?c: i\.end - \.zero in \[-inf, k \+ 2\](?:; .*?)?( contradict .*)?"
+)
+
+
+def test_refutations_are_remembered_and_whole() -> None:
+    containment = Containment(RelationalEncoding(PLAN), solver="cvc5")
+    refutation = containment.refute(box(12, 12), Deadline())
+    assert refutation == Refutation(NAMES[2], {"k": Fraction(12)})
+    assert containment.refute(box(12, 14), Deadline()) is refutation
+    none = Containment(RelationalEncoding(loose(1))).refute(box(-3, 0), Deadline())
+    assert CONTRADICTION.fullmatch(none.reason).groups() == (" with k = -3", " contradict each other")
+    assert (none.values, none.facet.obligation) == ({"k": -3}, None)
+
+
+# -- searches ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("solver", ["z3", "cvc5"])
+@pytest.mark.parametrize("method", ["irr", "widen", "optimal"])
+def test_searches_ask_the_solver_that_they_name(monkeypatch, method, solver) -> None:
+    asked: set[str] = set()
+    make = Session.__init__
+    monkeypatch.setattr(
+        Session, "__init__", lambda *a, solver="z3", **b: make(*a, solver=asked.add(solver) or solver, **b)
+    )
+    result = envelope(PLAN, method=method, solver=solver)
+    known = {
+        "irr": (1, box(3, Fraction(21, 2)), None),
+        "widen": (None, box(3, 11), None),
+        "optimal": (None, box(3, 11), 8),
+    }
+    assert (asked, result.solver, result.method, result.encoding) == ({solver}, solver, method, "relational")
+    assert (result.status, result.beta, result.box, result.bound) == (Status.COMPLETE, *known[method])
+    assert 0 < result.first_widening_seconds < result.seconds
+    assert result.checks >= len(result.trace) > 0
+    assert all(0 < step.seconds < result.seconds for step in result.trace)
+    assert (result.verified, result.cut_short, result.reason, result.values) == (True, False, None, {})
+
+
+@pytest.mark.parametrize("options", [{"method": "widen"}, {"method": "optimal", "contain_nominal": True}])
+def test_the_nominal_point_is_known_before_anything_wider(monkeypatch, options) -> None:
+    fail_at_query(monkeypatch, 4, "time")
+    result = envelope(PLAN, **options)
+    assert (result.status, result.verified, result.box) == (Status.TIMEOUT, True, box(6, 6))
+    assert (result.trace, result.first_widening_seconds) == ((), None)
+
+
+@pytest.mark.parametrize("method", ["irr", "widen"])
+def test_an_invalid_plan_says_what_breaks(method) -> None:
+    broken = envelope(timed(parameter("k", 2), pieces=lasts(3, 11)), method=method)
+    assert (broken.status, broken.verified, broken.box, broken.trace) == (Status.INVALID, False, box(2, 2), ())
+    assert (broken.reason, broken.values) == (NAMES[1], {"k": Fraction(2)})
+    nowhere = envelope(loose(-2), method=method)
+    said = (" with k = -2", " contradict each other") if method == "irr" else (None, None)
+    assert CONTRADICTION.fullmatch(nowhere.reason).groups() == said
+    assert (nowhere.status, nowhere.values) == (Status.INVALID, {"k": Fraction(-2)})
+
+
+@pytest.mark.parametrize("method", ["irr", "widen", "optimal"])
+def test_every_query_is_written(tmp_path, method) -> None:
+    result = envelope(PLAN, method=method, smt2=tmp_path)
+    assert len(list(tmp_path.iterdir())) == result.statistics.queries > 0
+
+
+def test_steps_of_irr_are_logged(caplog) -> None:
+    with caplog.at_level(logging.INFO, logger="robust.irr"):
+        result = envelope(PLAN, method="irr", beta=4)
+    words = {True: "grown", False: "blocked"}
+    assert [record.getMessage() for record in caplog.records if record.name.startswith("robust.irr")] == [
+        f"check {step.check}: k {step.side.value} {words[step.accepted]}" for step in result.trace
+    ]
+    tried = [(6, 6), (6, 6), (6, 9), (3, 9), (3, 9), (3, 9)]
+    assert [(step.check, step.delta, step.box) for step in result.trace] == [
+        (number + 1, 6 if number < 2 else 3, box(*ends)) for number, ends in enumerate(tried)
+    ]
+
+
+# -- optimal boxes from single bad values ------------------------------------------------------------------------------
+
+
+def strict(weight: int, *pieces, sign: int = 1) -> ParametrizedPlan:
+    """i lasts k + m or k - m, with m above 0."""
+    k, m = replace(parameter("k", 2, 0), weight=Fraction(weight)), parameter("m", 1, None, 4)
+    plan = timed(
+        k, m, length=reference("k") + reference("m").scaled(sign), pieces=((START, above(value(F), number(0))), *pieces)
+    )
+    return replace(plan, initial_fluents={F: reference("m"), G: reference("k")})
+
+
+SHORT, SHORTER = (END, at_most(DURATION, 8)), (END, above(number(8), DURATION))
+
+
+@pytest.mark.parametrize(("enumerated", "solver"), [(20.0, "z3"), (0.0, "z3"), (20.0, "cvc5")])
+@pytest.mark.parametrize("contain_nominal", [False, True])
+@pytest.mark.parametrize(
+    ("plan", "free", "around"),
+    [
+        (shipped("two_sample_navigation"), 25, 25),
+        (shipped("two_sample_navigation", "to_crater,weight=3"), 75, 57),
+        (strict(1, SHORT), 8, 8),
+        (strict(3, SHORT), 24, 22),
+        (strict(1, SHORTER), 8, 8),
+        (strict(3, SHORTER, sign=-1), 24, 24),
+        (strict(3, (START, above(number(8), value(G))), sign=-1), 24, 22),
+    ],
+    ids=["pentagon", "weighted", "open", "approached", "both", "sliding", "apart"],
+)
+def test_optima_do_not_depend_on_what_is_known_at_first(
+    monkeypatch, plan, free, around, contain_nominal, enumerated, solver
+) -> None:
+    monkeypatch.setattr("robust.irr.exact.ENUMERATION", enumerated)
+    result = envelope(plan, method="optimal", contain_nominal=contain_nominal, solver=solver)
+    optimum = around if contain_nominal else free
+    assert (result.status, result.bound) == (Status.COMPLETE, optimum)
+    # Without a nominal point in it, the widest m is flat and only approaches 0.
+    shortfall = 0 if contain_nominal or plan.instances[0].identifier != "i" else Fraction(free, 10**6)
+    assert weighted(plan, result.box) == optimum - shortfall
+    assert not contain_nominal or plan.nominal in result.box
+    containment = Containment(RelationalEncoding(plan))
+    assert containment.refute(result.box, Deadline()) is None
+    for name, side in product(result.box.intervals, Side):
+        closed = result.box.moved((name, side), result.box[name].end(side))
+        assert result.box[name].is_closed_at(side) or containment.refute(closed, Deadline())
