@@ -120,7 +120,8 @@ def test_the_shipped_example_is_generated_and_proved():
     folder = Path(robust.__file__).parent / "examples/delivery"
     files = [folder / name for name in ("domain.pddl", "problem.pddl", "plan.stn")]
     texts = delivery.delivery_domain(delivery.DeliveryVariant.DURATIONS), delivery.table_problems()[0].text
-    assert tuple(file.read_text(encoding="utf-8") for file in files[:2]) == texts
+    for file, text in zip(files, texts, strict=False):
+        assert "".join(file.read_text(encoding="utf-8").split()) == "".join(text.split())  # but for white space
     plan = load_plan(*files, parameter_file=folder / "plan.toml")
     assert len(plan.parameters) == 6
     assert check_plan(plan, EPSILON, "z3", Deadline()).answer is Answer.PROVED
