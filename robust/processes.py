@@ -20,8 +20,6 @@ from typing import BinaryIO
 
 from robust.smt.limits import NEVER, Deadline, has_input
 
-CANNOT_START = 127
-"""The exit code of a command that could not be started, as in a shell; `last_line` says why."""
 _WATCHER = Path(__file__).with_name("watcher.py")
 
 
@@ -29,8 +27,9 @@ _WATCHER = Path(__file__).with_name("watcher.py")
 class Ended:
     """How a command ended, what it printed and what it cost.
 
-    `exit_code` is negative where a signal ended it, as at the deadline. `seconds` is wall time, `cpu_s` what all its
-    threads computed, and `memory_mb` the most that one of its processes had in memory.
+    `exit_code` is negative where a signal ended it, as at the deadline, and 127 where it could not be started, which
+    `last_line` explains. `seconds` is wall time, `cpu_s` what all its threads computed, and `memory_mb` the most that
+    one of its processes had in memory.
     """
 
     exit_code: int

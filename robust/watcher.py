@@ -24,7 +24,8 @@ from typing import NoReturn
 
 _LARGEST_FILE = 2**28
 """Bytes; a command that prints without end is ended before it fills the disk."""
-_CANNOT_START = 127
+CANNOT_START = 127
+"""The exit code of a command that could not be started, as in a shell; the last line that it prints says why."""
 _DIE_WITH_PARENT, _ADOPT_ORPHANS = 1, 36
 """PR_SET_PDEATHSIG and PR_SET_CHILD_SUBREAPER of Linux's `prctl`."""
 
@@ -82,7 +83,7 @@ def _become(command: list[str], memory: int) -> NoReturn:
     except OSError as error:
         os.write(2, f"cannot start {command[0]!r}: {error.strerror}\n".encode())
     finally:
-        os._exit(_CANNOT_START)
+        os._exit(CANNOT_START)
 
 
 if __name__ == "__main__":

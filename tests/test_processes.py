@@ -14,8 +14,9 @@ from threading import Thread
 import pytest
 
 from robust.errors import SolverError
-from robust.processes import CANNOT_START, Ended, Processes, StoppedError
+from robust.processes import Ended, Processes, StoppedError
 from robust.smt.limits import Deadline, OutOfTimeError, from_copy, stream_from_copy
+from robust.watcher import CANNOT_START
 from tests.children import WAIT, Told, interrupted_after
 
 

@@ -106,7 +106,9 @@ def test_everything_is_named(tmp_path):
     ],
 )
 def test_odd_networks(tmp_path, network):
-    plot_network(network, tmp_path / "plan.png")
+    plot_network(network, tmp_path / "plan.svg")
+    drawn = (tmp_path / "plan.svg").read_text(encoding="utf-8")
+    assert all(f">{event.name}</text>" in drawn for event in network.events)
 
 
 def test_networks_that_cannot_be_drawn(tmp_path):
