@@ -1,40 +1,71 @@
-"""Time-triggered plans as planners print them: a start time, an action and, for durative actions, a duration.
+"""Time-triggered plans, and where they stand in what planners print.
 
 ::
 
-    ; a comment
+    ; Plan found with metric 10.001
     0.000: (load truck crate) [5.0]
     5.001: (beep truck)
 
-Times and durations are exact and in the problem's unit; names are lower-cased. Blank lines and comments are skipped;
-any other line is an error, because a step that goes unread would silently make another plan.
+A step is a start time, an action and, for durative actions, a duration. The layouts of POPF and OPTIC, TFD, LPG
+(`[D:5.0; C:0.1]`), PlanSys2 (with the prefixes of ROS), Aries, Kairos and unified-planning (`load(truck, crate)`) are
+read. Numbers are exact and in the problem's unit; names are lower-cased. A log may print several plans: a plan ends
+where a line is neither a step nor blank nor a comment, at a comment that announces another one, and at a blank line
+after which time starts again. Everything else in a log is skipped, but a line that looks like a damaged step is an
+error, because a step that goes unread would silently make another plan.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal, DecimalTuple
 from fractions import Fraction
 from os import PathLike
 
 from robust.errors import InputError, Location
-from robust.numbers import format_number, is_number, parse_number, shorten
+from robust.numbers import format_number, is_number, parse_number, plural, shorten
 from robust.plan.pddl.forms import read_text
 
-_STEP = re.compile(r"(?P<time>[^\s:]+)\s*:\s*\((?P<action>[^()]*)\)\s*(?:\[(?P<duration>[^\[\]]*)\])?\s*")
+_DURATION = r"(?:\s*\[(?P<duration>[^\[\]]*)\])?"
+_TIMED = r"(?P<time>[^\s:()]+)\s*:\s*"
+_STEP = re.compile(
+    rf"{_TIMED}(?:\((?P<lisp>[^()]*)\)|(?P<name>[\w-]+)\s*\((?P<arguments>[^()]*)\)){_DURATION}\s*(?:;.*)?"
+)
+_NAMED = re.compile(rf"(?:{_TIMED})?(?P<name>[\w-]+)(?:\((?P<arguments>[^()]*)\))?{_DURATION}\s*")
+"""A step below a headline of unified-planning, which leaves out the brackets of no arguments."""
+_HEADLINE = re.compile(r"(?P<kind>TimeTriggered|Sequential)Plan:")
+_ANNOUNCEMENT = re.compile(
+    r";+\s*(?:plan found|solution found|time:? \d|cost:|states evaluated|makespan)", re.IGNORECASE
+)
+_PREFIX = re.compile(r"(?:\[[^\[\]]*\][:\s]*)+")
+"""What ROS writes before each line."""
+_COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
+_LEADING = r"[-+]?[\d.][\d.eE/+-]*"
+_DAMAGED = re.compile(rf"{_LEADING}\s*:\s*(?:\(|[A-Za-z][\w-]*\s*\()")
+"""What is meant for a step, wherever it stands."""
+_SUSPICIOUS = re.compile(rf"(?:{_LEADING}\s*)?\(\s*[A-Za-z][^|]*|{_LEADING}\s*:\s*[A-Za-z(].*")
+"""What is meant for a step if it stands next to one."""
 _SYMBOL = re.compile(r"[A-Za-z0-9_-]+")
+_LABELLED = re.compile(r"\s*D\s*:\s*(?P<duration>[^;]*?)\s*;.*")
 _EXPECTED = "a step such as '12.001: (goto r1 a b) [5.0]', or a comment after ';'"
+_SIGNIFICANT = 6
+"""Digits that some planners print before they fill up with zeros."""
 
 
 @dataclass(frozen=True, slots=True)
 class TimedStep:
-    """One action at a time ≥ 0; `duration` is None for an instantaneous action."""
+    """One action at a time ≥ 0; `duration` is None for an instantaneous action.
+
+    `printed` are time and duration as they were printed; empty texts if they were not.
+    """
 
     time: Fraction
     action: str
     arguments: tuple[str, ...]
     duration: Fraction | None = None
     location: Location | None = field(default=None, compare=False)
+    printed: tuple[str, str] = field(default=("", ""), compare=False)
 
     def __str__(self) -> str:
         duration = "" if self.duration is None else f" [{format_number(self.duration)}]"
@@ -43,28 +74,59 @@ class TimedStep:
 
 @dataclass(frozen=True, slots=True)
 class TimedPlan:
-    """The steps in the order of the file."""
+    """The steps in the order of the file; `note` says what of the file was picked and skipped, if not all was read."""
 
     steps: tuple[TimedStep, ...]
     file: str = field(default="<plan>", compare=False)
+    note: str = field(default="", compare=False)
+
+    @property
+    def units(self) -> tuple[tuple[Fraction, Fraction], ...]:
+        """How far time and duration of each step may be from what the planner meant: one unit of the last digit.
+
+        Some planners print six significant digits and fill up with zeros, of times or of durations or of both; then the
+        last digit is the sixth. Numbers that were not printed, and fractions, are exact.
+        """
+        times, durations = zip(*(step.printed for step in self.steps), strict=True)
+        return tuple(zip(_units(times), _units(durations), strict=True))
 
 
-def parse_timed_plan(text: str, file: str = "<plan>") -> TimedPlan:
-    """The plan that a text describes; InputError with line and column for a line that is no step, and for no steps."""
-    lines = text.split("\n")
-    steps = [
-        _step(line, Location(file, number, len(line) - len(line.lstrip()) + 1))
-        for number, line in enumerate(lines, start=1)
-        if _content(line)
-    ]
-    if not steps:
-        raise InputError(f"empty plan: found no step, expected {_EXPECTED}", Location(file, len(lines)))
-    return TimedPlan(tuple(steps), file)
+def parse_timed_plan(text: str, file: str = "<plan>", number: int | None = None) -> TimedPlan:
+    """The plan in a text, the last one or the one of a number from 1.
+
+    Raises:
+        InputError: with line and column, for a line that is meant for a step and is none, for no step, and for a
+            number that no plan has.
+    """
+    log = _Log(file)
+    log.read(text)
+    if not log.plans:
+        raise InputError(f"empty plan: found no step, expected {_EXPECTED}", Location(file, text.count("\n") + 1))
+    if number is not None and not 1 <= number <= len(log.plans):
+        raise InputError(f"found {plural(len(log.plans), 'plan')}, expected one with number {number}", Location(file))
+    picked = len(log.plans) if number is None else number
+    steps = log.plans[picked - 1]
+    return TimedPlan(tuple(steps), file, _note(steps, picked, len(log.plans), log.skipped))
 
 
-def read_timed_plan(path: str | PathLike[str]) -> TimedPlan:
-    """The plan in a file; InputError if it cannot be read or is not a plan."""
-    return parse_timed_plan(read_text(path), str(path))
+def plans_in(text: str, file: str = "<plan>") -> Iterator[TimedPlan | InputError]:
+    """The plans in a text, the last one first: planners that go on looking improve on them.
+
+    The text is read up to the first line that is wrong, such as the last line of a planner that was ended; what is
+    wrong with it comes first, and the plan that it belongs to is left out.
+    """
+    log = _Log(file)
+    try:
+        log.read(text)
+    except InputError as error:
+        yield error
+        del log.plans[len(log.plans) - log.is_open :]
+    yield from (TimedPlan(tuple(steps), file) for steps in reversed(log.plans))
+
+
+def read_timed_plan(path: str | PathLike[str], number: int | None = None) -> TimedPlan:
+    """The plan in a file; InputError if it cannot be read or has no such plan."""
+    return parse_timed_plan(read_text(path), str(path), number)
 
 
 def write_timed_plan(plan: TimedPlan) -> str:
@@ -72,35 +134,126 @@ def write_timed_plan(plan: TimedPlan) -> str:
     return "".join(f"{step}\n" for step in plan.steps)
 
 
-def _content(line: str) -> str:
-    return line.partition(";")[0].strip()
+def _note(steps: list[TimedStep], picked: int, plans: int, skipped: int) -> str:
+    parts = []
+    if plans > 1:
+        places = [step.location.line for step in steps if step.location and step.location.line]
+        parts.append(f"picked plan {picked} of {plans} (lines {min(places)} to {max(places)})")
+    if skipped:
+        parts.append(f"skipped {plural(skipped, 'line')} that {'is' if skipped == 1 else 'are'} no step")
+    return "; ".join(parts)
 
 
-def _step(line: str, location: Location) -> TimedStep:
-    content = _content(line)
-    match = _STEP.fullmatch(content)
-    if match is None:
-        raise InputError(f"found {shorten(content)}, expected {_EXPECTED}", location)
-    offset = location.column or 1
-    time = _amount(match, "time", location, offset)
-    symbols = match["action"].split()
+class _Log:
+    """The plans in a text, line by line."""
+
+    def __init__(self, file: str) -> None:
+        self.plans: list[list[TimedStep]] = []
+        self.skipped = 0
+        self.is_open = False
+        """Whether the next step belongs to the last plan."""
+        self._file = file
+        self._headline = ""
+        self._after_blank = False
+        self._strange: tuple[str, Location] | None = None
+        """A line that is meant for a step if the next one is a step."""
+
+    def read(self, text: str) -> None:
+        for number, line in enumerate(text.split("\n"), start=1):
+            plain = _COLOUR.sub("", line)
+            content = plain.strip()
+            if not content.startswith(";") and (prefix := _PREFIX.match(content)):
+                content = content[prefix.end() :]
+            if content:
+                self._line(content, Location(self._file, number, plain.rfind(content) + 1))
+            self._after_blank = not content
+
+    def _line(self, content: str, place: Location) -> None:
+        if content.startswith(";"):
+            self.is_open = self.is_open and not _ANNOUNCEMENT.match(content)
+            self._strange = None
+            return
+        pattern = _NAMED if self._headline else _STEP
+        match = pattern.fullmatch(content) or _STEP.fullmatch(content)
+        if match is None or (match["time"] is not None and not match["time"][0].isdigit() and not self._in_plan(match)):
+            self._other(content, place)
+            return
+        if self._strange is not None:
+            raise _no_step(*self._strange)
+        step = _step(match, place, len(self.plans[-1]) if self.is_open else 0)
+        if not self.is_open or (self._after_blank and step.time < self.plans[-1][-1].time):
+            self.plans.append([])
+            self.is_open = True
+        self.plans[-1].append(step)
+
+    def _in_plan(self, match: re.Match[str]) -> bool:
+        """Whether a line that has the form of a step, but not its time, is a damaged one."""
+        return self.is_open or match["time"][0] in "-+."
+
+    def _other(self, content: str, place: Location) -> None:
+        found = _HEADLINE.match(content)
+        self._headline = found["kind"] if found else ""
+        self._strange = None
+        if found is None:
+            if _DAMAGED.match(content) or (self.is_open and _SUSPICIOUS.match(content)):
+                raise _no_step(content, place)
+            if _SUSPICIOUS.match(content):
+                self._strange = content, place
+            self.skipped += 1
+        self.is_open = False
+
+
+def _no_step(content: str, place: Location) -> InputError:
+    return InputError(f"found {shorten(content)}, expected {_EXPECTED}", place)
+
+
+def _step(match: re.Match[str], place: Location, index: int) -> TimedStep:
+    time, printed = Fraction(index), match["time"] or ""  # in a sequence only the order counts
+    if printed:
+        time = _amount(match, "time", printed, place)
+    name, arguments = match["name"], match["arguments"]
+    symbols = match["lisp"].split() if name is None else [name, *_objects(arguments or "")]
     bad = next((symbol for symbol in symbols if not _SYMBOL.fullmatch(symbol)), None)
     if not symbols or bad is not None:
         found = "an empty action" if bad is None else shorten(bad)
-        place = Location(location.file, location.line, offset + match.start("action"))
-        raise InputError(f"found {found}, expected an action name and objects", place)
-    duration = None if match["duration"] is None else _amount(match, "duration", location, offset)
-    action, *arguments = (symbol.lower() for symbol in symbols)
-    return TimedStep(time, action, tuple(arguments), duration, location)
+        where = _at(place, match.start("lisp" if name is None else "name"))
+        raise InputError(f"found {found}, expected an action name and objects", where)
+    duration, text = None, match["duration"]
+    if text is not None:
+        labelled = _LABELLED.fullmatch(text)
+        text = (labelled["duration"] if labelled else text).strip()
+        duration = _amount(match, "duration", text, place)
+    action, *objects = (symbol.lower() for symbol in symbols)
+    return TimedStep(time, action, tuple(objects), duration, place, (printed, text or ""))
 
 
-def _amount(match: re.Match[str], what: str, line: Location, offset: int) -> Fraction:
+def _objects(text: str) -> list[str]:
+    return [one.strip() for one in text.split(",")] if text.strip() else []
+
+
+def _at(place: Location, offset: int) -> Location:
+    return Location(place.file, place.line, (place.column or 1) + offset)
+
+
+def _amount(match: re.Match[str], what: str, text: str, line: Location) -> Fraction:
     """The time or duration of a step, at least 0."""
-    text = match[what].strip()
-    place = Location(line.file, line.line, offset + match.start(what))
+    place = _at(line, match.start(what))
     if not is_number(text):
         raise InputError(f"found {shorten(text)} as {what}, expected a number ≥ 0 such as 12.001", place)
     value = parse_number(text, place)
     if value < 0:
         raise InputError(f"found {what} {shorten(text)}, expected a number ≥ 0", place)
     return value
+
+
+def _units(texts: Sequence[str]) -> list[Fraction]:
+    """One unit of the last digit that was printed on purpose, of numbers that were printed in the same way."""
+    numbers = [Decimal(text).as_tuple() if text and "/" not in text else None for text in texts]
+    filled = all(number is None or not any(number.digits[_SIGNIFICANT:]) for number in numbers)
+    return [Fraction(0) if number is None else Fraction(10) ** _last(number, filled) for number in numbers]
+
+
+def _last(number: DecimalTuple, filled: bool) -> int:
+    """The exponent of the last digit."""
+    surplus = len(number.digits) - _SIGNIFICANT if filled and any(number.digits) else 0
+    return int(number.exponent) + max(surplus, 0)

@@ -49,7 +49,7 @@ def test_parameters_beside_the_plan(tmp_path):
     [
         ("; nothing\n", "empty plan: found no step"),
         ("0: (go a) [5]\n", "found 'go' with 1 argument"),
-        ("Plan found:\n0: (go a b) [5]\n", "found 'Plan found:'"),
+        ("Plan found:\n0: (go a b [5]\n", "found '0: (go a b [5]'"),
     ],
 )
 def test_wrong_plans(tmp_path, text, says):

@@ -5,14 +5,14 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.generators.delivery import DeliveryVariant, delivery_domain, table_problems
 from robust.errors import InputError, UnsupportedError
 from robust.execute.planners import aries
 from robust.execute.planners import command as kairos
-from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check, plan_texts
+from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check
 from robust.execute.planners.registry import create_planner
 from robust.numbers import parse_number
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
@@ -198,21 +198,6 @@ def test_decimals(value, places):
     unit = Fraction(1, 10**places)
     assert value - unit < down <= value <= up < value + unit
     assert abs(near - value) <= unit / 2
-
-
-@given(
-    st.lists(
-        st.sampled_from(["0: (a) [1]", "2: (b c)", "", "; note", "cost 3: (x", "1.5: (d)  [2.5] ; last"]), max_size=12
-    )
-)
-@settings(max_examples=200)
-def test_parts_of_a_text_that_look_like_plans(lines):
-    parts = list(plan_texts("\n".join(lines)))
-    steps = [line for part in reversed(parts) for line in part.splitlines()]
-    assert steps == [line for line in lines if ": (" in line and not line.startswith("cost")]
-    for part in parts:
-        times = [step.time for step in parse_timed_plan(part).steps]
-        assert times == sorted(times)
 
 
 @pytest.fixture(params=["aries", "kairos"])

@@ -250,7 +250,6 @@ def test_timed_plan(tmp_path: Path) -> None:
 
 
 BAD_LINES = [
-    ("Solution found", "2:1", ["found 'Solution found'", "a step such as"]),
     ("1.0: (beep) [5] x", "2:1", ["a step such as"]),
     ("1: (a) 2: (b)", "2:1", ["a step such as"]),
     ("x: (beep)", "2:1", ["found 'x' as time", "a number ≥ 0"]),

@@ -8,18 +8,18 @@ plans goes on, or ends as failed, and knows why.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from typing import Protocol
 
-from robust.errors import RobustError, UnsupportedError
+from robust.errors import InputError, RobustError, UnsupportedError
 from robust.execute.distances import declarations, schedule_of, validated
 from robust.plan.load import assemble
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.stn import STNPlan
-from robust.plan.timed import TimedPlan, parse_timed_plan
+from robust.plan.timed import TimedPlan, plans_in
 from robust.smt.limits import Deadline
 
 
@@ -75,40 +75,9 @@ class Planner(Protocol):
         ...
 
 
-_STEP = re.compile(r"\s*(?P<time>[0-9.]+)\s*:\s*\([^()]*\)\s*(?:\[[^\[\]]*\])?\s*(?:;.*)?")
 _NO_PLAN = re.compile(
     r"no plan|no solution|unsolvable|unreachable|infeasible|cannot be solved|not solvable", re.IGNORECASE
 )
-
-
-def plan_texts(text: str) -> Iterator[str]:
-    """The parts of a text that look like plans, the last one first: planners that go on looking improve on them.
-
-    A plan ends where a line is neither a step nor blank nor a comment, or where the time of a step is before the last.
-    """
-    plans: list[list[str]] = []
-    current: list[str] = []
-    last = Fraction(0)
-    for line in text.splitlines():
-        match = _STEP.fullmatch(line)
-        if match is None:
-            if line.partition(";")[0].strip():
-                current = []
-            continue
-        time = _time(match["time"])
-        if not current or time < last:
-            current = []
-            plans.append(current)
-        current.append(line)
-        last = time
-    return ("\n".join(lines) for lines in reversed(plans))
-
-
-def _time(text: str) -> Fraction:
-    try:
-        return Fraction(text)
-    except ValueError:
-        return Fraction(0)  # not a number: for the reader to say so
 
 
 Renaming = Callable[[TimedPlan], TimedPlan]
@@ -133,10 +102,11 @@ def last_valid_plan(
 ) -> tuple[TimedPlan | None, str]:
     """The last plan in a text that is valid; without one, what is wrong with the last, or an empty message."""
     message = ""
-    for candidate in plan_texts(text):
+    for found in plans_in(text, f"<plan of {planner}>"):
         try:
-            plan = parse_timed_plan(candidate, f"<plan of {planner}>")
-            plan = plan if renamed is None else renamed(plan)
+            if isinstance(found, InputError):
+                raise found
+            plan = found if renamed is None else renamed(found)
             check(plan, domain, problem, epsilon)
         except RobustError as error:
             message = message or " ".join(str(error).split())
