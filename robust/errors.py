@@ -60,6 +60,10 @@ class SolverError(RobustError):
     exit_code = 3
 
 
+class InputWarning(UserWarning):
+    """The input can be read, but is not what its author is likely to have meant; `warnings` decides what is done."""
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A suffix for an error message about an unknown name: the closest known names, or what is known at all."""
     from difflib import get_close_matches  # noqa: PLC0415 - only for messages

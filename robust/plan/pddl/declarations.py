@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from robust.errors import InputError, UnsupportedError, did_you_mean
+from robust.errors import InputError, InputWarning, Location, UnsupportedError, did_you_mean
 from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, quote
 from robust.plan.pddl.syntax import OBJECT, FunctionTerm, Proposition, Signature, Term, TypedName
 from robust.plan.pddl.write import type_text
@@ -89,10 +90,21 @@ def declaration(of: Term, scope: Scope) -> TypedName:
 def proposition(form: Form, scope: Scope) -> Proposition:
     """The use of a predicate."""
     head = _name(form, "a predicate")
-    signature = scope.vocabulary.predicates.get(head.text)
+    signature = scope.vocabulary.predicates.get(head.text) or _of_one_type(head, scope.vocabulary)
     if signature is None:
         raise _unknown_predicate(head, scope)
     return Proposition(signature.name, _arguments(form, signature, scope), form.location)
+
+
+def _of_one_type(head: Word, vocabulary: Vocabulary) -> Signature | None:
+    """`in_crate` for `(in ?x - (either crate area) …)`: so some problems of the competitions split predicates."""
+    name, _, type_name = head.text.rpartition("_")
+    signature = vocabulary.predicates.get(name)
+    if signature is None or not any(len(one.types) > 1 and type_name in one.types for one in signature.parameters):
+        return None
+    place = Location(head.location.file)  # once for a file: warnings of equal texts are shown once
+    warn(f"found undeclared predicate '{head.text}', took it for '{name}' of type '{type_name}'", place)
+    return signature
 
 
 def function(form: Form, scope: Scope) -> FunctionTerm:
@@ -249,9 +261,12 @@ def types(items: Sequence[Item]) -> dict[str, frozenset[str]]:
     places: dict[str, Word] = {}
     for word, above in typed_list(items, Kind.NAME, "the name of a type"):
         names = {parent.text for parent in above} or {OBJECT}
-        if places.get(word.text) is not None and parents[word.text] != names:
-            found = f"a second, different type '{word.text}'"
-            raise fault(word, f"one declaration; the first is at {places[word.text].location}", found=found)
+        if (first := places.get(word.text)) is not None and parents[word.text] != names:
+            warn(
+                f"found a second, different type '{word.text}', took both; the first is at {first.location}",
+                word.location,
+            )
+            names |= parents[word.text]
         if word.text == OBJECT and above and names != {OBJECT}:
             raise fault(word, "no type above it: every type is below 'object'")
         places[word.text] = word
@@ -311,9 +326,15 @@ def objects(
     for declared in typed_names(items, Kind.NAME, "the name of an object", hierarchy):
         other = result.setdefault(declared.name, declared)
         if set(other.types) != set(declared.types):
-            expected = f"the type of the declaration at {other.location}"
-            raise fault(declared.location, expected, found=f"object '{declared.name}' with another type")
+            found = f"found object '{declared.name}' with another type, took both; the first is at {other.location}"
+            warn(found, declared.location)
+            result[declared.name] = replace(other, types=tuple(dict.fromkeys((*other.types, *declared.types))))
     return result
+
+
+def warn(message: str, place: Location | None) -> None:
+    """Say what was found that others read, though PDDL does not say what it means."""
+    warnings.warn(f"{place}: {message}", InputWarning, stacklevel=2)
 
 
 def predicates(items: Sequence[Item], hierarchy: Mapping[str, frozenset[str]]) -> dict[str, Signature]:

@@ -48,14 +48,11 @@ DECLARATIONS = """
 (:types @?t) => found '?t', expected the name of a type
 (:types @a - b b - c c - a) => found 'a' above itself, expected a type hierarchy
 (:types @object - a) => expected no type above it
-(:types a - b c @a - c) => found a second, different type 'a'
 (:types @- b) => expected the name of a type before '-'
 (:types a @-) => found nothing after '-', expected a type after '-'
 (:types a - @(a b)) => expected a type, as in '- truck'
 (:types truck) (:constants a - @truk) => did you mean 'truck'?
 (:constants @(a)) => expected the name of an object
-(:types t u) (:constants a - t @a - u) =>
-    found object 'a' with another type, expected the type of the declaration at d.pddl:1:45
 (:predicates (p ?x - @t)) => found 't', expected a declared type
 (:predicates @p) => expected a predicate with its parameters
 (:predicates @()) => expected the name of a predicate
@@ -169,8 +166,6 @@ PROBLEMS = """
 (:domain @e) (:init) (:goal ()) => found a problem for domain 'e', expected 'd', the domain of d.pddl
 @(:domain) (:init) (:goal ()) => expected (:domain NAME)
 (@:gaol ()) => did you mean ':goal'?
-(:domain d) (:objects @hub - truck) (:init) (:goal ()) =>
-    found object 'hub' with another type, expected the type of the declaration at d.pddl:3:14
 (:domain d) (:init) (:goal (idle) @(idle)) => expected one condition in (:goal
 (:domain d) (:objects small - truck) (:init) (:goal (idle)) (:metric @least (total)) =>
     expected 'minimize' or 'maximize'
