@@ -12,13 +12,14 @@ from functools import cache
 
 from robust.encode.effects import Writes, mutex_pairs
 from robust.encode.interface import EPSILON, Encoding, Obligation, Stage
-from robust.encode.network import Difference, Orders, Slices, TemporalNetwork, duration_rules
+from robust.encode.network import Orders, Slices, TemporalNetwork, duration_rules
 from robust.encode.overall import OverAll
-from robust.encode.state import FINALLY, Clock, States, before
+from robust.encode.settled import proved
+from robust.encode.state import FINALLY, Clock, Moment, States, before
 from robust.encode.validity import Validity
 from robust.encode.variables import Linear
 from robust.errors import UnsupportedError
-from robust.plan.model import ZERO, ActionInstance, ParametrizedPlan, TimePoint, Timing
+from robust.plan.model import ZERO, ActionInstance, Condition, ParametrizedPlan, TimePoint, Timing
 from robust.smt.terms import Formula, Terms
 
 
@@ -45,6 +46,7 @@ class RelationalEncoding(Encoding):
         self._rules = tuple(duration_rules(plan, writes))
         self.validity = Validity(self.network, self._rules, self.terms)
         self._mutex = mutex_pairs(plan)
+        self._proved = proved(plan, epsilon, self._mutex)
         self._orders = self._known_orders()
         self._states = States(plan, writes, Clock(self.network, self._orders, self.terms))
         self._overall = OverAll(plan, self._states)
@@ -83,21 +85,21 @@ class RelationalEncoding(Encoding):
 
     def _duration_obligations(self) -> Iterator[Obligation]:
         for rule in self._rules:
-            if rule.exact and all(map(self._is_known, rule.bounds)):
-                violation = self.terms.false
-            else:
+            violation = self.terms.false
+            if rule.name not in self._proved:
                 holds = self._states.condition(rule.condition, before(rule.instance.start), rule.instance)
                 violation = self.terms.negation(holds)
             yield Obligation(rule.name, Stage.DURATION, violation)
 
     def _separation_obligations(self) -> Iterator[Obligation]:
         for first, second in self._mutex:
+            name = f"separation: {first}, {second}"
             violation = self.terms.false
-            if not self._is_separated(first, second):
+            if name not in self._proved and not self._is_separated(first, second):
                 gap = self.network.distance(first, second)
                 near = (self.terms.greater(-gap + self.epsilon), self.terms.greater(gap + self.epsilon))
                 violation = self.terms.conjunction(near)
-            yield Obligation(f"separation: {first}, {second}", Stage.SEPARATION, violation)
+            yield Obligation(name, Stage.SEPARATION, violation)
 
     def _condition_obligations(self) -> Iterator[Obligation]:
         for instance in self.plan.instances:
@@ -109,22 +111,29 @@ class RelationalEncoding(Encoding):
                 what = f"{instance.identifier} {instance.action}: {error.message}"
                 raise UnsupportedError(what, instance.location) from error
         for goal in self.plan.goal:
-            violation = self.terms.negation(self._states.condition(goal.condition, FINALLY))
-            yield Obligation(goal.label, Stage.CONDITION, violation)
+            yield self._condition(goal.label, goal.condition, FINALLY)
 
     def _obligations_of(self, instance: ActionInstance) -> Iterator[Obligation]:
         unconditional = [rule.condition for rule in self._rules if rule.instance is instance]
         for duration in instance.durations:
             if duration.condition not in unconditional:
-                holds = self._states.condition(duration.condition, before(instance.at(duration.timing)), instance)
-                yield Obligation(instance.label(duration), Stage.CONDITION, self.terms.negation(holds))
+                read = before(instance.at(duration.timing))
+                yield self._condition(instance.label(duration), duration.condition, read, instance)
         for timed in instance.conditions:
-            if timed.timing is Timing.OVER_ALL:
-                violation = self._overall.violation(instance, timed.condition)
+            moment = None if timed.timing is Timing.OVER_ALL else before(instance.at(timed.timing))
+            yield self._condition(instance.label(timed), timed.condition, moment, instance)
+
+    def _condition(
+        self, name: str, condition: Condition, moment: Moment | None, instance: ActionInstance | None = None
+    ) -> Obligation:
+        """That a condition holds at a moment, or throughout an instance."""
+        violation = self.terms.false
+        if name not in self._proved:
+            if moment is None and instance is not None:
+                violation = self._overall.violation(instance, condition)
             else:
-                moment = before(instance.at(timed.timing))
-                violation = self.terms.negation(self._states.condition(timed.condition, moment, instance))
-            yield Obligation(instance.label(timed), Stage.CONDITION, violation)
+                violation = self.terms.negation(self._states.condition(condition, moment or FINALLY, instance))
+        return Obligation(name, Stage.CONDITION, violation)
 
     # -- what is known of the order, and what a stage assumes -----------------------------------------------------
 
@@ -132,11 +141,6 @@ class RelationalEncoding(Encoding):
         learnt = [weight for rule in self._rules for _, _, weight in self.network.bounds(rule.bounds)]
         bounds = self.network.bounds(self.network.differences)
         return Orders(self.plan.time_points, bounds, [self.epsilon, *learnt])
-
-    def _is_known(self, bound: Difference) -> bool:
-        """Whether the network alone keeps a bound, whatever the parameters are."""
-        known = self._orders.least(bound.source, bound.target)
-        return bound.weight.is_constant and known is not None and known >= bound.weight.constant_term
 
     def _is_separated(self, first: TimePoint, second: TimePoint) -> bool:
         bounds = (self._orders.least(first, second), self._orders.least(second, first))

@@ -12,8 +12,10 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 from robust.encode.effects import Writes
+from robust.encode.paths import Paths
 from robust.encode.variables import (
     Auxiliary,
     Linear,
@@ -93,7 +95,11 @@ class TemporalNetwork:
         self.ranges: dict[str, Range] = {p.name: (p.lower, p.upper) for p in plan.parameters}
         self.differences = tuple(_differences(plan))
         self.places = _places(plan)
-        self.inequalities = tuple(self._inequalities())
+
+    @cached_property
+    def inequalities(self) -> tuple[Inequality, ...]:
+        """What remains to be asserted of the network beside :attr:`places`."""
+        return tuple(self._inequalities())
 
     def distance(self, source: TimePoint, target: TimePoint) -> Linear:
         """t_target − t_source."""
@@ -225,9 +231,6 @@ def _rule(plan: ParametrizedPlan, name: str, instance: ActionInstance, condition
 
 # -- what is known of the order ----------------------------------------------------------------------------------------
 
-# Only ever compared and added: Python compares integers with infinities exactly.
-NO_BOUND = -math.inf
-
 
 class Orders:
     """Greatest known lower bounds between time points; more bounds may be learnt.
@@ -241,44 +244,31 @@ class Orders:
         self._index = {point: index for index, point in enumerate(points)}
         # All weights become integers.
         self._scale = math.lcm(*(weight.denominator for weight in (*(weight for _, _, weight in bounds), *later)))
-        size = len(points)
-        self._least: list[list[int | float]] = [[NO_BOUND] * size for _ in range(size)]
-        for index in range(size):
-            self._least[index][index] = 0
-        for source, target, weight in bounds:
-            row, column = self._least[self._index[source]], self._index[target]
-            row[column] = max(row[column], self._scaled(weight))
-        for middle in range(size):
-            self._join(middle, middle, 0)
-        self.consistent = all(self._least[index][index] == 0 for index in range(size))
+        self._bounds = [self._scaled(*bound) for bound in bounds]
+        self._paths = Paths(len(points), self._bounds)
+        self.consistent = self._paths.schedule is not None
 
-    def _scaled(self, weight: Fraction) -> int:
-        return int(weight * self._scale)
-
-    def _join(self, source: int, target: int, weight: int) -> None:
-        """Extend every path that ends in `source` by an edge of `weight` and a path that begins in `target`."""
-        tail = self._least[target]
-        for index, row in enumerate(self._least):
-            first = row[source] + weight
-            if first != NO_BOUND and first >= row[target]:
-                self._least[index] = [
-                    known if known >= first + rest else first + rest for known, rest in zip(row, tail, strict=True)
-                ]
+    def _scaled(self, source: TimePoint, target: TimePoint, weight: Fraction) -> tuple[int, int, int]:
+        return self._index[source], self._index[target], weight.numerator * (self._scale // weight.denominator)
 
     def least(self, source: TimePoint, target: TimePoint) -> Fraction | None:
         """The greatest known w with t_target − t_source ≥ w; None if nothing is known."""
-        value = self._least[self._index[source]][self._index[target]]
-        return None if value == NO_BOUND else Fraction(int(value), self._scale)
+        value = self._paths.least(self._index[source], self._index[target]) if self.consistent else None
+        return None if value is None else Fraction(value, self._scale)
 
     def learn(self, source: TimePoint, target: TimePoint, weight: Fraction) -> bool:
         """Add t_target − t_source ≥ weight and its consequences.
 
         Returns False, and changes nothing, if that was known or contradicts what is known.
         """
-        a, b, scaled = self._index[source], self._index[target], self._scaled(weight)
-        if self._least[a][b] >= scaled or self._least[b][a] + scaled > 0:
+        bound = self._scaled(source, target, weight)
+        if not self.consistent or self._paths.at_least(*bound):
             return False
-        self._join(a, b, scaled)
+        back = self._paths.least(bound[1], bound[0])
+        if back is not None and back + bound[2] > 0:
+            return False
+        self._bounds.append(bound)
+        self._paths = Paths(len(self._index), self._bounds)
         return True
 
     def separate(
@@ -300,11 +290,11 @@ class Orders:
 
     def surely_before(self, first: TimePoint, second: TimePoint) -> bool:
         """Whether t_first < t_second in every schedule."""
-        return self._least[self._index[first]][self._index[second]] > 0
+        return self.consistent and self._paths.at_least(self._index[first], self._index[second], 1)
 
     def surely_not_after(self, first: TimePoint, second: TimePoint) -> bool:
         """Whether t_first ≤ t_second in every schedule."""
-        return self._least[self._index[first]][self._index[second]] >= 0
+        return self.consistent and self._paths.at_least(self._index[first], self._index[second], 0)
 
 
 class Slices:

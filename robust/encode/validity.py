@@ -9,9 +9,11 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
+from math import lcm
 
 from robust.encode.interface import Facet
 from robust.encode.network import Difference, DurationRule, TemporalNetwork
+from robust.encode.paths import Paths
 from robust.encode.variables import (
     Auxiliary,
     Linear,
@@ -51,8 +53,13 @@ def suspicious_cycle(edges: Sequence[Difference], ranges: Mapping[str, Range]) -
 
 
 def _positive_cycle(edges: Sequence[tuple[Difference, Fraction]]) -> list[Difference] | None:
-    """Bellman–Ford from a virtual source to all nodes."""
+    """Bellman–Ford from a virtual source to all nodes; in integers, as long as there is no such cycle."""
     nodes = dict.fromkeys(node for e, _ in edges for node in (e.source, e.target))
+    index = {node: number for number, node in enumerate(nodes)}
+    scale = lcm(*(weight.denominator for _, weight in edges))
+    bounds = ((index[e.source], index[e.target], int(weight * scale)) for e, weight in edges)
+    if Paths(len(nodes), bounds).schedule is not None:
+        return None
     distance = dict.fromkeys(nodes, Fraction(0))
     arrival: dict[TimePoint, Difference] = {}
     last = ZERO

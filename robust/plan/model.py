@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import Enum, StrEnum
 from fractions import Fraction
 from functools import cached_property
 
@@ -72,7 +72,7 @@ class Parameter:
     location: Location | None = field(default=None, compare=False)
 
 
-class TimePointKind(Enum):
+class TimePointKind(StrEnum):
     ZERO = "zero"
     START = "start"
     END = "end"
