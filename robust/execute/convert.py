@@ -45,6 +45,7 @@ from itertools import pairwise
 
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
+from robust.encode.settled import is_proved
 from robust.errors import Location, SolverError
 from robust.execute import distances
 from robust.execute.distances import edge
@@ -57,6 +58,7 @@ from robust.execute.parametrization import (
     parametrization,
     settled_durations,
 )
+from robust.execute.snap import Snapped
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample
 from robust.irr.exact import ExactSearch
 from robust.irr.search import Status
@@ -102,18 +104,18 @@ def causal_network(original: distances.Original, pinned: Collection[str] = ()) -
     durations = tuple(bound for instance in durative for bound in duration_edges(original, instance, pinned))
     settled = settled_durations(original, pinned)
     orders = [edge(a, b, original.epsilon) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
-    paths = distances.Paths(points, (*certain, *orders))
-    links = [link for instance in durative for link in _over_all_edges(original, instance, paths)]
+    network = distances.Network(points, (*certain, *orders))
+    links = [link for instance in durative for link in _over_all_edges(original, instance, network)]
     known = tuple(bound for bound in durations if bound.source.instance in settled)
     edges = tuple(dict.fromkeys((*orders, *links)))
     return CausalNetwork(points, (*certain, *known), durations, edges, frozenset(links) - frozenset(orders))
 
 
 def _over_all_edges(
-    original: distances.Original, instance: model.ActionInstance, paths: distances.Paths
+    original: distances.Original, instance: model.ActionInstance, network: distances.Network
 ) -> Iterator[distances.Edge]:
     def protection(literals: Iterable[model.Holds]) -> list[distances.Edge]:
-        return [one for literal in literals for one in _protection(original, instance, literal, paths)]
+        return [one for literal in literals for one in _protection(original, instance, literal, network)]
 
     for part in instance.conditions:
         if part.timing is model.Timing.OVER_ALL:
@@ -152,15 +154,13 @@ def _kept(
 def _holds_throughout(original: distances.Original, instance: model.ActionInstance, literal: model.Holds) -> bool:
     """Whether the literal holds from right after the start up to the end."""
     start, end = original.times[instance.start], original.times[instance.end]
-    return all(
-        (literal.atom in happening.after.atoms) is literal.value
-        for happening in original.execution.happenings
-        if start <= happening.time < end or happening.time == start
-    )
+    # where start and end are at the same time, what holds then has to hold
+    happenings = [before for before, _ in original.execution.steps(start, end)] or [original.execution.at(start)]
+    return all((literal.atom in happening.after.atoms) is literal.value for happening in happenings)
 
 
 def _protection(
-    original: distances.Original, instance: model.ActionInstance, literal: model.Holds, paths: distances.Paths
+    original: distances.Original, instance: model.ActionInstance, literal: model.Holds, network: distances.Network
 ) -> Iterator[distances.Edge]:
     """Achiever before start, contrary writers not before the end unless they are before the achiever."""
     start, end = original.times[instance.start], original.times[instance.end]
@@ -173,16 +173,11 @@ def _protection(
         achievers = [one for one in supports if broken is None or broken < one.time]
         # one of them, unless one comes before the start anyway
         links = [edge(one.point, instance.start, Fraction(0)) for one in achievers]
-        if links and not any(_is_implied(link, paths) for link in links):
+        if links and not any(map(network.implies, links)):
             yield links[-1]
     for one in contrary:
         if one.time >= end and one.point != instance.end:
             yield edge(instance.end, one.point, Fraction(0))
-
-
-def _is_implied(link: distances.Edge, paths: distances.Paths) -> bool:
-    known = paths.implied(link.source, link.target)
-    return known is not None and known >= link.weight
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,6 +216,8 @@ class Tightener:
             SolverError: if the solver cannot decide, or not in time.
             KeyboardInterrupt: if interrupted.
         """
+        if is_proved(self._plan(edges), self.original.epsilon, self.original.mutex):
+            return ()
         found = self._forced(edges)
         if not found:
             return ()
@@ -255,7 +252,8 @@ class Tightener:
         literals = {point: point.time for point in plan.time_points if point.time is not None}
         points = [point for point in plan.time_points if point.time is None]
         for slack in (epsilon, Fraction(1)):
-            times = distances.earliest(points, (*others, distances.Edge(one.target, one.source, slack - one.weight)))
+            broken = distances.Edge(one.target, one.source, slack - one.weight)
+            times = distances.Network(points, (*others, broken)).earliest
             if times is not None and simulate(plan, plan.nominal, {**literals, **times}, epsilon=epsilon).violations:
                 return True
         return False
@@ -392,6 +390,7 @@ class Conversion:
     plan: model.ParametrizedPlan
     beside: tuple[ParameterSpec, ...]
     schedule: Mapping[model.TimePoint, Fraction]
+    snapped: Snapped
     check: CheckResult
     tightened: tuple[Tightening, ...] = ()
     redundant: int = 0
@@ -406,6 +405,7 @@ def convert(
     mode: Mode = Mode.CAUSAL,
     specs: Iterable[ParameterSpec] = (),
     epsilon: Fraction = EPSILON,
+    tolerance: Fraction | None = None,
     solver: str = "z3",
     timeout: float | None = None,
     on_progress: Callable[[str], None] | None = None,
@@ -423,6 +423,8 @@ def convert(
         specs: what becomes a parameter, see :mod:`robust.plan.parameters`; nominal values of durations and starts are
             those of the plan.
         epsilon: the separation of mutex time points.
+        tolerance: how far exact times may be from the printed ones; None is one unit of the last digit that was
+            printed, and at most ε.
         solver: `z3` or `cvc5`.
         timeout: seconds after which nothing is proved or loosened any more; None never.
         on_progress: called with what is being done.
@@ -438,8 +440,16 @@ def convert(
     say("executing the plan")
     instances = distances.declarations(timed, domain, epsilon)
     times = distances.schedule_of(timed, instances)
-    chosen = parametrization(domain, problem, STNPlan((), instances, (), timed.file), times, specs)
+    untimed, specs = STNPlan((), instances, (), timed.file), tuple(specs)
+    chosen = parametrization(domain, problem, untimed, times, specs)
     bare = assemble(domain, problem, chosen.bare, chosen.fluents)
+    snapped = distances.snapped(
+        bare, times, distances.tolerances(timed, instances, epsilon, tolerance), epsilon, timed.file
+    )
+    if str(snapped):
+        times = dict(snapped.times)
+        chosen = parametrization(domain, problem, untimed, times, specs)
+        bare = assemble(domain, problem, chosen.bare, chosen.fluents)
     original = distances.validated(bare, times, epsilon, timed.file)
     deadline = Deadline.after(timeout)
     if mode is Mode.ESTEREL:
@@ -455,7 +465,9 @@ def convert(
         broken = next(iter(result.counterexamples), None)
         what = f"{broken!r} broken" if broken else "obligations undecided"
         raise SolverError(f"found {what} in the converted plan, expected a proof; allow more time or another solver")
-    return Conversion(mode, stn, plan, chosen.beside, original.times, result, network.tightened, network.redundant)
+    return Conversion(
+        mode, stn, plan, chosen.beside, original.times, snapped, result, network.tightened, network.redundant
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -472,32 +484,38 @@ def _causal(original: distances.Original, chosen: Parametrization, tightener: Ti
     """
     causal = causal_network(original, chosen.pinned_durations)
     fixed = (*causal.durations, *chosen.pinned_starts(original.times))
-    needed = distances.irredundant(causal.points, causal.certain, causal.edges)
+    network = distances.Network(causal.points, (*causal.certain, *causal.edges))
+    needed = network.needed(causal.edges, causal.certain)
     tightened = tightener.tighten((*fixed, *needed))
     bounds = [one.edge for one in tightened]
     every = list(dict.fromkeys((*causal.edges, *bounds)))
     kept = every
-    if not (chosen.parameters or chosen.beside):
+    if not (chosen.parameters or chosen.beside or (not bounds and _is_propositional(original.plan))):
         tightener.say("dropping edges")
         kept = tightener.in_less_time.without_removable(fixed, every, {*causal.links, *bounds})
-    edges = distances.irredundant(causal.points, causal.certain, kept)
+    edges = distances.Network(causal.points, (*causal.certain, *kept)).needed(kept, causal.certain)
     if not (chosen.parameters or chosen.beside):
         fixed = _without_implied_ranges(fixed, edges)
     redundant = len(every) - len(edges)
     return _Network((*fixed, *edges), tuple(one for one in tightened if one.edge in edges), redundant)
 
 
+def _is_propositional(plan: model.ParametrizedPlan) -> bool:
+    """Whether every over-all condition is a conjunction of literals: then each link is needed, or implied."""
+    over_all = [part for one in plan.instances for part in one.conditions if part.timing is model.Timing.OVER_ALL]
+    return all(isinstance(one, model.Holds) for part in over_all for one in model.conjuncts(part.condition))
+
+
 def _without_implied_ranges(
     durations: tuple[distances.Edge, ...], edges: Sequence[distances.Edge]
 ) -> tuple[distances.Edge, ...]:
     """The bounds of durations without those of ranges that all the others imply; a fixed duration keeps both."""
-    kept = list(durations)
+    kept = dict.fromkeys(durations)
     for one in durations:
-        others = [other for other in kept if other != one]
-        if distances.Edge(one.target, one.source, -one.weight) not in kept and distances.is_implied(
-            one, (*others, *edges)
-        ):
-            kept = others
+        if distances.Edge(one.target, one.source, -one.weight) not in kept:
+            others = [other for other in kept if other != one]
+            if distances.is_implied(one, (*others, *edges)):
+                del kept[one]
     return tuple(kept)
 
 

@@ -7,14 +7,15 @@ their edges become edges of zero.
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from math import lcm
 
+from robust.encode.paths import Bound, Paths
 from robust.errors import InputError, Location, RefutedError
-from robust.execute.stnu import ShortestPaths
+from robust.execute.snap import Snapped, TooFarError, snap
 from robust.numbers import format_number
 from robust.plan.model import ZERO, ActionInstance, Atom, ParametrizedPlan, TimePoint
 from robust.plan.pddl.syntax import Domain
@@ -65,88 +66,49 @@ def constraints_of(edges: Iterable[Edge], position: Mapping[TimePoint, int]) -> 
     )
 
 
-class Paths:
-    """Longest paths between all pairs of time points."""
+class Network:
+    """What edges imply; they must have a schedule, unless only :attr:`earliest` is asked for."""
 
     def __init__(self, points: Sequence[TimePoint], edges: Iterable[Edge]) -> None:
-        self._index = index = {point: i for i, point in enumerate(points)}
-        weights = ((index[one.source], index[one.target], -one.weight) for one in edges)
-        self._shortest = ShortestPaths(len(points), weights)
+        edges = tuple(edges)
+        self._points = points
+        self._index = {point: i for i, point in enumerate(points)}
+        self._scale = lcm(*(one.weight.denominator for one in edges))
+        self._paths = Paths(len(points), map(self._bound, edges))
 
-    def implied(self, source: TimePoint, target: TimePoint) -> Fraction | None:
-        """The greatest lower bound of t_target − t_source; None if there is none."""
-        found = self._shortest.length(self._index[source], self._index[target])
-        return None if found is None else -found
+    def _bound(self, one: Edge) -> Bound:
+        weight = one.weight.numerator * (self._scale // one.weight.denominator)
+        return self._index[one.source], self._index[one.target], weight
 
+    def implies(self, one: Edge) -> bool:
+        """Whether every schedule satisfies the edge, whose weight may have another denominator."""
+        source, target, _ = self._bound(one)
+        least = self._paths.least(source, target)
+        return least is not None and Fraction(least, self._scale) >= one.weight
 
-def earliest(points: Sequence[TimePoint], edges: Iterable[Edge]) -> dict[TimePoint, Fraction] | None:
-    """The earliest schedule from zero that satisfies the edges; None if there is none."""
-    outgoing = _adjacency(edges)
-    times = dict.fromkeys(points, Fraction(0))
-    queue, waiting = deque(points), set(points)
-    rounds = dict.fromkeys(points, 0)
-    while queue:
-        point = queue.popleft()
-        waiting.discard(point)
-        rounds[point] += 1
-        if rounds[point] > len(points):  # Bellman and Ford: there is a cycle that never gets late enough
+    @property
+    def earliest(self) -> dict[TimePoint, Fraction] | None:
+        """The earliest schedule from zero, which comes first of all points; None if there is none."""
+        times = self._paths.schedule
+        if times is None or times[0] != 0:
             return None
-        for one in outgoing[point]:
-            if times[one.target] < times[point] + one.weight:
-                times[one.target] = times[point] + one.weight
-                if one.target == ZERO:
-                    return None
-                if one.target not in waiting:
-                    waiting.add(one.target)
-                    queue.append(one.target)
-    return times
+        return {point: Fraction(time, self._scale) for point, time in zip(self._points, times, strict=True)}
 
+    def needed(self, edges: Iterable[Edge], given: Iterable[Edge]) -> list[Edge]:
+        """Of edges of the network those that imply all of them together with the given ones, and none of which can go.
 
-def irredundant(points: Sequence[TimePoint], given: Sequence[Edge], edges: Sequence[Edge]) -> list[Edge]:
-    """A subset of `edges` that with `given` implies all of them, and none of which the others imply.
-
-    Edges that come first are the first to go. The edges must have a schedule.
-    """
-    paths = Paths(points, (*given, *edges))
-    # A longer path than the edge itself cannot contain it, or there would be no schedule: all these go at once.
-    tight = [one for one in dict.fromkeys(edges) if paths.implied(one.source, one.target) == one.weight]
-    tight = [one for one in tight if one.source != one.target]
-    adjacency = _adjacency((*given, *tight))
-    always, dropped = frozenset(given), set()
-    for one in tight:
-        if one in always or _reaches(one, adjacency):
-            adjacency[one.source].remove(one)
-            dropped.add(one)
-    return [one for one in tight if one not in dropped]
+        Where either of two can, the first one goes.
+        """
+        edges = list(dict.fromkeys(edges))
+        kept = set(self._paths.needed(map(self._bound, reversed(edges)), map(self._bound, given)))
+        return [one for one in edges if self._bound(one) in kept]
 
 
 def is_implied(one: Edge, others: Iterable[Edge]) -> bool:
     """Whether every schedule of the other edges satisfies the edge; they must have a schedule."""
     others = tuple(others)
-    return one in others or _reaches(one, _adjacency(others))
-
-
-def _adjacency(edges: Iterable[Edge]) -> Mapping[TimePoint, list[Edge]]:
-    outgoing: defaultdict[TimePoint, list[Edge]] = defaultdict(list)
-    for one in edges:
-        outgoing[one.source].append(one)
-    return outgoing
-
-
-def _reaches(skipped: Edge, adjacency: Mapping[TimePoint, Sequence[Edge]]) -> bool:
-    """Whether a path without that edge is as long."""
-    longest = {skipped.source: Fraction(0)}
-    queue = deque([skipped.source])
-    while queue:
-        point = queue.popleft()
-        for one in adjacency[point]:
-            length = longest[point] + one.weight
-            if one != skipped and (one.target not in longest or length > longest[one.target]):
-                longest[one.target] = length
-                if one.target == skipped.target and length >= skipped.weight:
-                    return True
-                queue.append(one.target)
-    return False
+    points = dict.fromkeys(point for other in (*others, one) for point in (other.source, other.target))
+    return Network(tuple(points), others).implies(one)
 
 
 class InvalidPlanError(RefutedError):
@@ -196,6 +158,14 @@ class Original:
         """The mutex pairs, the earlier time point first."""
         pairs = mutex_pairs(self.plan)
         return tuple((a, b) if self.times[a] <= self.times[b] else (b, a) for a, b in pairs)
+
+    @cached_property
+    def _pairs(self) -> frozenset[tuple[TimePoint, TimePoint]]:
+        return frozenset(self.mutex)
+
+    def is_mutex(self, earlier: TimePoint, later: TimePoint) -> bool:
+        """Whether two time points are mutex, the first of them being the earlier one."""
+        return (earlier, later) in self._pairs
 
     def writes(self, atom: Atom) -> tuple[Write, ...]:
         """The writes of an atom by time; conditional effects that do not happen in the schedule are no writes."""
@@ -256,8 +226,43 @@ def schedule_of(plan: TimedPlan, instances: Sequence[InstanceDeclaration]) -> di
     return times
 
 
-def validated(plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction], epsilon: Fraction, file: str) -> Original:
-    """The schedule as an original, once the simulator has executed it.
+def tolerances(
+    plan: TimedPlan, instances: Sequence[InstanceDeclaration], epsilon: Fraction, tolerance: Fraction | None
+) -> dict[TimePoint, Fraction]:
+    """How far starts, and durations (by end), may be from what was printed: one unit of the last digit, at most ε."""
+    found: dict[TimePoint, Fraction] = {}
+    for (of_time, of_duration), instance in zip(plan.units, instances, strict=True):
+        found[instance.end] = min(of_duration, epsilon) if tolerance is None else tolerance
+        found[instance.start] = min(of_time, epsilon) if tolerance is None else tolerance
+    return found
+
+
+def snapped(
+    plan: ParametrizedPlan,
+    times: Mapping[TimePoint, Fraction],
+    tolerances: Mapping[TimePoint, Fraction],
+    epsilon: Fraction,
+    file: str,
+) -> Snapped:
+    """The exact schedule that was meant by printed times.
+
+    Raises:
+        InvalidPlanError: if there is none; the message says what breaks in the printed schedule, and what would do.
+        UnsupportedError: if the simulator cannot decide an over-all condition or a continuous effect.
+    """
+    complete = {**{point: point.time for point in plan.time_points if point.time is not None}, **times}
+    try:
+        return snap(plan, complete, tolerances, mutex_pairs(plan), epsilon)
+    except TooFarError as error:
+        remedy = "" if error.shift is None else f"; --tolerance {format_number(error.shift)} would do"
+        validated(plan, error.times, epsilon, file, f"; {error}{remedy}")
+        raise InvalidPlanError(f"invalid plan: {error}{remedy}", Location(file), ()) from None
+
+
+def validated(
+    plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction], epsilon: Fraction, file: str, remedy: str = ""
+) -> Original:
+    """The schedule as an original, once the simulator has executed it; `remedy` ends the message if it is invalid.
 
     Raises:
         InvalidPlanError: if it breaks an obligation; the message names the first one in time, and the step's line.
@@ -269,7 +274,7 @@ def validated(plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction], epsil
         first = min(violations, key=lambda violation: violation.time)
         others = f" (and {len(violations) - 1} more)" if len(violations) > 1 else ""
         broken = f"{first.obligation!r} broken at time {format_number(first.time)}: {first.detail}{others}"
-        message = f"invalid plan: found {broken}, expected a plan that breaks nothing"
+        message = f"invalid plan: found {broken}, expected a plan that breaks nothing{remedy}"
         raise InvalidPlanError(message, _place(plan.instances, first, file), violations)
     return Original(plan, complete, epsilon)
 

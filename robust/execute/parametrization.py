@@ -150,7 +150,7 @@ def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[
 
 def certain_duration(original: Original, instance: model.ActionInstance) -> Edge:
     """The lower bound of t_end − t_start that holds for every duration: 0, or ε where start and end are mutex."""
-    lower = original.epsilon if (instance.start, instance.end) in original.mutex else Fraction(0)
+    lower = original.epsilon if original.is_mutex(instance.start, instance.end) else Fraction(0)
     return Edge(instance.start, instance.end, lower)
 
 

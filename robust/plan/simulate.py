@@ -53,6 +53,11 @@ class _Footprint:
     assigns: set[Fluent] = field(default_factory=set)
     increases: set[Fluent] = field(default_factory=set)
 
+    @property
+    def names(self) -> set[Atom | Fluent]:
+        """All that is touched."""
+        return self.atoms_read | self.adds | self.deletes | self.fluents_read | self.assigns | self.increases
+
     def read_expression(self, expression: Expression) -> None:
         self.fluents_read.update(fluents_in(expression))
 
@@ -69,16 +74,31 @@ def mutex_pairs(plan: ParametrizedPlan) -> Iterator[tuple[TimePoint, TimePoint]]
 
     Neither is zero, and timed literals are not mutex among themselves.
     """
+    touching: dict[Atom | Fluent, list[int]] = {}
+    footprints = _footprints(plan)
+    points = list(footprints)
+    for number, footprint in enumerate(footprints.values()):
+        for name in footprint.names:
+            touching.setdefault(name, []).append(number)
+    candidates = {pair for numbers in touching.values() for pair in combinations(numbers, 2)}
+    for a, b in sorted(candidates):
+        if _is_mutex((points[a], footprints[points[a]]), (points[b], footprints[points[b]])):
+            yield points[a], points[b]
+
+
+def _footprints(plan: ParametrizedPlan) -> dict[TimePoint, _Footprint]:
     footprints = {point: _Footprint() for point in plan.time_points if point != ZERO}
     for instance in plan.instances:
         for point in instance.time_points:
             _enter_instance(footprints[point], instance, point)
     for literal in plan.timed_literals:
         _enter_timed_literal(footprints[literal.point], literal)
-    for (a, of_a), (b, of_b) in combinations(footprints.items(), 2):
-        both_timed = a.kind is b.kind is TimePointKind.TIMED_LITERAL
-        if not both_timed and (_disturbs(of_a, of_b) or _disturbs(of_b, of_a)):
-            yield a, b
+    return footprints
+
+
+def _is_mutex(a: tuple[TimePoint, _Footprint], b: tuple[TimePoint, _Footprint]) -> bool:
+    both_timed = a[0].kind is b[0].kind is TimePointKind.TIMED_LITERAL
+    return not both_timed and (_disturbs(a[1], b[1]) or _disturbs(b[1], a[1]))
 
 
 def _enter_instance(footprint: _Footprint, instance: ActionInstance, point: TimePoint) -> None:
@@ -241,14 +261,13 @@ def _instance_violations(execution: Execution, instance: ActionInstance) -> Iter
     if duration < 0:
         label = f"{instance.identifier} {instance.action}: non-negative duration"
         yield Violation(label, execution.times[instance.end], f"?duration = {duration} < 0")
-    before = {point: happening.before for happening in execution.happenings for point in happening.points}
     parts: tuple[DurationConstraint | TimedCondition, ...] = (*instance.durations, *instance.conditions)
     for part in parts:
         if isinstance(part, TimedCondition) and part.timing is Timing.OVER_ALL:
             yield from _over_all_violation(execution, instance, part)
             continue
         point = instance.at(part.timing)
-        failure = _failure(part.condition, execution.reading(before[point], instance))
+        failure = _failure(part.condition, execution.reading(execution.before(point), instance))
         if failure:
             yield Violation(instance.label(part), execution.times[point], failure)
 
@@ -270,11 +289,12 @@ def _instants(execution: Execution, instance: ActionInstance, condition: Conditi
     belong to it; the limits at start and at end do not.
     """
     start, end = execution.times[instance.start], execution.times[instance.end]
-    for happening, following in pairwise(execution.happenings):
-        if not start <= happening.time < end:
-            continue
+    may_move = any(isinstance(leaf, Comparison) for leaf in leaves(condition))
+    for happening, following in execution.steps(start, end):
         if happening.time > start:
             yield happening.time, happening.after
+            if not may_move:
+                continue
         for time in _interior_instants(execution.reading(happening.after, instance), happening, following, condition):
             yield time, happening.just_before(time)
         if following.time < end:
@@ -301,11 +321,21 @@ def _interior_instants(
 def _separation_violations(
     plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction], epsilon: Fraction
 ) -> Iterator[Violation]:
-    for a, b in mutex_pairs(plan):
+    footprints = _footprints(plan)
+    rank = {point: number for number, point in enumerate(footprints)}
+    ordered = sorted(footprints, key=times.__getitem__)
+    near: list[tuple[int, int, TimePoint, TimePoint]] = []
+    for index, early in enumerate(ordered):
+        for late in ordered[index + 1 :]:
+            if times[late] - times[early] >= epsilon:
+                break
+            if _is_mutex((early, footprints[early]), (late, footprints[late])):
+                a, b = sorted((early, late), key=rank.__getitem__)
+                near.append((rank[a], rank[b], a, b))
+    for _, _, a, b in sorted(near):
         distance = abs(times[a] - times[b])
-        if distance < epsilon:
-            detail = f"{a} = {times[a]} and {b} = {times[b]} are {distance} apart, less than {epsilon}"
-            yield Violation(f"separation: {a}, {b}", max(times[a], times[b]), detail)
+        detail = f"{a} = {times[a]} and {b} = {times[b]} are {distance} apart, less than {epsilon}"
+        yield Violation(f"separation: {a}, {b}", max(times[a], times[b]), detail)
 
 
 def _goal_violations(execution: Execution) -> Iterator[Violation]:

@@ -6,9 +6,11 @@ effects read the state just before it and take place together. Between two happe
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import assert_never
 
 from robust.errors import InputError, UnsupportedError, did_you_mean
@@ -32,6 +34,7 @@ from robust.plan.model import (
     ParametrizedPlan,
     TimePoint,
     TimePointKind,
+    Timing,
     Truth,
 )
 from robust.plan.polynomial import Polynomial
@@ -57,6 +60,8 @@ class Happening:
 
     def just_before(self, time: Fraction) -> State:
         """The state at `time`, between this happening and the next, before any effect at `time`."""
+        if not self.slopes:
+            return self.after
         fluents = dict(self.after.fluents)
         for fluent, slope in self.slopes.items():
             fluents[fluent] += slope * (time - self.time)
@@ -140,22 +145,49 @@ def _combined(node: And | Or, parts: list[tuple[Leaf, ...]]) -> tuple[Leaf, ...]
 class Execution:
     """One plan under parameter values and times: its happenings, and how to read a condition of an instance.
 
-    `times` gives every time point of the plan its time. Raises InputError where a fluent without a value is read, and
-    UnsupportedError where a continuous effect's rate changes while it acts.
+    `times` gives every time point of the plan its time, and `durations` what instances read as `?duration` if that is
+    not the time from start to end. Raises InputError where a fluent without a value is read, and UnsupportedError where
+    a continuous effect's rate changes while it acts.
     """
 
     def __init__(
-        self, plan: ParametrizedPlan, parameters: Mapping[str, Fraction], times: Mapping[TimePoint, Fraction]
+        self,
+        plan: ParametrizedPlan,
+        parameters: Mapping[str, Fraction],
+        times: Mapping[TimePoint, Fraction],
+        durations: Mapping[str, Fraction] | None = None,
     ) -> None:
         self.plan = plan
         self.parameters = parameters
         self.times = times
+        self._durations = durations or {}
         self._rates: dict[tuple[str, int], Fraction] = {}
         self.happenings = tuple(self._run())
 
+    @cached_property
+    def _before(self) -> Mapping[TimePoint, State]:
+        return {point: happening.before for happening in self.happenings for point in happening.points}
+
+    def before(self, point: TimePoint) -> State:
+        """The state that conditions at a time point read."""
+        return self._before[point]
+
+    def at(self, time: Fraction) -> Happening:
+        """The happening at a time at which something happens."""
+        return self.happenings[bisect_left(self.happenings, time, key=lambda happening: happening.time)]
+
+    def steps(self, start: Fraction, end: Fraction) -> Iterator[tuple[Happening, Happening]]:
+        """The happenings from a time on and before another one, each with the one that follows it."""
+        first = bisect_left(self.happenings, start, key=lambda happening: happening.time)
+        for index in range(first, len(self.happenings) - 1):
+            if self.happenings[index].time >= end:
+                break
+            yield self.happenings[index], self.happenings[index + 1]
+
     def duration(self, instance: ActionInstance) -> Fraction:
-        """t_end − t_start."""
-        return self.times[instance.end] - self.times[instance.start]
+        """What the instance reads as `?duration`."""
+        known = self._durations.get(instance.identifier)
+        return self.times[instance.end] - self.times[instance.start] if known is None else known
 
     def reading(self, state: State, instance: ActionInstance | None = None) -> Reading:
         """How `instance`, or the goal, reads the state."""
@@ -165,11 +197,12 @@ class Execution:
         at: dict[Fraction, list[TimePoint]] = {}
         for point in self.plan.time_points:
             at.setdefault(self.times[point], []).append(point)
+        flowing = [instance for instance in self.plan.instances if instance.continuous_effects]
         previous: Happening | None = None
         for time in sorted(at):
             before = self._initial() if previous is None else previous.just_before(time)
             after = self._after(at[time], before)
-            previous = Happening(time, tuple(at[time]), before, after, self._slopes(time, after))
+            previous = Happening(time, tuple(at[time]), before, after, self._slopes(time, after, flowing))
             yield previous
 
     def _initial(self) -> State:
@@ -188,7 +221,7 @@ class Execution:
 
     def _add_timed_literals(self, point: TimePoint, change: _Change) -> None:
         for literal in self.plan.timed_literals:
-            if literal.point != point:
+            if literal.time != point.time:
                 continue
             if isinstance(literal.target, Atom):
                 change.write(literal.target, bool(literal.value))
@@ -197,9 +230,10 @@ class Execution:
 
     def _add_effects(self, instance: ActionInstance, point: TimePoint, change: _Change) -> None:
         reading = self.reading(change.before, instance)
+        at_end = point.kind is TimePointKind.END
         effects: tuple[AtomEffect | NumericEffect, ...] = (*instance.atom_effects, *instance.numeric_effects)
         for effect in effects:
-            if instance.at(effect.timing) != point or not reading.holds(effect.condition):
+            if (effect.timing is Timing.AT_END) is not at_end or not reading.holds(effect.condition):
                 continue
             if isinstance(effect, AtomEffect):
                 change.write(effect.atom, effect.value)
@@ -208,10 +242,10 @@ class Execution:
             else:
                 change.increases.append((effect.fluent, reading.expression(effect.expression)))
 
-    def _slopes(self, time: Fraction, after: State) -> dict[Fluent, Fraction]:
+    def _slopes(self, time: Fraction, after: State, flowing: list[ActionInstance]) -> dict[Fluent, Fraction]:
         """The changes per unit of time right after `time`."""
         slopes: dict[Fluent, Fraction] = {}
-        acting = [i for i in self.plan.instances if self.times[i.start] <= time < self.times[i.end]]
+        acting = [i for i in flowing if self.times[i.start] <= time < self.times[i.end]]
         for instance in acting:
             reading = self.reading(after, instance)
             for index, effect in enumerate(instance.continuous_effects):
@@ -249,12 +283,17 @@ class _Change:
 
     def result(self) -> State:
         """Deletes, then adds; assignments (the last one stands), then increases."""
+        atoms = self.before.atoms
+        if self.adds or self.deletes:
+            atoms = (atoms - self.deletes) | self.adds
+        if not self.assignments and not self.increases:
+            return State(atoms, self.before.fluents)
         fluents = {**self.before.fluents, **self.assignments}
         for fluent, amount in self.increases:
             if fluent not in fluents:
                 raise InputError(f"numeric fluent {fluent} is increased but has no value here; give it one in :init")
             fluents[fluent] += amount
-        return State((self.before.atoms - self.deletes) | self.adds, fluents)
+        return State(atoms, fluents)
 
 
 def over_time(expression: Expression, reading: Reading, slopes: Mapping[Fluent, Fraction]) -> tuple[Fraction, Fraction]:

@@ -1,0 +1,395 @@
+"""The exact schedule that a planner meant by rounded times: the nearest one that its domain allows.
+
+Planners print a few decimals. What is printed stands for an interval: durations are what the domain demands, exactly,
+the order of happenings is the printed one, mutex time points are ε apart, and starts move as little as they must. Where
+only differences of times are bounded the least greatest shift has a closed form: with L the least schedule that is not
+before the printed times, it is half of the greatest L − printed, unless zero or a timed literal asks for more; half,
+because a chain of steps may begin as much earlier as it ends later.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import lcm
+
+from robust.encode.effects import names_in
+from robust.encode.paths import Bound
+from robust.errors import RefutedError
+from robust.numbers import format_number, plural
+from robust.plan.model import (
+    ZERO,
+    ActionInstance,
+    Atom,
+    Duration,
+    Expression,
+    Fluent,
+    NumericVariable,
+    ParametrizedPlan,
+    Relation,
+    TimePoint,
+    Timing,
+)
+from robust.plan.polynomial import Polynomial
+from robust.plan.timeline import Execution, Reading
+
+
+class Windows:
+    """Times within windows that satisfy bounds between points; point 0 is zero, at time 0.
+
+    Bounds are kept by propagation: `low` and `high` are the least and the greatest times of each point, and both are
+    schedules. None of this has a meaning once :attr:`possible` is False.
+    """
+
+    def __init__(self, bounds: Sequence[Bound], low: Sequence[int], high: Sequence[int]) -> None:
+        self.low, self.high = list(low), list(high)
+        self._after: list[list[tuple[int, int]]] = [[] for _ in low]
+        self._before: list[list[tuple[int, int]]] = [[] for _ in low]
+        for source, target, weight in bounds:
+            self._after[source].append((target, weight))
+            self._before[target].append((source, weight))
+        everything = range(len(self.low))
+        self.possible = self._raise(everything) and self._lower(everything)
+
+    def _raise(self, points: Sequence[int]) -> bool:
+        waiting = deque(points)
+        while waiting:
+            point = waiting.popleft()
+            for target, weight in self._after[point]:
+                if self.low[target] < self.low[point] + weight:
+                    self.low[target] = self.low[point] + weight
+                    if self.low[target] > self.high[target]:
+                        return False
+                    waiting.append(target)
+        return True
+
+    def _lower(self, points: Sequence[int]) -> bool:
+        waiting = deque(points)
+        while waiting:
+            point = waiting.popleft()
+            for source, weight in self._before[point]:
+                if self.high[source] > self.high[point] - weight:
+                    self.high[source] = self.high[point] - weight
+                    if self.high[source] < self.low[source]:
+                        return False
+                    waiting.append(source)
+        return True
+
+    def place(self, wished: Sequence[int]) -> list[int]:
+        """A schedule in which points, the earlier ones first, are as near to their wished times as they can."""
+        for point in sorted(range(1, len(wished)), key=wished.__getitem__):
+            time = min(max(wished[point], self.low[point]), self.high[point])
+            if self.low[point] != time:
+                self.low[point] = time
+                self._raise([point])
+            if self.high[point] != time:
+                self.high[point] = time
+                self._lower([point])
+        return self.low
+
+
+def least_shift(bounds: Sequence[Bound], printed: Sequence[int]) -> int | None:
+    """The least d such that times within d of the printed ones satisfy the bounds; None if no times do.
+
+    Times must be even numbers, because a shift may have halves: that of an odd distance is rounded up.
+    """
+    size = len(printed)
+    between = [bound for bound in bounds if 0 not in bound[:2]]
+    later = _least_from(printed, between)
+    from_zero = [0 if point == 0 else None for point in range(size)]
+    forced = _least_from(from_zero, bounds)
+    if later is None or forced is None or forced[0] != 0:
+        return None
+    shift = 0
+    for point in range(1, size):
+        at, earliest = later[point], forced[point]
+        shift = max(shift, -((printed[point] - (at or 0)) // 2))
+        if earliest is not None:
+            shift = max(shift, earliest - printed[point])
+    return max([shift, *((later[source] or 0) + weight for source, target, weight in bounds if source and not target)])
+
+
+def _least_from(first: Sequence[int | None], bounds: Sequence[Bound]) -> list[int | None] | None:
+    """The least times not before the first ones, where there are any; None if bounds drive them up for ever."""
+    after: list[list[tuple[int, int]]] = [[] for _ in first]
+    for source, target, weight in bounds:
+        after[source].append((target, weight))
+    times = list(first)
+    waiting = deque(point for point, time in enumerate(first) if time is not None)
+    rounds = [0] * len(times)
+    while waiting:
+        point = waiting.popleft()
+        rounds[point] += 1
+        if rounds[point] > 2 * len(times) + len(bounds):
+            return None
+        now = times[point]
+        if now is None:
+            continue
+        for target, weight in after[point]:
+            known = times[target]
+            if known is None or known < now + weight:
+                times[target] = now + weight
+                waiting.append(target)
+    return times
+
+
+# -- plans -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Snapped:
+    """The times of a plan made exact; `shift` is how far a start, or an end whose duration may vary, moved at most."""
+
+    times: Mapping[TimePoint, Fraction]
+    durations: int
+    """How many durations differ from the printed ones."""
+    starts: int
+    shift: Fraction
+
+    def __str__(self) -> str:
+        """What moved, in words; empty if nothing did."""
+        moved = [plural(count, what) for count, what in ((self.durations, "duration"), (self.starts, "start")) if count]
+        return f"{' and '.join(moved)} moved, by at most {format_number(self.shift)}" if moved else ""
+
+
+Demands = Mapping[str, tuple[Fraction, Fraction | None]]
+"""The least and the greatest duration of each instance that the domain allows."""
+_CONTRADICTION = "durations and separations contradict each other in the printed order"
+
+
+class TooFarError(RefutedError):
+    """No schedule near enough to the printed times does what the domain demands.
+
+    `times` are the printed starts with exact durations, which show what breaks. `shift` is near enough, if any is.
+    """
+
+    def __init__(self, message: str, times: Mapping[TimePoint, Fraction], shift: Fraction | None = None) -> None:
+        super().__init__(message)
+        self.times = times
+        self.shift = shift
+
+
+def snap(
+    plan: ParametrizedPlan,
+    printed: Mapping[TimePoint, Fraction],
+    tolerances: Mapping[TimePoint, Fraction],
+    pairs: Iterable[tuple[TimePoint, TimePoint]],
+    epsilon: Fraction,
+) -> Snapped:
+    """The nearest schedule with the durations that the domain demands, the printed order, and mutex points ε apart.
+
+    Args:
+        plan: the ground plan, without constraints; parameters have their nominal values.
+        printed: the time of every time point.
+        tolerances: how far each start, and each end, may be from where it was printed.
+        pairs: the mutex pairs of the plan.
+        epsilon: their separation.
+
+    Raises:
+        TooFarError: if there is no such schedule.
+        InputError: if a fluent is read that has no value.
+    """
+    return _Snapping(plan, printed, tolerances, tuple(pairs), epsilon).run()
+
+
+class _Snapping:
+    def __init__(
+        self,
+        plan: ParametrizedPlan,
+        printed: Mapping[TimePoint, Fraction],
+        tolerances: Mapping[TimePoint, Fraction],
+        pairs: Sequence[tuple[TimePoint, TimePoint]],
+        epsilon: Fraction,
+    ) -> None:
+        self._plan = plan
+        self._printed = printed
+        self._tolerances = tolerances
+        self._pairs = pairs
+        self._epsilon = epsilon
+        starts = {instance.start for instance in plan.instances if instance.durative}
+        rank = {point: number for number, point in enumerate(plan.time_points)}
+        # Of what is printed at one time, ends come before starts.
+        ordered = sorted(rank, key=lambda point: (printed[point], point in starts, rank[point]))
+        self._order = {point: number for number, point in enumerate(ordered)}
+
+    def run(self) -> Snapped:
+        demands = self._demands()
+        self._check_durations(demands)
+        nodes: dict[TimePoint, tuple[int, Fraction]] = {}
+        """The node of the network that a time point belongs to, and how long after it the time point is."""
+        points: list[TimePoint] = [ZERO]
+        for point in self._plan.time_points:
+            if point == ZERO or point.time is not None:
+                nodes[point] = 0, point.time or Fraction(0)
+        for instance in self._plan.instances:
+            nodes[instance.start] = len(points), Fraction(0)
+            points.append(instance.start)
+            if instance.durative:
+                low, high = demands[instance.identifier]
+                if low == high:
+                    nodes[instance.end] = nodes[instance.start][0], low
+                else:
+                    nodes[instance.end] = len(points), Fraction(0)
+                    points.append(instance.end)
+        bounds = [(nodes[source], nodes[target], weight) for source, target, weight in self._bounds(demands)]
+        numbers = [*(weight for _, _, weight in bounds), *(after for _, after in nodes.values())]
+        reach = [self._tolerances.get(point, Fraction(0)) for point in points]
+        numbers += [*(self._printed[point] for point in points), *reach]
+        scale = 2 * lcm(*(number.denominator for number in numbers))
+        network = [
+            (source, target, int((weight + before - after) * scale))
+            for (source, before), (target, after), weight in bounds
+            if source != target or weight + before - after > 0
+        ]
+        wished = [int(self._printed[point] * scale) for point in points]
+        if any(source == target for source, target, _ in network):
+            raise TooFarError(_CONTRADICTION, self._with_durations(demands))
+        times = self._placed(network, wished, [int(one * scale) for one in reach], scale, demands)
+        exact = {point: Fraction(times[node], scale) + after for point, (node, after) in nodes.items()}
+        return self._result(exact, max(abs(a - b) for a, b in zip(times, wished, strict=True)), scale)
+
+    def _placed(
+        self, network: list[Bound], wished: list[int], near: list[int], scale: int, demands: Demands
+    ) -> list[int]:
+        """As near as all can be, or else each within its own tolerance."""
+        shift = least_shift(network, wished)
+        if shift is None:
+            raise TooFarError(_CONTRADICTION, self._with_durations(demands))
+        reach = [0, *([shift] * (len(near) - 1) if shift <= min(near[1:], default=0) else near[1:])]
+        low = [wish - one for wish, one in zip(wished, reach, strict=True)]
+        windows = Windows(network, low, [wish + one for wish, one in zip(wished, reach, strict=True)])
+        if not windows.possible:
+            needed = Fraction(shift, scale)
+            wrong = f"starts would have to move by up to {format_number(needed)}"
+            raise TooFarError(wrong, self._with_durations(demands), needed)
+        return windows.place(wished)
+
+    def _bounds(self, demands: Demands) -> Iterator[tuple[TimePoint, TimePoint, Fraction]]:
+        for instance in self._plan.instances:
+            yield ZERO, instance.start, Fraction(0)
+            if instance.durative:
+                low, high = demands[instance.identifier]
+                yield instance.start, instance.end, low
+                if high is not None:
+                    yield instance.end, instance.start, -high
+        for pair in self._pairs:
+            early, late = sorted(pair, key=self._order.__getitem__)
+            yield early, late, self._epsilon
+        writers: dict[Atom | Fluent, set[TimePoint]] = {}
+        for name, point in _writes(self._plan):
+            writers.setdefault(name, set()).add(point)
+        for instance in self._plan.instances:
+            for part in instance.conditions:
+                if part.timing is Timing.OVER_ALL:
+                    for name in names_in(part.condition):
+                        for point in writers.get(name, ()):
+                            yield from self._outside(instance, point)
+
+    def _outside(self, instance: ActionInstance, point: TimePoint) -> Iterator[tuple[TimePoint, TimePoint, Fraction]]:
+        """A writer of what has to hold over all of an instance stays before, within or after it, as it was printed.
+
+        One that was printed so shortly before the end that it may be after it is taken to be that.
+        """
+        if point in instance.time_points:
+            return
+        start, end = self._printed[instance.start], self._printed[instance.end]
+        near = self._tolerances.get(point, Fraction(0)) + self._tolerances.get(instance.end, Fraction(0))
+        if self._printed[point] <= start:
+            yield point, instance.start, Fraction(0)
+        elif self._printed[point] >= end - near:
+            yield instance.end, point, Fraction(0)
+        else:
+            yield instance.start, point, Fraction(0)
+            yield point, instance.end, Fraction(0)
+
+    def _demands(self) -> dict[str, tuple[Fraction, Fraction | None]]:
+        """The least and the greatest duration of each instance that the domain allows, in the printed order.
+
+        What a duration reads may come from effects that depend on durations, so these are read again until they stay.
+        """
+        found: dict[str, tuple[Fraction, Fraction | None]] = {}
+        times = self._spread()
+        durations = {one.identifier: self._printed[one.end] - self._printed[one.start] for one in self._plan.instances}
+        for _ in range(len(durations) + 1):
+            execution = Execution(self._plan, self._plan.nominal, times, durations)
+            found = {one.identifier: self._allowed(execution, one) for one in self._plan.instances if one.durative}
+            exact = {name: _nearest(durations[name], *limits) for name, limits in found.items()}
+            if exact.items() <= durations.items():
+                break
+            durations |= exact
+        return found
+
+    def _check_durations(self, demands: Demands) -> None:
+        """That what is demanded is what was printed, but for rounding."""
+        for instance in self._plan.instances:
+            if instance.durative:
+                printed = self._printed[instance.end] - self._printed[instance.start]
+                away = abs(_nearest(printed, *demands[instance.identifier]) - printed)
+                if away > self._tolerances.get(instance.end, Fraction(0)):
+                    wrong = f"the duration of {instance} would have to change by {format_number(away)}"
+                    raise TooFarError(wrong, self._printed, away)
+
+    def _with_durations(self, demands: Demands) -> dict[TimePoint, Fraction]:
+        """The printed starts, and ends by exact durations."""
+        times = dict(self._printed)
+        for instance in self._plan.instances:
+            if instance.durative:
+                printed = times[instance.end] - times[instance.start]
+                times[instance.end] = times[instance.start] + _nearest(printed, *demands[instance.identifier])
+        return times
+
+    def _spread(self) -> dict[TimePoint, Fraction]:
+        """The printed times with mutex points that share one a little apart, in their order."""
+        tied = {point for pair in self._pairs for point in pair if self._printed[pair[0]] == self._printed[pair[1]]}
+        little = Fraction(1, 10**12)
+        return {
+            point: time + little * self._order[point] if point in tied and point.time is None else time
+            for point, time in self._printed.items()
+        }
+
+    def _allowed(self, execution: Execution, instance: ActionInstance) -> tuple[Fraction, Fraction | None]:
+        low, high = Fraction(0), None
+        for constraint in instance.durations:
+            reading = execution.reading(execution.before(instance.at(constraint.timing)), instance)
+
+            def value(variable: NumericVariable, reading: Reading = reading) -> Expression:
+                length = isinstance(variable, Duration)
+                return Polynomial.variable(variable) if length else Polynomial.constant(reading.variable(variable))
+
+            read = constraint.condition.expression.substitute(value)
+            slope = read.terms.get((Duration(),), Fraction(0))
+            relation = constraint.condition.relation
+            if not slope or not read.is_linear or relation is Relation.DIFFERENT:
+                continue
+            limit = -read.constant_term / slope
+            if relation is Relation.EQUAL or slope > 0:
+                low = max(low, limit)
+            if relation is Relation.EQUAL or slope < 0:
+                high = limit if high is None else min(high, limit)
+        return low, high
+
+    def _result(self, times: Mapping[TimePoint, Fraction], shift: int, scale: int) -> Snapped:
+        printed, durative = self._printed, [one for one in self._plan.instances if one.durative]
+        durations = sum(times[one.end] - times[one.start] != printed[one.end] - printed[one.start] for one in durative)
+        starts = sum(times[one.start] != printed[one.start] for one in self._plan.instances)
+        lengths = [(times[one.end] - times[one.start]) - (printed[one.end] - printed[one.start]) for one in durative]
+        return Snapped(times, durations, starts, max([Fraction(shift, scale), *map(abs, lengths)]))
+
+
+def _writes(plan: ParametrizedPlan) -> Iterator[tuple[Atom | Fluent, TimePoint]]:
+    for instance in plan.instances:
+        for effect in instance.atom_effects:
+            yield effect.atom, instance.at(effect.timing)
+        for numeric in instance.numeric_effects:
+            yield numeric.fluent, instance.at(numeric.timing)
+        for continuous in instance.continuous_effects:
+            for point in instance.time_points:
+                yield continuous.fluent, point
+    for literal in plan.timed_literals:
+        yield literal.target, literal.point
+
+
+def _nearest(value: Fraction, low: Fraction, high: Fraction | None) -> Fraction:
+    return max(low, value if high is None else min(value, high))
