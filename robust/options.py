@@ -235,6 +235,14 @@ def not_negative(value: Number, place: Location) -> Fraction:
     return number
 
 
+def ordinal(value: int | str, place: Location) -> int:
+    """InputError unless it is a whole number from 1."""
+    number = exact(value, place)
+    if number.denominator != 1 or number < 1:
+        raise InputError(f"found {shorten(str(value))}, expected a whole number from 1", place)
+    return int(number)
+
+
 def seconds(value: Number, place: Location) -> float:
     """A time limit; 0 only from a program, which may have no time left."""
     number = positive(value, place) if isinstance(value, str) else not_negative(value, place)
@@ -331,6 +339,31 @@ class Separation(Options):
     def separation(self) -> Fraction:
         """ε as a number."""
         return Fraction(self.epsilon)
+
+
+class PlanningOutput(Options):
+    """What of a planner's output is the plan, and how exact its numbers are."""
+
+    plan_number: int | None = option(
+        None,
+        "which plan of a log that holds several, from 1; the last one if not given",
+        metavar="N",
+        read=ordinal,
+        rank=EPSILON,
+    )
+    tolerance: Number | None = option(
+        None,
+        "how far exact times and durations may be from printed ones, 0 for exactness; if not given, one unit of the "
+        "last printed digit, and at most epsilon",
+        metavar="T",
+        read=not_negative,
+        rank=EPSILON,
+    )
+
+    @property
+    def rounding(self) -> Fraction | None:
+        """The tolerance as a number, or None for what printed digits say."""
+        return None if self.tolerance is None else Fraction(self.tolerance)
 
 
 class Limited(Options):
