@@ -13,14 +13,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robust.api import check, compare, envelope, region
+    from robust.api import check, compare, envelope, load_plan, region
     from robust.errors import InputError, RobustError, SolverError, UnsupportedError
     from robust.execute.convert import Conversion, Mode, convert
     from robust.execute.unified import from_unified_planning, to_unified_planning
     from robust.irr.check import Answer, CheckResult, Counterexample
     from robust.irr.compare import Comparison
     from robust.irr.search import EnvelopeResult, Status, Step
-    from robust.plan.load import load_plan
     from robust.plan.model import ParametrizedPlan
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult, RegionStatus
@@ -53,7 +52,7 @@ _HOME = {
     "convert": "robust.execute.convert",
     "envelope": "robust.api",
     "from_unified_planning": "robust.execute.unified",
-    "load_plan": "robust.plan.load",
+    "load_plan": "robust.api",
     "region": "robust.api",
     "to_unified_planning": "robust.execute.unified",
 }

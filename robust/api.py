@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import textwrap
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import wraps
 from typing import TYPE_CHECKING, Concatenate, Generic, ParamSpec, Protocol, TypeVar, cast
@@ -18,6 +18,7 @@ from robust.options import (
     CheckOptions,
     CompareOptions,
     EnvelopeOptions,
+    Number,
     Options,
     RegionOptions,
     settings,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from robust.irr.check import CheckResult
     from robust.irr.compare import Comparison
     from robust.irr.search import EnvelopeResult
+    from robust.plan.load import File
     from robust.plan.model import ParametrizedPlan
     from robust.qe.compute import RegionResult
     from robust.smt.export import Exporter
@@ -131,6 +133,88 @@ class _Encoded(Generic[Result]):
         if self._search is None:
             return self._nothing(timed_out, time.perf_counter() - self._started)
         return self._search.so_far(timed_out=timed_out)
+
+
+# -- what they are about -----------------------------------------------------------------------------------------------
+
+
+def load_plan(
+    domain: File,
+    problem: File,
+    plan: File,
+    *,
+    parameters: Sequence[str] = (),
+    parameter_file: File | None = None,
+    plan_number: int | None = None,
+    tolerance: Number | None = None,
+    epsilon: Number = "1/1000",
+    solver: str = "z3",
+    timeout: float | None = None,
+    on_note: Callable[[str], None] | None = None,
+    on_progress: Callable[[str], None] | None = None,
+) -> ParametrizedPlan:
+    """Read a PDDL domain and problem and a plan: a network (`.stn`), or steps as planners print them.
+
+    Steps are made a network first: the least constrained one that is proved valid, see :func:`robust.convert`.
+
+    Args:
+        domain: the file of the domain.
+        problem: the file of the problem.
+        plan: the file of the plan; "-" is standard input.
+        parameters: what is made a parameter, see :mod:`robust.plan.parameters`.
+        parameter_file: more of them, in a TOML file; if not given, one of the plan's name that is beside it.
+        plan_number: which plan of a log that holds several, from 1; the last one if not given.
+        tolerance: how far exact times may be from the printed ones; None is one unit of the last printed digit, and at
+            most ε.
+        epsilon: the separation of mutex time points.
+        solver: who is asked about a network of steps, `z3` or `cvc5`.
+        timeout: seconds after which the network of steps is left as it is.
+        on_note: called with what was picked, skipped, moved and made on the way.
+        on_progress: called with what is being done.
+
+    Raises:
+        InputError: for anything wrong in the files.
+        InvalidPlanError: if steps break an obligation as they stand.
+        UnsupportedError: for steps with an expression that is not linear.
+        KeyboardInterrupt: if interrupted.
+    """
+    from robust.plan.load import assemble
+    from robust.plan.parameters import specifications
+    from robust.plan.pddl.forms import read_plan_text
+    from robust.plan.pddl.reader import read_domain, read_problem
+    from robust.plan.stn import is_network, parse_stn
+
+    say = on_note or (lambda _: None)
+    parsed_domain = read_domain(domain)
+    parsed_problem = read_problem(problem, parsed_domain)
+    specs, beside = specifications(parameters, parameter_file, plan)
+    if beside is not None:
+        say(f"took the parameters of {beside}")
+    text, file = read_plan_text(plan)
+    if is_network(text, file):
+        return assemble(parsed_domain, parsed_problem, parse_stn(text, file), specs)
+
+    from robust.execute.convert import Ended, convert
+    from robust.numbers import plural
+    from robust.plan.timed import parse_timed_plan
+
+    timed = parse_timed_plan(text, file, plan_number)
+    found = convert(
+        parsed_domain,
+        parsed_problem,
+        timed,
+        specs=specs,
+        epsilon=Fraction(epsilon),
+        tolerance=None if tolerance is None else Fraction(tolerance),
+        solver=solver,
+        timeout=timeout,
+        on_progress=on_progress,
+    )
+    if found.ended is Ended.INTERRUPTED:
+        raise KeyboardInterrupt
+    made = f"made a network of {plural(len(found.stn.constraints), 'constraint')}"
+    say(f"{file}: {'; '.join((*found.notes(timed), made))}")
+    return found.plan
 
 
 # -- check -------------------------------------------------------------------------------------------------------------

@@ -450,7 +450,7 @@ class Planning(Options):
 class PlanFiles(Planning):
     """Where the plan is."""
 
-    plan: Path = argument(..., "parametrized plan (.stn)", "PLAN")
+    plan: Path = argument(..., "network (.stn), time-triggered plan or log of a planner; - is standard input", "PLAN")
 
 
 class PlanParameters(Options):
@@ -458,19 +458,25 @@ class PlanParameters(Options):
 
     parameter: tuple[str, ...] = option(
         (),
-        "make a quantity a parameter: duration:ID, start:ID, 'fluent:(f a)', or NAME of an existing one; "
-        "then ,weight=W ,lb=L ,ub=U ,default=D; may be repeated",
+        "make a quantity a parameter: duration:ACTION for all its instances, duration:ID, start:ID, 'fluent:(f a)', "
+        "or NAME of an existing one; then ,weight=W ,lb=L ,ub=U ,default=D; may be repeated",
+        "--parameter",
+        "--parametrize",
         metavar="SPEC",
         many=True,
         rank=PARAMETERS,
     )
     parameters: Path | None = option(
-        None, "more parameters, in a TOML file", metavar="FILE", path=True, rank=PARAMETERS
+        None,
+        "more parameters, in a TOML file; if not given, PLAN.toml beside PLAN.stn",
+        metavar="FILE",
+        path=True,
+        rank=PARAMETERS,
     )
 
 
-class PlanCommand(PlanFiles, PlanParameters, Output):
-    """What every command about a plan takes."""
+class AskCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solving, Output):
+    """What every question about a plan takes on the command line."""
 
 
 # -- the verbs: what the functions take, and what their commands take beside it ---------------------------------------
@@ -491,7 +497,7 @@ class CheckOptions(Search, Export):
     )
 
 
-class CheckCommand(CheckOptions, PlanCommand):
+class CheckCommand(CheckOptions, AskCommand):
     """Of `robust check`."""
 
 
@@ -537,7 +543,7 @@ class EnvelopeOptions(Separation, Solving, Export):
         return Fraction(self.beta or 1) if self.method == "irr" else None
 
 
-class EnvelopeCommand(EnvelopeOptions, Plot, PlanCommand):
+class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
     """Of `robust envelope`."""
 
     controllability: str | None = option(
@@ -568,7 +574,7 @@ class RegionOptions(Search):
     )
 
 
-class RegionCommand(RegionOptions, Slice, PlanCommand):
+class RegionCommand(RegionOptions, Slice, AskCommand):
     """Of `robust region`."""
 
     form: str | None = option(
@@ -597,7 +603,7 @@ def html_file(path: Path, place: Location) -> Path:
     return path
 
 
-class CompareCommand(CompareOptions, Slice, PlanCommand):
+class CompareCommand(CompareOptions, Slice, AskCommand):
     """Of `robust compare`."""
 
     html: Path | None = option(
@@ -608,10 +614,6 @@ class CompareCommand(CompareOptions, Slice, PlanCommand):
 # -- other commands about plans ----------------------------------------------------------------------------------------
 
 
-def _parametrize(help: str) -> Any:
-    return option((), help, metavar="SPEC", many=True)
-
-
 def plan_file(path: Path, place: Location) -> Path:
     """InputError unless a plan can be written there."""
     if path.suffix == ".toml":
@@ -619,10 +621,10 @@ def plan_file(path: Path, place: Location) -> Path:
     return writable(path, place, "the plan")
 
 
-class ConvertCommand(Separation, Solving, Planning, Output):
+class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solving, Output):
     """Of `robust convert`."""
 
-    plan: Path = argument(..., "steps as planners print them", "TIMED_PLAN")
+    plan: Path = argument(..., "time-triggered plan or log of a planner; - is standard input", "TIMED_PLAN")
     output: Path | None = option(
         None,
         "write the plan here instead of on stdout",
@@ -637,20 +639,15 @@ class ConvertCommand(Separation, Solving, Planning, Output):
         "causal: the least constrained network that is proved valid; esterel: the network of the Esterel transformer",
         choices=("causal", "esterel"),
     )
-    parametrize: tuple[str, ...] = _parametrize(
-        "make a quantity a parameter: duration:ACTION, duration:ID, start:ID or 'fluent:(f a)'; "
-        "then ,weight=W ,lb=L ,ub=U; may be repeated"
-    )
-    timeout: Number | None = option(
-        None, "seconds after which nothing more is proved", metavar="S", read=seconds, rank=LIMIT
-    )
 
 
-class ExecuteCommand(Separation, Solving, Plot, Planning, Output):
+class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, Plot, Planning, Output):
     """Of `robust execute`."""
 
     plan: Path | None = argument(
-        None, "network (.stn), or steps as planners print them; the planner is asked if left out", "PLAN"
+        None,
+        "network (.stn), time-triggered plan or log of a planner, - is standard input; left out, the planner is asked",
+        "PLAN",
     )
     executor: str = option(
         "dreex",
@@ -661,11 +658,6 @@ class ExecuteCommand(Separation, Solving, Plot, Planning, Output):
     world: Path | None = option(None, "what nature draws, in a TOML file", metavar="FILE", path=True)
     seed: int = option(0, "of the first run; the next ones count up", metavar="N")
     runs: int = option(1, "how many runs", metavar="N")
-    parametrize: tuple[str, ...] = _parametrize(
-        "make a quantity of every plan a parameter: duration:ACTION, duration:ID, start:ID or 'fluent:(f a)'; "
-        "then ,weight=W ,lb=L ,ub=U; may be repeated"
-    )
-    parameters: Path | None = option(None, "more parameters, in a TOML file", metavar="FILE", path=True)
     method: str = option("widen", "how the box is computed", choices=METHODS)
     controllability: str | None = option(
         None, "use the part of the box that is controllable so", choices=("dynamic", "strong")

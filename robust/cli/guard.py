@@ -20,7 +20,7 @@ from enum import Enum
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from robust.cli.output import Display, answering, print_json
+from robust.cli.output import Display, answering, one_line, print_json
 from robust.options import Options, as_typed
 from robust.smt.limits import OutOfTimeError
 
@@ -226,6 +226,8 @@ class Run:
         self._json = bool(getattr(options, "json", False))
         self._limit: float | None = getattr(options, "limit", None)
         talks = getattr(options, "quiet", False) or getattr(options, "verbose", False)
+        self._quiet = bool(getattr(options, "quiet", False))
+        self._notes: list[str] = []
         self.display = Display(shown=hasattr(options, "quiet") and not talks, what="reading")
 
     def __enter__(self) -> Run:
@@ -239,6 +241,14 @@ class Run:
     def remaining(self) -> float | None:
         """Seconds of the time limit that are left."""
         return self.guard.remaining(self._limit)
+
+    def note(self, text: str) -> None:
+        """Say on stderr what was done with the input, unless that is not wanted; an answer in JSON has it as well."""
+        self._notes.append(text)
+        if not self._quiet:
+            self.display.stop()
+            print(f"robust: {one_line(text)}", file=sys.stderr)
+            self.display.start()
 
     def working(self, on_stuck: Callable[[], bool] | None = None) -> AbstractContextManager[None]:
         """Work that may be given up, see :meth:`Guard.working`."""
@@ -321,7 +331,7 @@ class Run:
         """Print one JSON object, or a text for people."""
         self.display.stop()
         if self._json:
-            print_json(document())
+            print_json({**document(), "notes": self._notes} if self._notes else document())
             return
         from robust.show.text import console
 

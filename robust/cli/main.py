@@ -14,7 +14,7 @@ from functools import partial
 from robust import __version__
 from robust.cli.build import Command, Group, application, read
 from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Guard, carry_out
-from robust.cli.output import drop_output, print_json
+from robust.cli.output import drop_output, one_line, print_json
 from robust.errors import InputError, RobustError
 
 HELP = "Verify temporal plans: are they valid for every schedule, and how far may reality deviate?"
@@ -136,8 +136,7 @@ def _report_internal(arguments: Sequence[str], error: Exception) -> int:
 
 def _complain(message: str) -> None:
     """One line on stderr, whatever file names and input texts contain."""
-    line = "".join(char if char.isprintable() else " " for char in message)
-    print(f"robust: {line}", file=sys.stderr)
+    print(f"robust: {one_line(message)}", file=sys.stderr)
 
 
 def _prepare_streams() -> None:

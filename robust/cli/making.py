@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from robust.execute import replan
-    from robust.execute.convert import Conversion
+    from robust.execute.convert import Conversion, Converting
+    from robust.plan.timed import TimedPlan
 
 # -- convert -----------------------------------------------------------------------------------------------------------
 
@@ -35,17 +36,36 @@ def convert(options: ConvertCommand, run: Run) -> int:
     """Make a plan with a temporal network of a time-triggered plan, and prove it; steps are called n0, n1, ..."""
     from robust.show import made
 
+    timed: TimedPlan | None = None
+
+    def begin() -> Converting:
+        nonlocal timed
+        timed, converting = _converting(options, run)
+        return converting
+
+    def show(found: Conversion) -> None:
+        _show(options, run, found, () if timed is None else found.notes(timed))
+
     try:
-        found = run.only(lambda: _converted(options, run))
+        found = run.best(begin, show)
     except RefutedError as error:
         if not options.json:
             raise
         violations = getattr(error, "violations", ())
         print_json(made.convert(options, None, None, None, {}, violations=violations))
         return error.exit_code
+    show(found)
+    return UNDECIDED if found.cut_short else 0
+
+
+def _show(options: ConvertCommand, run: Run, found: Conversion, notes: Sequence[str]) -> None:
+    """Write the plan, and say what was done."""
     from robust.execute.parametrization import write_specs
     from robust.plan.stn import write_stn
+    from robust.show import made
 
+    if notes:
+        run.note(f"{found.stn.file}: {'; '.join(notes)}")
     stn, beside = write_stn(found.stn), write_specs(found.beside)
     written = {} if options.output is None else _write(options.output, stn, beside)
 
@@ -57,26 +77,27 @@ def convert(options: ConvertCommand, run: Run) -> int:
             print(line, file=sys.stdout if written else sys.stderr)
 
     run.answer(lambda: made.convert(options, found, stn, beside or None, written), tell)
-    return 0
 
 
-def _converted(options: ConvertCommand, run: Run) -> Conversion:
-    from robust.execute.convert import Mode
-    from robust.execute.convert import convert as make
-    from robust.plan.parameters import parse_specs
+def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Converting]:
+    from robust.execute.convert import Converting, Mode
+    from robust.plan.parameters import specifications
+    from robust.plan.pddl.forms import read_plan_text
     from robust.plan.pddl.reader import read_domain, read_problem
-    from robust.plan.timed import read_timed_plan
+    from robust.plan.timed import parse_timed_plan
 
-    specs = parse_specs(options.parametrize)
+    specs, _ = specifications(options.parameter, options.parameters)
     domain = read_domain(options.domain)
     problem = read_problem(options.problem, domain)
-    return make(
+    timed = parse_timed_plan(*read_plan_text(options.plan), options.plan_number)
+    return timed, Converting(
         domain,
         problem,
-        read_timed_plan(options.plan),
+        timed,
         mode=Mode(options.mode),
         specs=specs,
         epsilon=options.separation,
+        tolerance=options.rounding,
         solver=options.solver,
         timeout=run.remaining,
         on_progress=run.display.say,
@@ -108,7 +129,7 @@ def _summary(found: Conversion, written: Mapping[str, str]) -> list[str]:
     if "plan" in written:
         lines.append(f"plan: {written['plan']}")
     if "parameters" in written:
-        lines.append(f"parameters: {written['parameters']}, for --parameters")
+        lines.append(f"parameters: {written['parameters']}, found there by whoever reads the plan")
     elif found.beside:
         from robust.execute.parametrization import option_of
 
@@ -153,30 +174,32 @@ def execute(options: ExecuteCommand, run: Run) -> int:
 def _execute_all(options: ExecuteCommand, run: Run, runs: list[replan.Run]) -> None:
     from robust.execute import replan
 
-    mission = _mission(options, run.remaining)
+    mission = _mission(options, run)
     run.display.say("preparing the plan")
-    prepared = replan.first_plan(mission) if options.plan is None else _prepared(options.plan, mission)
+    prepared = replan.first_plan(mission) if options.plan is None else _prepared(options, mission, run)
     for number in range(options.runs):
         run.display.say(f"run {number + 1} of {options.runs}")
         runs.append(replan.execute(mission, options.seed + number, prepared))
 
 
-def _mission(options: ExecuteCommand, limit: float | None) -> replan.Mission:
+def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
     from robust.execute.dispatchable import parse_executor
     from robust.execute.planners.registry import create_planner
     from robust.execute.replan import Mission, Options
     from robust.execute.worlds import Rules, read_rules
-    from robust.plan.parameters import parse_specs, read_parameter_file
+    from robust.plan.parameters import specifications
     from robust.plan.pddl.reader import read_domain, read_problem
 
-    beside = () if options.parameters is None else read_parameter_file(options.parameters)
+    specs, beside = specifications(options.parameter, options.parameters, options.plan)
+    if beside is not None:
+        run.note(f"took the parameters of {beside}")
     settings = Options(
         executor=parse_executor(options.executor),
-        specs=(*beside, *parse_specs(options.parametrize)),
+        specs=specs,
         method=options.method,
         epsilon=options.separation,
         solver=options.solver,
-        timeout=limit,
+        timeout=run.remaining,
         controllability=options.controllability,
     )
     domain = read_domain(options.domain)
@@ -194,17 +217,21 @@ def _mission(options: ExecuteCommand, limit: float | None) -> replan.Mission:
     )
 
 
-def _prepared(file: Path, mission: replan.Mission) -> replan.Prepared:
+def _prepared(options: ExecuteCommand, mission: replan.Mission, run: Run) -> replan.Prepared:
     """The plan in a file: a network, or steps as planners print them."""
     from robust.execute.replan import prepare_plan, prepare_timed
     from robust.plan.load import assemble
-    from robust.plan.stn import read_stn
-    from robust.plan.timed import read_timed_plan
+    from robust.plan.pddl.forms import read_plan_text
+    from robust.plan.stn import is_network, parse_stn
+    from robust.plan.timed import parse_timed_plan
 
-    if file.suffix.lower() == ".stn":
-        plan = assemble(mission.domain, mission.problem, read_stn(file), mission.options.specs)
+    text, file = read_plan_text(options.plan or "-")
+    if is_network(text, file):
+        plan = assemble(mission.domain, mission.problem, parse_stn(text, file), mission.options.specs)
         return prepare_plan(plan, mission.options)
-    return prepare_timed(mission.domain, mission.problem, read_timed_plan(file), mission.options)
+    timed = parse_timed_plan(text, file, options.plan_number)
+    settings, rounding = mission.options, options.rounding
+    return prepare_timed(mission.domain, mission.problem, timed, settings, tolerance=rounding, on_note=run.note)
 
 
 # -- demo --------------------------------------------------------------------------------------------------------------

@@ -39,6 +39,11 @@ def drop_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+def one_line(message: str) -> str:
+    """A message in one line, whatever file names and input texts it contains."""
+    return "".join(char if char.isprintable() else " " for char in message)
+
+
 def print_json(answer: Mapping[str, Any]) -> None:
     """Print one object, as an answer."""
     with answering():

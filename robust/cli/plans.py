@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from robust.cli.build import action
 from robust.files import atomic_write
 from robust.numbers import readable
-from robust.options import CheckCommand, CompareCommand, EnvelopeCommand, PlanCommand, RegionCommand, place_of
+from robust.options import AskCommand, CheckCommand, CompareCommand, EnvelopeCommand, RegionCommand, place_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -35,12 +35,25 @@ CODES = {
 """Exit codes of verdicts, and of how searches end."""
 
 
-def load(options: PlanCommand) -> ParametrizedPlan:
-    """The plan that a command is about."""
-    from robust.plan.load import load_plan
+def load(options: AskCommand, run: Run) -> ParametrizedPlan:
+    """The plan that a command is about; making a network of steps may take half of the time."""
+    from robust.api import load_plan
 
-    files = (options.domain, options.problem, options.plan)
-    return load_plan(*files, parameters=options.parameter, parameter_file=options.parameters)
+    remaining = run.remaining
+    return load_plan(
+        options.domain,
+        options.problem,
+        options.plan,
+        parameters=options.parameter,
+        parameter_file=options.parameters,
+        plan_number=options.plan_number,
+        tolerance=options.tolerance,
+        epsilon=options.epsilon,
+        solver=options.solver,
+        timeout=None if remaining is None else remaining / 2,
+        on_note=run.note,
+        on_progress=run.display.say,
+    )
 
 
 @action(CheckCommand)
@@ -50,7 +63,7 @@ def check(options: CheckCommand, run: Run) -> int:
     from robust.show import documents, text
 
     def begin() -> Search[CheckResult]:
-        plan = load(options)
+        plan = load(options, run)
         run.display.say("encoding")
         return searching_check(plan, options.changed(timeout=run.remaining, on_obligation=run.display.obligation))
 
@@ -72,7 +85,7 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
 
     def begin() -> Search[EnvelopeResult]:
         nonlocal plan
-        plan = load(options)
+        plan = load(options, run)
         run.display.say("encoding, then checking the nominal values")
         return searching_envelope(plan, options.changed(timeout=run.remaining, on_step=run.display.step))
 
@@ -158,7 +171,7 @@ def region(options: RegionCommand, run: Run) -> int:
 
     def begin() -> Search[RegionResult]:
         nonlocal plan
-        plan = load(options)
+        plan = load(options, run)
         if options.plot is not None:
             regions.shown_axes(plan, options.axes or ())
         run.display.say("encoding")
@@ -191,7 +204,7 @@ def compare(options: CompareCommand, run: Run) -> int:
     from robust.show import documents, regions
 
     def begin() -> Search[Comparison]:
-        plan = load(options)
+        plan = load(options, run)
         if options.plot is not None:
             regions.shown_axes(plan, options.axes or ())
         return searching_compare(plan, options.changed(timeout=run.remaining, on_stage=run.display.say))

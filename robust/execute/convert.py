@@ -55,6 +55,7 @@ from robust.execute.parametrization import (
     certain_duration,
     duration_edges,
     influences,
+    obligation_names,
     parametrization,
     settled_durations,
 )
@@ -71,7 +72,7 @@ from robust.plan.simulate import simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
 from robust.qe.box import Box
-from robust.smt.limits import Deadline, noticing_interrupts
+from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +194,10 @@ class Tightening:
     obligation: str
 
 
+class UndecidedError(SolverError):
+    """A network of which it is not known, or not in time, whether it is valid."""
+
+
 @dataclass(frozen=True)
 class Tightener:
     """Asks about networks of one plan.
@@ -209,16 +214,12 @@ class Tightener:
     deadline: Deadline
     say: Callable[[str], None]
 
-    def tighten(self, edges: Sequence[distances.Edge]) -> tuple[Tightening, ...]:
-        """Bounds that make a network valid which the original schedule satisfies; empty if it is valid.
+    def loosened(self, edges: Sequence[distances.Edge], found: Sequence[Tightening]) -> tuple[Tightening, ...]:
+        """As few of the bounds that were found, and as loose, as the proof allows; all as they are if time is short.
 
         Raises:
-            SolverError: if the solver cannot decide, or not in time.
             KeyboardInterrupt: if interrupted.
         """
-        if is_proved(self._plan(edges), self.original.epsilon, self.original.mutex):
-            return ()
-        found = self._forced(edges)
         if not found:
             return ()
         less = self.in_less_time
@@ -270,15 +271,24 @@ class Tightener:
 
     # -- what counterexamples ask for --------------------------------------------------------------------------------
 
-    def _forced(self, edges: Sequence[distances.Edge]) -> list[Tightening]:
+    def forced(self, edges: Sequence[distances.Edge]) -> tuple[list[Tightening], CheckResult]:
+        """Bounds that make a network valid which the original schedule satisfies, and the proof.
+
+        Raises:
+            UndecidedError: if the solver cannot decide, or not in time.
+            KeyboardInterrupt: if interrupted.
+        """
+        plan = self._plan(edges)
+        if is_proved(plan, self.original.epsilon, self.original.mutex):
+            return [], _verdict(plan, Answer.PROVED)
         found: dict[distances.Edge, Tightening] = {}
         while True:
             self.say(f"proving the network with {len(found)} bounds on distances")
             result = self.check((*edges, *found))
             if result.answer is Answer.PROVED:
-                return list(found.values())
+                return list(found.values()), result
             if not result.counterexamples:
-                raise SolverError(
+                raise UndecidedError(
                     f"found {_undecided(result)!r} undecided, expected a proof that the network is valid; "
                     "allow more time or another solver"
                 )
@@ -358,6 +368,12 @@ def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, dea
     return result
 
 
+def _verdict(plan: model.ParametrizedPlan, answer: Answer) -> CheckResult:
+    """The same verdict about all obligations."""
+    names = dict.fromkeys(obligation_names(plan), answer)
+    return CheckResult(answer, Box.nominal(plan.parameters), names, {}, 0.0)
+
+
 def _names(found: Sequence[Tightening]) -> list[str]:
     return [f"bound {i}" for i in range(len(found))]
 
@@ -372,6 +388,22 @@ class Mode(Enum):
 
     CAUSAL = "causal"
     ESTEREL = "esterel"
+
+
+class Ended(Enum):
+    """How a conversion ended; if not complete, its network is proved, but not the least constrained one."""
+
+    COMPLETE = "complete"
+    TIMEOUT = "timeout"
+    INTERRUPTED = "interrupted"
+    UNDECIDED = "undecided"
+
+
+_ENDINGS = {
+    Ended.TIMEOUT: "out of time",
+    Ended.INTERRUPTED: "interrupted",
+    Ended.UNDECIDED: "the solver could not decide about it",
+}
 
 
 @dataclass(frozen=True)
@@ -394,6 +426,142 @@ class Conversion:
     check: CheckResult
     tightened: tuple[Tightening, ...] = ()
     redundant: int = 0
+    ended: Ended = Ended.COMPLETE
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the conversion before the network was as loose as can be."""
+        return self.ended is not Ended.COMPLETE
+
+    def notes(self, timed: TimedPlan) -> tuple[str, ...]:
+        """What was picked and skipped of the text that the plan comes from, what was moved, and what is missing."""
+        missing = f"not the least constrained network: {_ENDINGS[self.ended]}" if self.cut_short else ""
+        return tuple(filter(None, (timed.note, str(self.snapped), missing)))
+
+
+class Converting:
+    """A conversion that knows at any moment the best network that is proved: at worst one with a single schedule.
+
+    The arguments are those of :func:`convert`.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        problem: Problem,
+        timed: TimedPlan,
+        *,
+        mode: Mode = Mode.CAUSAL,
+        specs: Iterable[ParameterSpec] = (),
+        epsilon: Fraction = EPSILON,
+        tolerance: Fraction | None = None,
+        solver: str = "z3",
+        timeout: float | None = None,
+        on_progress: Callable[[str], None] | None = None,
+    ) -> None:
+        self._problem = domain, problem
+        self._timed = timed
+        self._mode = mode
+        self._specs = tuple(specs)
+        self._epsilon = epsilon
+        self._tolerance = tolerance
+        self._solver = solver
+        self._deadline = Deadline.after(timeout)
+        self._say = on_progress or (lambda _: None)
+        self._parts: tuple[distances.Original, Parametrization, Snapped] | None = None
+        self._known: _Network | None = None
+
+    def run(self) -> Conversion:
+        """The conversion, or the best one by then if time is out or somebody interrupts; raises what `convert` does."""
+        self._say("executing the plan")
+        self._parts = self._read()
+        try:
+            original, chosen, _ = self._parts
+            network = self._esterel() if self._mode is Mode.ESTEREL else self._causal()
+            stn = _written(original, chosen, network)
+            plan = assemble(*self._problem, stn, chosen.beside)
+            self._say("proving the plan")
+            result = check_plan(plan, self._epsilon, self._solver, self._deadline)
+            if self._mode is Mode.CAUSAL:
+                _assert_proved(result)
+        except (UndecidedError, OutOfTimeError):
+            return self._best(Ended.UNDECIDED if self._deadline.moment is None else Ended.TIMEOUT)
+        except KeyboardInterrupt:
+            return self._best(Ended.INTERRUPTED)
+        return self._made(network, stn, plan, result, Ended.COMPLETE)
+
+    def so_far(self, *, timed_out: bool) -> Conversion | None:
+        """What is known if the conversion is given up now; None while the plan itself is being executed."""
+        if self._parts is None:
+            return None
+        return self._best(Ended.TIMEOUT if timed_out else Ended.INTERRUPTED)
+
+    def _read(self) -> tuple[distances.Original, Parametrization, Snapped]:
+        timed, epsilon = self._timed, self._epsilon
+        instances = distances.declarations(timed, self._problem[0], epsilon)
+        times = distances.schedule_of(timed, instances)
+        untimed = STNPlan((), instances, (), timed.file)
+        chosen = parametrization(*self._problem, untimed, times, self._specs)
+        bare = assemble(*self._problem, chosen.bare, chosen.fluents)
+        reach = distances.tolerances(timed, instances, epsilon, self._tolerance)
+        snapped = distances.snapped(bare, times, reach, epsilon, timed.file)
+        if str(snapped):
+            times = dict(snapped.times)
+            chosen = parametrization(*self._problem, untimed, times, self._specs)
+            bare = assemble(*self._problem, chosen.bare, chosen.fluents)
+        return distances.validated(bare, times, epsilon, timed.file), chosen, snapped
+
+    def _esterel(self) -> _Network:
+        assert self._parts is not None  # noqa: S101 - read before
+        original, _, _ = self._parts
+        self._known = _Network(esterel_edges(original), check=_verdict(original.plan, Answer.UNKNOWN))
+        return self._known
+
+    def _causal(self) -> _Network:
+        """The least constrained network: causal edges, then bounds, without what others imply for all parameters.
+
+        What the proof does not need goes as well, unless there are parameters: other values of them might need it.
+        """
+        assert self._parts is not None  # noqa: S101 - read before
+        original, chosen, _ = self._parts
+        tightener = Tightener(original, self._solver, self._deadline, self._say)
+        causal = causal_network(original, chosen.pinned_durations)
+        fixed = (*causal.durations, *chosen.pinned_starts(original.times))
+        network = distances.Network(causal.points, (*causal.certain, *causal.edges))
+        needed = (*fixed, *network.needed(causal.edges, causal.certain))
+        found, proof = tightener.forced(needed)
+        self._known = _Network((*needed, *(one.edge for one in found)), tuple(found), check=proof)
+        tightened = tightener.loosened(needed, found)
+        bounds = [one.edge for one in tightened]
+        every = list(dict.fromkeys((*causal.edges, *bounds)))
+        kept = every
+        if not (chosen.parameters or chosen.beside or (not bounds and _is_propositional(original.plan))):
+            tightener.say("dropping edges")
+            kept = tightener.in_less_time.without_removable(fixed, every, {*causal.links, *bounds})
+        edges = distances.Network(causal.points, (*causal.certain, *kept)).needed(kept, causal.certain)
+        if not (chosen.parameters or chosen.beside):
+            fixed = _without_implied_ranges(fixed, edges)
+        redundant = len(every) - len(edges)
+        return _Network((*fixed, *edges), tuple(one for one in tightened if one.edge in edges), redundant)
+
+    def _best(self, ended: Ended) -> Conversion:
+        """The network that was proved last, or the one whose only schedule is the plan's own; esterel: as it is."""
+        assert self._parts is not None  # noqa: S101 - read before
+        original, chosen, _ = self._parts
+        network = self._known or _rigid(original)
+        stn = _written(original, chosen, network)
+        plan = assemble(*self._problem, stn, chosen.beside)
+        result = replace(network.check or _verdict(plan, Answer.PROVED), box=Box.nominal(plan.parameters))
+        return self._made(network, stn, plan, result, ended)
+
+    def _made(
+        self, network: _Network, stn: STNPlan, plan: model.ParametrizedPlan, check: CheckResult, ended: Ended
+    ) -> Conversion:
+        assert self._parts is not None  # noqa: S101 - read before
+        original, chosen, snapped = self._parts
+        _assert_allowed(plan, original, self._timed)
+        times, tightened, redundant = original.times, network.tightened, network.redundant
+        return Conversion(self._mode, stn, plan, chosen.beside, times, snapped, check, tightened, redundant, ended)
 
 
 @noticing_interrupts()
@@ -433,71 +601,43 @@ def convert(
         InputError: if the plan is empty, or does not fit the domain and problem, or a specification does not fit it.
         InvalidPlanError: if the time-triggered plan breaks an obligation.
         UnsupportedError: for an expression that is not linear.
-        SolverError: in mode CAUSAL, if validity is not decided, or not in time.
-        KeyboardInterrupt: if interrupted.
+
+    Out of time, interrupted, or where the solver cannot decide, the conversion says so (`ended`), and its network is
+    the last one that was proved: at worst that which allows the plan's own schedule only.
     """
-    say = on_progress or (lambda _: None)
-    say("executing the plan")
-    instances = distances.declarations(timed, domain, epsilon)
-    times = distances.schedule_of(timed, instances)
-    untimed, specs = STNPlan((), instances, (), timed.file), tuple(specs)
-    chosen = parametrization(domain, problem, untimed, times, specs)
-    bare = assemble(domain, problem, chosen.bare, chosen.fluents)
-    snapped = distances.snapped(
-        bare, times, distances.tolerances(timed, instances, epsilon, tolerance), epsilon, timed.file
+    searching = Converting(
+        domain,
+        problem,
+        timed,
+        mode=mode,
+        specs=specs,
+        epsilon=epsilon,
+        tolerance=tolerance,
+        solver=solver,
+        timeout=timeout,
+        on_progress=on_progress,
     )
-    if str(snapped):
-        times = dict(snapped.times)
-        chosen = parametrization(domain, problem, untimed, times, specs)
-        bare = assemble(domain, problem, chosen.bare, chosen.fluents)
-    original = distances.validated(bare, times, epsilon, timed.file)
-    deadline = Deadline.after(timeout)
-    if mode is Mode.ESTEREL:
-        network = _Network(esterel_edges(original))
-    else:
-        network = _causal(original, chosen, Tightener(original, solver, deadline, say))
-    stn = _written(original, chosen, network)
-    plan = assemble(domain, problem, stn, chosen.beside)
-    say("proving the plan")
-    result = check_plan(plan, epsilon, solver, deadline)
-    _assert_allowed(plan, original, timed)
-    if mode is Mode.CAUSAL and result.answer is not Answer.PROVED:
-        broken = next(iter(result.counterexamples), None)
-        what = f"{broken!r} broken" if broken else "obligations undecided"
-        raise SolverError(f"found {what} in the converted plan, expected a proof; allow more time or another solver")
-    return Conversion(
-        mode, stn, plan, chosen.beside, original.times, snapped, result, network.tightened, network.redundant
-    )
+    return searching.run()
 
 
 @dataclass(frozen=True, slots=True)
 class _Network:
+    """Edges of a plan; `check` is whether they are valid, where that was asked."""
+
     edges: tuple[distances.Edge, ...]
     tightened: tuple[Tightening, ...] = ()
     redundant: int = 0
+    check: CheckResult | None = None
 
 
-def _causal(original: distances.Original, chosen: Parametrization, tightener: Tightener) -> _Network:
-    """The least constrained network: causal edges, then bounds, without what the others imply for all parameters.
-
-    What the proof does not need goes as well, unless there are parameters: other values of them might need it.
-    """
-    causal = causal_network(original, chosen.pinned_durations)
-    fixed = (*causal.durations, *chosen.pinned_starts(original.times))
-    network = distances.Network(causal.points, (*causal.certain, *causal.edges))
-    needed = network.needed(causal.edges, causal.certain)
-    tightened = tightener.tighten((*fixed, *needed))
-    bounds = [one.edge for one in tightened]
-    every = list(dict.fromkeys((*causal.edges, *bounds)))
-    kept = every
-    if not (chosen.parameters or chosen.beside or (not bounds and _is_propositional(original.plan))):
-        tightener.say("dropping edges")
-        kept = tightener.in_less_time.without_removable(fixed, every, {*causal.links, *bounds})
-    edges = distances.Network(causal.points, (*causal.certain, *kept)).needed(kept, causal.certain)
-    if not (chosen.parameters or chosen.beside):
-        fixed = _without_implied_ranges(fixed, edges)
-    redundant = len(every) - len(edges)
-    return _Network((*fixed, *edges), tuple(one for one in tightened if one.edge in edges), redundant)
+def _rigid(original: distances.Original) -> _Network:
+    """Every time point where the plan has it, one after the other; the plan's own execution is the proof."""
+    points = sorted((point for point in original.times if point.time is None), key=lambda one: original.times[one])
+    edges = []
+    for earlier, later in pairwise(points):
+        own = original.distance(earlier, later)
+        edges += [distances.Edge(earlier, later, own), distances.Edge(later, earlier, -own)]
+    return _Network(tuple(edges))
 
 
 def _is_propositional(plan: model.ParametrizedPlan) -> bool:
@@ -526,6 +666,14 @@ def _written(original: distances.Original, chosen: Parametrization, network: _Ne
     every = [*(one for one in plain if not chosen.says_all_about(one)), *chosen.constraints]
     constraints = tuple(sorted(every, key=lambda one: one.source.instance != one.target.instance))
     return replace(chosen.bare, parameters=chosen.parameters, constraints=constraints)
+
+
+def _assert_proved(result: CheckResult) -> None:
+    broken = next(iter(result.counterexamples), None)
+    if broken is not None:
+        raise SolverError(f"found {broken!r} broken in the converted plan, expected a proof; please report it as a bug")
+    if result.answer is not Answer.PROVED:
+        raise UndecidedError(f"found {_undecided(result)!r} undecided in the converted plan, expected a proof")
 
 
 def _assert_allowed(plan: model.ParametrizedPlan, original: distances.Original, timed: TimedPlan) -> None:

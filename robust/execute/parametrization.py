@@ -61,6 +61,12 @@ def influences(plan: model.ParametrizedPlan, obligation: str) -> frozenset[model
     return frozenset(points)
 
 
+def obligation_names(plan: model.ParametrizedPlan) -> Iterator[str]:
+    """The names of what is demanded of every schedule."""
+    yield from (name for name, _ in _obligations(plan))
+    yield from (f"{one.identifier} {one.action}: non-negative duration" for one in plan.instances if one.durative)
+
+
 def _obligations(plan: model.ParametrizedPlan) -> Iterator[tuple[str, _Use]]:
     """What each obligation reads, by its name."""
     for goal in plan.goal:

@@ -21,7 +21,7 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RefutedError, RobustError, SolverError
 from robust.execute.controllability import Kind, shrink
-from robust.execute.convert import convert
+from robust.execute.convert import Ended, convert
 from robust.execute.dispatchable import Dispatchable, Dreex, Executor, Guarantee, make_dispatchable
 from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, Observation, Rejected
 from robust.execute.drive import run_in_world
@@ -148,7 +148,15 @@ class Prepared:
     seconds: float
 
 
-def prepare_timed(domain: Domain, problem: Problem, timed: TimedPlan, options: Options) -> Prepared:
+def prepare_timed(
+    domain: Domain,
+    problem: Problem,
+    timed: TimedPlan,
+    options: Options,
+    *,
+    tolerance: Fraction | None = None,
+    on_note: Callable[[str], None] | None = None,
+) -> Prepared:
     """A time-triggered plan, converted to the least constrained network, with its box.
 
     Specifications of instances and actions that the plan does not have are passed over: another plan may have them.
@@ -159,8 +167,19 @@ def prepare_timed(domain: Domain, problem: Problem, timed: TimedPlan, options: O
     begun = monotonic()
     specs = fitting(options.specs, timed)
     conversion = convert(
-        domain, problem, timed, specs=specs, epsilon=options.epsilon, solver=options.solver, timeout=options.timeout
+        domain,
+        problem,
+        timed,
+        specs=specs,
+        epsilon=options.epsilon,
+        tolerance=tolerance,
+        solver=options.solver,
+        timeout=options.timeout,
     )
+    if conversion.ended is Ended.INTERRUPTED:
+        raise KeyboardInterrupt
+    if on_note is not None and (notes := conversion.notes(timed)):
+        on_note(f"{timed.file}: {'; '.join(notes)}")
     return prepare_plan(conversion.plan, options, begun=begun)
 
 
@@ -398,7 +417,7 @@ def check_rules(prepared: Prepared, rules: Rules) -> None:
         instance = dispatchable.plan.instance[point.instance or ""]
         if point.kind is model.TimePointKind.END and rules.duration(instance) is not None:
             found = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
-            message = f"{found}; expected one that is fixed or a parameter: --parametrize duration:{instance.action}"
+            message = f"{found}; expected one that is fixed or a parameter: --parameter duration:{instance.action}"
             raise InputError(message)
 
 

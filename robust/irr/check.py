@@ -45,8 +45,9 @@ class Counterexample:
 class CheckResult:
     """The verdict, that of each obligation examined, and a counterexample for each refuted one, by obligation.
 
-    Where the network has no schedule at all for some parameter values of the box, there is nothing to execute: `reason`
-    names the statements that contradict each other, and those values.
+    `settled` is how many of them shortest paths through the network prove, so that no solver is asked. Where the
+    network has no schedule at all for some parameter values of the box, there is nothing to execute: `reason` names the
+    statements that contradict each other, and those values.
     """
 
     answer: Answer
@@ -58,6 +59,7 @@ class CheckResult:
     interrupted: bool = False
     statistics: Statistics = field(default_factory=Statistics)
     timed_out: bool = False
+    settled: int = 0
 
     @property
     def cut_short(self) -> bool:
@@ -93,6 +95,7 @@ class Checker:
         self._statistics = Statistics()
         self._answers: dict[str, Answer] = {}
         self._counterexamples: dict[str, Counterexample] = {}
+        self._settled = 0
         self._existence_known = False
         self._broken: Facet | None = None
         self._reason: str | None = None
@@ -129,6 +132,7 @@ class Checker:
             time.perf_counter() - self._started,
             self._reason,
             statistics=self._statistics,
+            settled=self._settled,
         )
 
     def _overall(self, answers: Mapping[str, Answer]) -> Answer:
@@ -175,6 +179,7 @@ class Checker:
 
     def _decide(self, obligation: Obligation) -> Answer:
         if obligation.violation is self.encoding.terms.false:
+            self._settled += 1
             return Answer.PROVED
         if not self._counterexamples:
             # Earlier stages hold throughout the box, so the part of the network that matters is enough for a proof.

@@ -31,6 +31,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from os import PathLike
+from pathlib import Path
 from typing import assert_never
 
 from robust.errors import InputError, Location, did_you_mean
@@ -139,6 +140,26 @@ def parse_parameter_file(text: str, file: str = "<parameters>") -> tuple[Paramet
 def read_parameter_file(path: str | PathLike[str]) -> tuple[ParameterSpec, ...]:
     """The specifications in a TOML file; InputError if it cannot be read or is wrong."""
     return parse_parameter_file(read_text(path), str(path))
+
+
+def specifications(
+    texts: Sequence[str], file: str | PathLike[str] | None, plan: str | PathLike[str] | None = None
+) -> tuple[tuple[ParameterSpec, ...], Path | None]:
+    """The specifications of options and of a TOML file, and the file beside the plan if they come from that.
+
+    If no file is given, one of the plan's name with tables of parameters counts, but for what options say as well.
+
+    Raises:
+        InputError: if a file cannot be read or is wrong.
+    """
+    given = parse_specs(texts)
+    if file is not None:
+        return (*read_parameter_file(file), *given), None
+    beside = None if plan is None else Path(plan).with_suffix(".toml")
+    if beside is None or not beside.is_file() or "parameters" not in _toml(read_text(beside), str(beside)):
+        return given, None
+    said = {(one.target, one.subject) for one in given}
+    return (*(one for one in read_parameter_file(beside) if (one.target, one.subject) not in said), *given), beside
 
 
 @dataclass(frozen=True, slots=True)

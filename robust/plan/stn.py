@@ -36,6 +36,9 @@ RESERVED_NAMES = frozenset({"inf", "infinity", "nan", "zero"})
 """Names (in any case) that a reader of the plan could take for a bound or for the zero point."""
 
 
+_TELLTALE = re.compile(r"^\s*(?:(?:durative-)?action\s+instance\s|c\s*:)", re.IGNORECASE | re.MULTILINE)
+
+
 @dataclass(frozen=True, slots=True)
 class ParameterDeclaration:
     """A parameter as declared; without a `default` it still needs a nominal value. Bounds of None are infinite."""
@@ -88,6 +91,11 @@ class STNPlan:
 def parse_stn(text: str, file: str = "<plan>") -> STNPlan:
     """The plan that a text describes; InputError with line and column for anything that is not a plan."""
     return _Parser(_Scanner(text, file)).plan()
+
+
+def is_network(text: str, file: str = "") -> bool:
+    """Whether a text is meant for such a plan: by the name of its file, or by a line that other plans do not have."""
+    return file.lower().endswith(".stn") or _TELLTALE.search(text) is not None
 
 
 def read_stn(path: str | PathLike[str]) -> STNPlan:

@@ -138,7 +138,9 @@ def _note(steps: list[TimedStep], picked: int, plans: int, skipped: int) -> str:
     parts = []
     if plans > 1:
         places = [step.location.line for step in steps if step.location and step.location.line]
-        parts.append(f"picked plan {picked} of {plans} (lines {min(places)} to {max(places)})")
+        first, last = min(places), max(places)
+        lines = f"line {first}" if first == last else f"lines {first} to {last}"
+        parts.append(f"picked plan {picked} of {plans} ({lines})")
     if skipped:
         parts.append(f"skipped {plural(skipped, 'line')} that {'is' if skipped == 1 else 'are'} no step")
     return "; ".join(parts)

@@ -44,6 +44,16 @@ def document(record: JsonObject) -> Document:
     return found
 
 
+class Noted(JsonObject, kw_only=True):
+    """An answer about a plan; `notes` are what was done to read it, if anything but reading it was done.
+
+    Attributes:
+        notes: what was picked, skipped and moved to read the plan, and where its parameters were found
+    """
+
+    notes: list[str] | UnsetType = UNSET
+
+
 # -- what several of them hold -----------------------------------------------------------------------------------------
 
 
@@ -151,12 +161,13 @@ class Obligation(JsonObject):
     verdict: Verdict
 
 
-class Check(JsonObject, tag_field="schema", tag="robust/check/1"):
+class Check(Noted, tag_field="schema", tag="robust/check/1"):
     """robust check --json: is a plan valid for every schedule that its network allows?
 
     Attributes:
         parameters: the values that the verdict is about
         obligations: unknown ones were not examined or not decided
+        settled: how many of them shortest paths prove, without the solver
         counterexample: the first of counterexamples
         counterexamples: one for each obligation found to break
         reason: why the plan is refuted without a counterexample: parameter values leave no schedule
@@ -170,6 +181,7 @@ class Check(JsonObject, tag_field="schema", tag="robust/check/1"):
     epsilon: Rational
     parameters: dict[str, Ends]
     obligations: list[Obligation]
+    settled: Count
     counterexample: Counterexample | None
     counterexamples: list[Counterexample]
     reason: str | None
@@ -252,7 +264,7 @@ class Controllability(JsonObject):
     waits: list[str]
 
 
-class Envelope(JsonObject, tag_field="schema", tag="robust/envelope/1"):
+class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
     """robust envelope --json: a box of parameter values for which a plan is valid
 
     Attributes:
@@ -368,7 +380,7 @@ class Polyhedron(JsonObject):
     constraints: list[Constraint]
 
 
-class Region(JsonObject, tag_field="schema", tag="robust/region/1", kw_only=True):
+class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     """robust region --json: the robustness envelope, or an outer bound of it
 
     Attributes:
@@ -463,7 +475,7 @@ class ComparedBox(JsonObject):
     seconds: Seconds
 
 
-class Compare(JsonObject, tag_field="schema", tag="robust/compare/1"):
+class Compare(Noted, tag_field="schema", tag="robust/compare/1"):
     """robust compare --json: the exact envelope beside the boxes of all methods
 
     Attributes:

@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 from msgspec import UNSET, Meta, UnsetType
 
 from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
-from robust.show.documents import Broken, Document, Ended, Ends, Rationals, Solver, box_of, broken, document, exact
+from robust.show.documents import (
+    Broken,
+    Document,
+    Ended,
+    Ends,
+    Noted,
+    Rationals,
+    Solver,
+    box_of,
+    broken,
+    document,
+    exact,
+)
 
 if TYPE_CHECKING:
     from robust.execute.convert import Conversion
@@ -39,7 +51,7 @@ class Files(JsonObject):
     parameters: str | UnsetType = UNSET
 
 
-class Convert(JsonObject, tag_field="schema", tag="robust/convert/1"):
+class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
     """robust convert --json: a time-triggered plan with a temporal network
 
     Attributes:
@@ -209,7 +221,7 @@ def summary(runs: Sequence[Run]) -> Summary:
     )
 
 
-class Execute(JsonObject, tag_field="schema", tag="robust/execute/1"):
+class Execute(Noted, tag_field="schema", tag="robust/execute/1"):
     """robust execute --json: simulated executions with re-planning
 
     Attributes:
@@ -257,7 +269,7 @@ def _executed(segment: Segment) -> ExecutedPlan:
 # -- certify and verify ------------------------------------------------------------------------------------------------
 
 
-class Certify(JsonObject, tag_field="schema", tag="robust/certify/1"):
+class Certify(Noted, tag_field="schema", tag="robust/certify/1"):
     """robust certify --json: a certificate that has been written and checked."""
 
     kind: Annotated[str, one_of("plan", "box", "maximal", "region", "knowledge")]

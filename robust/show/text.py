@@ -74,7 +74,11 @@ def _verdict(result: CheckResult) -> Text:
 
 def _summary(result: CheckResult) -> Text:
     answers = list(result.obligations.values())
-    parts = [f"{answers.count(Answer.PROVED)} of {plural(len(answers), 'obligation')} proved", duration(result.seconds)]
+    proved = answers.count(Answer.PROVED)
+    parts = [f"{proved} of {plural(len(answers), 'obligation')} proved", duration(result.seconds)]
+    if proved:
+        asked = f"{proved - result.settled} by the solver"
+        parts[0] += f" ({result.settled} by shortest paths, {asked})" if result.settled else f" ({asked})"
     if result.counterexamples and Answer.UNKNOWN in answers:
         parts[0] += ", the others not examined"
     values = [f"{name} {_values(interval)}" for name, interval in result.box.intervals.items()]

@@ -38,10 +38,16 @@ def test_parameters_beside_the_plan(tmp_path):
     options = ["--parametrize", "duration:n0", "--parametrize", "fluent:(fuel),ub=7/3,default=2"]
     ended = command("convert", *files, "-o", target, *options)
     beside = target.with_suffix(".toml")
-    assert ended.out.endswith(f"parameters: {beside}, for --parameters\n")
+    assert ended.out.endswith(f"parameters: {beside}, found there by whoever reads the plan\n")
     plan = load_plan(*files[:2], target, parameter_file=beside)
     assert {one.name: one.nominal for one in plan.parameters} == {"dur_n0": 5, "fuel": 2}
-    assert command("check", *files[:2], target, "--parameters", beside, "--at", "dur_n0=7", "--at", "fuel=1").code == 0
+    ended = command("check", *files[:2], target, "--at", "dur_n0=7", "--at", "fuel=1")
+    assert (ended.code, ended.err) == (0, f"robust: took the parameters of {beside}\n")
+    narrower = json.loads(
+        command("envelope", *files[:2], target, "--parameter", "fluent:(fuel),ub=1,default=1", "--json").out
+    )
+    assert narrower["notes"] == [f"took the parameters of {beside}"]
+    assert narrower["parameters"]["fuel"]["upper"] == "1"
 
 
 @pytest.mark.parametrize(

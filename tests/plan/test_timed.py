@@ -63,7 +63,7 @@ SEVERAL = "0: (a) [1]\nlooking on\n0: (b) [2]\n; Time 0.3\n0: (c) [3]\n; not the
     ("number", "steps", "note"),
     [
         (None, "0: (c) [3]\n1: (d)\n", "picked plan 3 of 3 (lines 5 to 8); skipped 2 lines that are no step"),
-        (2, "0: (b) [2]\n", "picked plan 2 of 3 (lines 3 to 3); skipped 2 lines that are no step"),
+        (2, "0: (b) [2]\n", "picked plan 2 of 3 (line 3); skipped 2 lines that are no step"),
     ],
 )
 def test_the_last_plan_of_a_log_counts(number: int | None, steps: str, note: str) -> None:

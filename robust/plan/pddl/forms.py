@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
@@ -25,6 +26,20 @@ def read_text(path: str | os.PathLike[str]) -> str:
         InputError: if the file cannot be read or is no text.
     """
     return _decode(read_bytes(path), Location(os.fspath(path)))
+
+
+def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:
+    """The text of a plan and what to call its file; `-` is standard input.
+
+    Raises:
+        InputError: if it cannot be read or is no text.
+    """
+    if os.fspath(path) != "-":
+        return read_text(path), os.fspath(path)
+    place = Location("<stdin>")
+    if sys.stdin is None:
+        raise InputError("found a closed standard input, expected a plan", place)
+    return _decode(sys.stdin.buffer.read(), place), place.file or ""
 
 
 def read_bytes(path: str | os.PathLike[str], expected: str = "a readable text file") -> bytes:
