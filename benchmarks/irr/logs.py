@@ -199,7 +199,7 @@ class LogReport(Report[LogRow]):
 
     def remarks(self) -> Sequence[str]:
         notes = [
-            "seconds of processor time of whole processes; shift: how far a start or a duration is from its printed value",
+            "processor time of whole processes; shift: how far a start or a duration is from what was printed",
             f"asked: convert at most {CONVERT_S:g} s and {CONVERT_MB:g} MiB, check at most {CHECK_S:g} s",
         ]
         if any(row.val is None for row in self.rows):
