@@ -133,7 +133,7 @@ def measure_log(directory: Path, log: Log, validator: Path | None, limit: float 
         log.steps,
         Cost.of(convert),
         str(answer["verdict"]),
-        None if proved else answer["violations"][0]["detail"],
+        None if proved else _reason(answer["violations"]),
         answer["constraints"],
         _shift(timed, answer["schedule"]) if proved else None,
         None if checked is None else _proof(*checked),
@@ -150,6 +150,12 @@ def _answer(words: Sequence[str], limit: float | None) -> tuple[Ended, dict[str,
         reason = "out of time" if found.timed_out else answer.get("error", {}).get("message") or complaint(found)
         raise RobustError(f"robust {words[0]}: {reason}")
     return found, answer
+
+
+def _reason(violations: Sequence[Mapping[str, str]]) -> str:
+    """The first obligation that breaks, and how."""
+    first = min(violations, key=lambda one: Fraction(one["time"]))
+    return f"{first['obligation']}: {first['detail']}"
 
 
 def _proof(found: Ended, answer: Mapping[str, Any]) -> Proof:
