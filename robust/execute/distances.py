@@ -16,7 +16,7 @@ from math import lcm
 from robust.encode.paths import Bound, Paths
 from robust.errors import InputError, Location, RefutedError
 from robust.execute.snap import Snapped, TooFarError, snap
-from robust.numbers import format_number
+from robust.numbers import format_number, round_up
 from robust.plan.model import ZERO, ActionInstance, Atom, ParametrizedPlan, TimePoint
 from robust.plan.pddl.syntax import Domain
 from robust.plan.simulate import Violation, mutex_pairs, simulate
@@ -254,7 +254,7 @@ def snapped(
     try:
         return snap(plan, complete, tolerances, mutex_pairs(plan), epsilon)
     except TooFarError as error:
-        remedy = "" if error.shift is None else f"; --tolerance {format_number(error.shift)} would do"
+        remedy = "" if error.shift is None else f"; --tolerance {format_number(round_up(error.shift))} would do"
         validated(plan, error.times, epsilon, file, f"; {error}{remedy}")
         raise InvalidPlanError(f"invalid plan: {error}{remedy}", Location(file), ()) from None
 
