@@ -11,6 +11,7 @@ What would help is found by judging again, and so is true as printed: a toleranc
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -123,10 +124,17 @@ class Verdict:
     @property
     def summary(self) -> str:
         """The verdict in one line."""
-        size = f"{plural(self.steps, 'step')}, ends at {readable(self.end)}"
-        if not self.valid:
-            return f"invalid: {size}; {plural(len(self.violations), 'violation')}"
-        return f"valid: {size}{f'; {self.snapped}' if self.snapped else ''}"
+        return f"{'valid' if self.valid else 'invalid'}: {self.size}"
+
+    @property
+    def size(self) -> str:
+        """What was judged, and how many violations were found."""
+        parts = [f"{plural(self.steps, 'step')}, ends at {readable(self.end)}"]
+        if self.snapped is not None:
+            parts.append(str(self.snapped))
+        if self.violations:
+            parts.append(plural(len(self.violations), "violation"))
+        return "; ".join(parts)
 
     @property
     def helps(self) -> tuple[str, ...]:
@@ -135,19 +143,22 @@ class Verdict:
         return tuple(f"{option} {format_number(one)} would make it valid" for option, one in named if one is not None)
 
 
-def read_schedule(text: str, file: str, number: int | None = None) -> TimedPlan:
-    """The time-triggered plan in the contents of a file, as :func:`robust.plan.timed.parse_timed_plan`.
+def read_plan(text: str, file: str, number: int | None = None) -> TimedPlan:
+    """The time-triggered plan in a text, as :func:`robust.plan.timed.parse_timed_plan`.
 
     Raises:
         InputError: as there, and for a plan with a temporal network, which has no single schedule.
     """
-    if file.lower().endswith(".stn"):
+    if _NETWORK.search(text):
         raise InputError(
-            "found a temporal network, which allows many schedules, expected one schedule as planners print it; "
-            f"robust check DOMAIN PROBLEM {file} judges all of them",
+            "found a plan with a temporal network, expected one schedule as planners print it; "
+            f"robust check DOMAIN PROBLEM {file} judges all schedules of the network",
             Location(file),
         )
     return parse_timed_plan(text, file, number)
+
+
+_NETWORK = re.compile(r"^[ \t]*(?:durative-)?action[ \t]+instance[ \t]", re.MULTILINE | re.IGNORECASE)
 
 
 def validate(
@@ -174,13 +185,13 @@ def validate(
     """
     judge = _Judge.of(domain, problem, timed, epsilon)
     outcome = judge.outcome(epsilon, tolerance)
-    broken = sorted(_unexplained(judge, outcome), key=lambda one: one.time)
+    broken = sorted(_unexplained(judge, outcome), key=lambda one: (one.time, not _separates(one)))
     return Verdict(
         plan=timed.file,
         steps=len(timed.steps),
         end=max(time for point, time in outcome.times.items() if point.time is None),
         violations=tuple(judge.breach(one, outcome.times, epsilon) for one in broken),
-        snapped=outcome.snapped,
+        snapped=outcome.snapped if outcome.snapped is not None and str(outcome.snapped) else None,
         remedies=_remedies(judge, outcome, epsilon, tolerance) if broken else Remedies(),
         note=timed.note,
     )
