@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shlex
 import sys
 from pathlib import Path
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from robust.plan.pddl.syntax import Domain, Problem
     from robust.show.validation import Judged
 
+log = logging.getLogger(__name__)
 _STANDARD_INPUT = Path("-")
 _Files = tuple[Path, Path, Path]
 
@@ -62,7 +64,9 @@ def _judge_all(options: ValidateCommand, run: Run, judged: list[Judged]) -> None
     elif options.suite is not None:
         every = _listed(options.suite)
     for number, (domain, problem, plan) in enumerate(every, start=1):
-        run.display.say(f"plan {number} of {len(every)}: {plan}")
+        doing = f"plan {number} of {len(every)}: {plan}"
+        run.display.say(doing)
+        log.debug(doing)
         try:
             judged.append(Judged(domain, problem, plan, _judged(options, *problems.read(domain, problem), plan)))
         except RobustError as error:
