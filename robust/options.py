@@ -651,7 +651,7 @@ class ValidateCommand(ValidateOptions, Output):
     domain: Path | None = argument(None, "PDDL domain", "DOMAIN")
     problem: Path | None = argument(None, "PDDL problem", "PROBLEM")
     plans: tuple[Path, ...] = argument(
-        (), "time-triggered plans or logs of planners; - is standard input", "PLAN...", many=True
+        (), "time-triggered plans or logs of planners; - is standard input", "PLAN", many=True
     )
     suite: Path | None = option(
         None,

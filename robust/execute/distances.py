@@ -254,7 +254,7 @@ def snapped(
     try:
         return snap(plan, complete, tolerances, mutex_pairs(plan), epsilon)
     except TooFarError as error:
-        remedy = "" if error.shift is None else f"; --tolerance {format_number(round_up(error.shift))} would do"
+        remedy = "" if error.shift is None else f", which --tolerance {format_number(round_up(error.shift))} allows"
         validated(plan, error.times, epsilon, file, f"; {error}{remedy}")
         raise InvalidPlanError(f"invalid plan: {error}{remedy}", Location(file), ()) from None
 

@@ -73,7 +73,7 @@ def _lines(lines: tuple[int, ...]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Remedies:
-    """What would make a schedule valid, each by itself; None where nothing of its kind would.
+    """What would make a schedule valid, each by itself; None where the printed order leaves nothing of its kind.
 
     Attributes:
         tolerance: with exact times so far from the printed ones.

@@ -107,7 +107,8 @@ class Shift(JsonObject):
 
 
 class Helps(JsonObject):
-    """what would make the plan valid, each by itself; null where nothing of its kind would
+    """what would make the plan valid, each by itself; null where the printed order leaves nothing of its
+    kind
 
     Attributes:
         tolerance: with --tolerance at this number
