@@ -12,6 +12,7 @@ from msgspec import Meta
 from rich.text import Text
 
 from robust.codec import Count, JsonObject, Rational, like, one_of
+from robust.numbers import plural
 from robust.show.documents import Document, Ended, document
 
 if TYPE_CHECKING:
@@ -67,8 +68,9 @@ def print_verdicts(out: Console, judged: Sequence[Judged], *, quiet: bool) -> No
             for remedy in one.verdict.helps:
                 out.print(Text(f"  {remedy}", style="dim"), soft_wrap=True)
     if len(judged) > 1:
-        counts = Counter(one.word for one in judged)
-        out.print(Text(", ".join(f"{counts[word]} {word}" for word in _COLOURS if counts[word]), style="dim"))
+        counts = Counter(sorted((one.word for one in judged), key=list(_COLOURS).index))
+        named = (plural(counts[word], word) if word == "error" else f"{counts[word]} {word}" for word in counts)
+        out.print(Text(", ".join(named), style="dim"))
 
 
 # -- JSON --------------------------------------------------------------------------------------------------------------

@@ -59,7 +59,7 @@ def test_others_are_judged_beside_a_plan_that_cannot_be_read(here):
         ["error", "plan.stn"],
         ["rounded.txt", "valid"],
     ]
-    assert ended.out.splitlines()[-1] == "2 valid, 1 invalid, 3 error"
+    assert ended.out.splitlines()[-1] == "2 valid, 1 invalid, 3 errors"
     assert judged("long.txt", "good.txt").code == 1
     assert judged("good.txt", "good.txt").code == 0
 

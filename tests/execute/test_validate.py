@@ -182,7 +182,7 @@ def test_durations_of_instantaneous_actions_bound_the_separation_that_helps():
 
 EPSILON = Fraction(1, 16)
 """Schedules are multiples of half of it: binary fractions keep VAL's floats exact."""
-CHANGES = ("none", "moved", "moved", "beside another", "beside another", "swapped", "dropped", "other duration")
+CHANGES = ("none", "moved", "beside another", "beside another", "swapped", "dropped", "duration", "duration")
 
 
 def changed(
@@ -210,10 +210,11 @@ def changed(
         case "dropped" if len(plan.instances) > 1:
             plan = replace(plan, instances=tuple(one for one in plan.instances if one != first), constraints=())
             times = {point: times[point] for point in plan.time_points}
-        case "other duration" if first.durative:
-            times[first.end] += half * random.choice([-6, -4, -3, -2, -1, 1, 2, 3, 4, 6])
-    late = all(times[point] >= 0 for point in plan.time_points)
-    return (plan, times) if late and all(times[one.start] <= times[one.end] for one in plan.instances) else None
+        case "duration":
+            bounded = [one for one in plan.instances if one.durations] or [first]
+            times[random.choice(bounded).end] += half * random.choice([-8, -4, -2, -1, -1, 1, 1, 2, 4, 8])
+    possible = all(0 <= times[one.start] <= times[one.end] for one in plan.instances)
+    return (plan, times) if possible else None
 
 
 NO_SEPARATION = "VAL separates happenings only if they are at the same time"
@@ -224,7 +225,7 @@ FEWER_PAIRS = "VAL knows fewer mutex pairs, and others; see tests/val.py"
 def why_val_differs(plan: model.ParametrizedPlan, violations: tuple[Violation, ...], *, valid: bool) -> str | None:
     """The class of a difference between VAL's verdict and ours; None if there is no reason for one."""
     near = [one for one in violations if one.obligation.startswith("separation: ") and one.amount != EPSILON]
-    length = [one for one in violations if " act: duration " in one.obligation and (one.amount or 0) < EPSILON]
+    length = [one for one in violations if ": duration " in one.obligation and (one.amount or 0) < EPSILON]
     rest = [one for one in violations if one not in near and one not in length]
     if not judged_by_val(plan, rest):
         return FEWER_PAIRS
@@ -292,13 +293,18 @@ def check_remedies(texts: PddlText, verdict: Verdict) -> None:
         assert greatest is not None
 
 
-@pytest.mark.parametrize("examples", [150, pytest.param(2000, marks=pytest.mark.slow)])
-def test_verdicts_agree_with_val(examples):
+@pytest.mark.parametrize(("examples", "least"), [(170, 150), pytest.param(2250, 2000, marks=pytest.mark.slow)])
+def test_verdicts_agree_with_val(examples, least):
     found = compare_with_val(examples)
-    agreed = found[True, True], found[False, False]
-    assert min(agreed) > examples / 8
-    assert found["VAL cannot read it"] <= examples / 50
-    assert found[False, True] + found[True, False] == sum(found[why] for why in (NO_SEPARATION, LENIENT, FEWER_PAIRS))
+    classes = found[NO_SEPARATION], found[LENIENT], found[FEWER_PAIRS]
+    verdicts = {key: count for key, count in found.items() if isinstance(key, tuple)}
+    assert sum(verdicts.values()) >= least
+    assert found[False, True] + found[True, False] == sum(classes)
+    assert min(found[True, True], found[False, False]) > least / 10
+    assert sum(classes) < least / 10
+    assert found["VAL cannot read it"] <= least / 50
+    if examples > 1000:
+        assert all(classes)
 
 
 # -- logs of planners --------------------------------------------------------------------------------------------------
