@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from robust.show.validation import Judged
 
 log = logging.getLogger(__name__)
-_STANDARD_INPUT = Path("-")
 _Files = tuple[Path, Path, Path]
 
 
@@ -45,9 +44,6 @@ def validate(options: ValidateCommand, run: Run) -> int:
         lambda: validation.validate(options, judged, "complete" if cause is None else cause.value),
         lambda out: validation.print_verdicts(out, judged, quiet=options.quiet),
     )
-    for one in judged:
-        if one.verdict is not None and one.verdict.note and not options.quiet:
-            print(f"robust: {one.plan}: {one.verdict.note}", file=sys.stderr)
     if cause is not None:
         print(f"robust: {cause.message} after {plural(len(judged), 'plan')}", file=sys.stderr)
     return max([*(one.exit_code for one in judged), 0 if cause is None else UNDECIDED])
@@ -68,20 +64,22 @@ def _judge_all(options: ValidateCommand, run: Run, judged: list[Judged]) -> None
         run.display.say(doing)
         log.debug(doing)
         try:
-            judged.append(Judged(domain, problem, plan, _judged(options, *problems.read(domain, problem), plan)))
+            verdict = _judged(options, *problems.read(domain, problem), plan)
         except RobustError as error:
             if len(every) == 1:
                 raise
             judged.append(Judged(domain, problem, plan, error=error))
+        else:
+            judged.append(Judged(domain, problem, plan, verdict))
+            if verdict.note:
+                run.note(f"{verdict.plan}: {verdict.note}")
 
 
 def _judged(options: ValidateCommand, domain: Domain, problem: Problem, plan: Path) -> Verdict:
     from robust.execute.validate import read_plan, validate
-    from robust.plan.pddl.forms import read_standard_input, read_text
+    from robust.plan.pddl.forms import read_plan_text
 
-    standard = plan == _STANDARD_INPUT
-    text, file = (read_standard_input(), "<stdin>") if standard else (read_text(plan), str(plan))
-    timed = read_plan(text, file, options.plan_number)
+    timed = read_plan(*read_plan_text(plan), options.plan_number)
     return validate(domain, problem, timed, epsilon=options.separation, tolerance=options.rounding)
 
 

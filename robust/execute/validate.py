@@ -11,7 +11,6 @@ What would help is found by judging again, and so is true as printed: a toleranc
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +25,7 @@ from robust.plan.load import assemble
 from robust.plan.model import ActionInstance, ParametrizedPlan, TimePoint, TimePointKind, Timing
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.simulate import Violation, mutex_pairs, simulate
-from robust.plan.stn import InstanceDeclaration, STNPlan
+from robust.plan.stn import InstanceDeclaration, STNPlan, is_network
 from robust.plan.timed import TimedPlan, parse_timed_plan
 
 _SEPARATION = "separation: "
@@ -149,16 +148,13 @@ def read_plan(text: str, file: str, number: int | None = None) -> TimedPlan:
     Raises:
         InputError: as there, and for a plan with a temporal network, which has no single schedule.
     """
-    if _NETWORK.search(text):
+    if is_network(text, file):
         raise InputError(
             "found a plan with a temporal network, expected one schedule as planners print it; "
             f"robust check DOMAIN PROBLEM {file} judges all schedules of the network",
             Location(file),
         )
     return parse_timed_plan(text, file, number)
-
-
-_NETWORK = re.compile(r"^[ \t]*(?:durative-)?action[ \t]+instance[ \t]", re.MULTILINE | re.IGNORECASE)
 
 
 def validate(

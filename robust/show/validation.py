@@ -13,7 +13,7 @@ from rich.text import Text
 
 from robust.codec import Count, JsonObject, Rational, like, one_of
 from robust.numbers import plural
-from robust.show.documents import Document, Ended, document
+from robust.show.documents import Document, Ended, Noted, document
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -69,8 +69,8 @@ def print_verdicts(out: Console, judged: Sequence[Judged], *, quiet: bool) -> No
                 out.print(Text(f"  {remedy}", style="dim"), soft_wrap=True)
     if len(judged) > 1:
         counts = Counter(sorted((one.word for one in judged), key=list(_COLOURS).index))
-        named = (plural(counts[word], word) if word == "error" else f"{counts[word]} {word}" for word in counts)
-        out.print(Text(", ".join(named), style="dim"))
+        parts = [plural(counts[word], word) if word == "error" else f"{counts[word]} {word}" for word in counts]
+        out.print(Text(", ".join(parts), style="dim"))
 
 
 # -- JSON --------------------------------------------------------------------------------------------------------------
@@ -129,7 +129,6 @@ class JudgedPlan(JsonObject):
         end: when the last step ends; null without a verdict
         shift: null where no time had to move, or no exact schedule is near enough
         violations: by time; of a schedule without an exact one near enough, without separations that rounding explains
-        note: what of the file was picked and skipped; empty if all was read
         error: null with a verdict
     """
 
@@ -142,11 +141,10 @@ class JudgedPlan(JsonObject):
     shift: Shift | None
     violations: list[BrokenDemand]
     remedies: Helps
-    note: str
     error: str | None
 
 
-class Validate(JsonObject, tag_field="schema", tag="robust/validate/1"):
+class Validate(Noted, tag_field="schema", tag="robust/validate/1"):
     """robust validate --json: verdicts about single schedules, as VAL judges them
 
     Attributes:
@@ -184,7 +182,6 @@ def _judged(one: Judged) -> JudgedPlan:
             shift=None,
             violations=[],
             remedies=Helps(tolerance=None, epsilon=None),
-            note="",
             error=str(one.error),
         )
     return JudgedPlan(
@@ -195,7 +192,6 @@ def _judged(one: Judged) -> JudgedPlan:
         shift=None if found.snapped is None else like(Shift, found.snapped, most=found.snapped.shift),
         violations=[like(BrokenDemand, breach, lines=list(breach.lines)) for breach in found.violations],
         remedies=like(Helps, found.remedies),
-        note=found.note,
         error=None,
     )
 

@@ -145,9 +145,10 @@ def test_standard_input_and_what_of_a_log_was_picked(here):
     arguments = ("validate", "domain.pddl", "problem.pddl", "-")
     ended = process(*arguments, given=log)
     assert (ended.code, ended.err) == (
-        1, "robust: -: picked plan 2 of 2 (line 5); skipped 1 line that is no step\n",
+        1, "robust: <stdin>: picked plan 2 of 2 (line 5); skipped 1 line that is no step\n",
     )  # fmt: skip
     assert "(line 5)" in ended.out
+    assert answer_of(process(*arguments, "--json", given=log))["notes"] == [ended.err[8:-1]]
     ended = process(*arguments, "--plan-number", "1", "--quiet", given=log)
     assert (ended.code, ended.out, ended.err) == (0, "valid: 1 step, ends at 5\n", "")
     ended = process(*arguments, given="nothing\n")
