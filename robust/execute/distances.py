@@ -272,7 +272,7 @@ def validated(
     violations = simulate(plan, plan.nominal, complete, epsilon=epsilon).violations
     if violations:
         first = min(violations, key=lambda violation: violation.time)
-        others = f" (and {len(violations) - 1} more)" if len(violations) > 1 else ""
+        others = f" (and {len(violations) - 1} more: robust validate names all)" if len(violations) > 1 else ""
         broken = f"{first.obligation!r} broken at time {format_number(first.time)}: {first.detail}{others}"
         message = f"invalid plan: found {broken}, expected a plan that breaks nothing{remedy}"
         raise InvalidPlanError(message, _place(plan.instances, first, file), violations)

@@ -82,6 +82,12 @@ class Remedies:
     tolerance: Fraction | None = None
     epsilon: Fraction | None = None
 
+    @property
+    def named(self) -> Mapping[str, Fraction]:
+        """Those that there are, by name."""
+        every = {"tolerance": self.tolerance, "epsilon": self.epsilon}
+        return {name: value for name, value in every.items() if value is not None}
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -118,12 +124,9 @@ class Verdict:
 
     def __str__(self) -> str:
         """Verdict, then a line for each violation, then what would help."""
-        return "\n".join([self.summary, *(f"  {one}" for one in self.violations), *(f"  {one}" for one in self.helps)])
-
-    @property
-    def summary(self) -> str:
-        """The verdict in one line."""
-        return f"{'valid' if self.valid else 'invalid'}: {self.size}"
+        helps = (f"{name}={format_number(value)} would make it valid" for name, value in self.remedies.named.items())
+        lines = (f"{'valid' if self.valid else 'invalid'}: {self.size}", *map(str, self.violations), *helps)
+        return "\n  ".join(lines)
 
     @property
     def size(self) -> str:
@@ -134,12 +137,6 @@ class Verdict:
         if self.violations:
             parts.append(plural(len(self.violations), "violation"))
         return "; ".join(parts)
-
-    @property
-    def helps(self) -> tuple[str, ...]:
-        """What would make it valid, as options of the command line."""
-        named = (("--tolerance", self.remedies.tolerance), ("--epsilon", self.remedies.epsilon))
-        return tuple(f"{option} {format_number(one)} would make it valid" for option, one in named if one is not None)
 
 
 def read_plan(text: str, file: str, number: int | None = None) -> TimedPlan:

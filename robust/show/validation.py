@@ -12,7 +12,7 @@ from msgspec import Meta
 from rich.text import Text
 
 from robust.codec import Count, JsonObject, Rational, like, one_of
-from robust.numbers import plural
+from robust.numbers import format_number, plural
 from robust.show.documents import Document, Ended, Noted, document
 
 if TYPE_CHECKING:
@@ -65,8 +65,8 @@ def print_verdicts(out: Console, judged: Sequence[Judged], *, quiet: bool) -> No
         if one.verdict is not None and not quiet:
             for breach in one.verdict.violations:
                 out.print(Text(f"  {breach}"), soft_wrap=True)
-            for remedy in one.verdict.helps:
-                out.print(Text(f"  {remedy}", style="dim"), soft_wrap=True)
+            for name, value in one.verdict.remedies.named.items():
+                out.print(Text(f"  --{name} {format_number(value)} would make it valid", style="dim"), soft_wrap=True)
     if len(judged) > 1:
         counts = Counter(sorted((one.word for one in judged), key=list(_COLOURS).index))
         parts = [plural(counts[word], word) if word == "error" else f"{counts[word]} {word}" for word in counts]

@@ -45,7 +45,7 @@ VERDICTS = {
         [
             "invalid: 2 steps, ends at 9.75; 1 violation",
             LONG + "(distance home market) = 7.5, by 0.25 (line 1)",
-            "  --tolerance 0.25 would make it valid",
+            "  tolerance=0.25 would make it valid",
         ],
     ),
     "too short": (
@@ -53,7 +53,7 @@ VERDICTS = {
         [
             "invalid: 2 steps, ends at 8.7; 1 violation",
             "  at 7.5: (shop market) demands (>= ?duration 2), but ?duration = 1.2 < 2, by 0.8 (line 2)",
-            "  --tolerance 0.8 would make it valid",
+            "  tolerance=0.8 would make it valid",
         ],
     ),
     "nowhere to shop": (
@@ -91,8 +91,8 @@ VERDICTS = {
             "invalid: 4 steps, ends at 24.5005; 1 violation",
             "  at 17.0005: the end of (go market home) and the start of (go home market) have to be 0.001 apart, "
             "but are 0.0005 apart (lines 3, 4)",
-            "  --tolerance 0.0005 would make it valid",
-            "  --epsilon 0.0006 would make it valid",
+            "  tolerance=0.0005 would make it valid",
+            "  epsilon=0.0006 would make it valid",
         ],
     ),
     "rounded": (
@@ -166,6 +166,17 @@ def test_names_of_instances_say_nothing_and_timed_literals_have_words():
         "(line 2)"
     )
     assert found.amount == Fraction(1, 2000)
+
+
+def test_times_that_may_not_move_need_not_where_nothing_breaks():
+    """The first action ends a little after the second starts, whose condition it makes true once more."""
+    domain = """(define (domain d) (:predicates (p) (q))
+    (:durative-action a :parameters () :duration (= ?duration (/ 16 3)) :condition () :effect (at end (p)))
+    (:durative-action b :parameters () :duration (= ?duration 1) :condition (over all (p)) :effect (at end (q))))"""
+    problem = "(define (problem x) (:domain d) (:init (p)) (:goal (q)))"
+    found = robust.validate(domain, problem, "0/1: (a) [5.333]\n5333/1000: (b) [1.0]\n")
+    assert str(found) == "valid: 2 steps, ends at 6.333; 1 duration moved, by at most 0.000334"
+    assert found.shift == Fraction(1, 3000)
 
 
 def test_durations_of_instantaneous_actions_bound_the_separation_that_helps():
