@@ -89,11 +89,11 @@ def readable(value: Fraction) -> str:
 
 
 def readable_values(text: str) -> str:
-    """A text in which exact values after `=` that are long are shown as :func:`readable` shows them."""
+    """A text in which exact values, after `=`, `since` or `until`, are shown as :func:`readable` shows them."""
     return _VALUE.sub(lambda match: readable(Fraction(match[0])), text)
 
 
-_VALUE = re.compile(r"(?<= = )-?[0-9]+(?:\.[0-9]+|/0*[1-9][0-9]*)(?= |$)")
+_VALUE = re.compile(r"(?:(?<= = )|(?<= since )|(?<= until ))-?[0-9]+(?:\.[0-9]+|/0*[1-9][0-9]*)(?= |$)")
 _MANTISSAS = 900
 """Numbers of three digits."""
 

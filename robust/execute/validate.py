@@ -22,9 +22,18 @@ from robust.execute import distances
 from robust.execute.snap import Snapped, TooFarError, snap
 from robust.numbers import decimal_at, decimal_index, format_number, plural, readable, readable_values, round_up
 from robust.plan.load import assemble
-from robust.plan.model import ActionInstance, ParametrizedPlan, TimePoint, TimePointKind, Timing
+from robust.plan.model import (
+    ActionInstance,
+    Atom,
+    Condition,
+    Holds,
+    ParametrizedPlan,
+    TimePoint,
+    TimePointKind,
+    Timing,
+)
 from robust.plan.pddl.syntax import Domain, Problem
-from robust.plan.simulate import Violation, mutex_pairs, simulate
+from robust.plan.simulate import Simulation, TraceStep, Violation, mutex_pairs, simulate
 from robust.plan.stn import InstanceDeclaration, STNPlan, is_network
 from robust.plan.timed import TimedPlan, parse_timed_plan
 
@@ -179,11 +188,12 @@ def validate(
     judge = _Judge.of(domain, problem, timed, epsilon)
     outcome = judge.outcome(epsilon, tolerance)
     broken = sorted(_unexplained(judge, outcome), key=lambda one: (one.time, not _separates(one)))
+    words = _Words(judge.plan, outcome.times, outcome.simulation.trace, epsilon)
     return Verdict(
         plan=timed.file,
         steps=len(timed.steps),
         end=max(time for point, time in outcome.times.items() if point.time is None),
-        violations=tuple(judge.breach(one, outcome.times, epsilon) for one in broken),
+        violations=tuple(map(words.breach, broken)),
         snapped=outcome.snapped if outcome.snapped is not None and str(outcome.snapped) else None,
         remedies=_remedies(judge, outcome, epsilon, tolerance) if broken else Remedies(),
         note=timed.note,
@@ -202,7 +212,7 @@ class _Outcome:
     """
 
     times: Mapping[TimePoint, Fraction]
-    violations: tuple[Violation, ...]
+    simulation: Simulation
     rounding: Mapping[TimePoint, Fraction]
     snapped: Snapped | None = None
     shift: Fraction | None = None
@@ -210,6 +220,10 @@ class _Outcome:
     @property
     def valid(self) -> bool:
         return not self.violations
+
+    @property
+    def violations(self) -> tuple[Violation, ...]:
+        return self.simulation.violations
 
 
 @dataclass(frozen=True)
@@ -224,6 +238,10 @@ class _Judge:
     @classmethod
     def of(cls, domain: Domain, problem: Problem, timed: TimedPlan, epsilon: Fraction) -> _Judge:
         declared = distances.declarations(timed, domain, epsilon)
+        for step in timed.steps:
+            if min(step.time, step.duration or 0) < 0:
+                found = f"found {step}, expected a time and a duration of at least 0"
+                raise InputError(found, step.location or Location(timed.file))
         plan = assemble(domain, problem, STNPlan((), declared, (), timed.file))
         literals = {point: point.time for point in plan.time_points if point.time is not None}
         return cls(timed, declared, plan, {**literals, **distances.schedule_of(timed, declared)})
@@ -231,17 +249,16 @@ class _Judge:
     def outcome(self, epsilon: Fraction, tolerance: Fraction | None) -> _Outcome:
         """What becomes of the printed schedule, or of the exact one that it stands for."""
         rounding = distances.tolerances(self.timed, self.declared, epsilon, tolerance)
-        broken = self._broken(self.printed, epsilon)
-        if not broken or not any(rounding.values()):
-            return _Outcome(self.printed, broken, rounding)
+        printed = _Outcome(self.printed, self._simulated(self.printed, epsilon), rounding)
+        if printed.valid or not any(rounding.values()):
+            return printed
         try:
             snapped = snap(self.plan, self.printed, rounding, self._pairs, epsilon)
         except TooFarError as error:
-            broken = self._broken(error.times, epsilon)
-            return _Outcome(
-                error.times, broken, rounding, None if broken else self._stretched(error.times), error.shift
-            )
-        return _Outcome(snapped.times, self._broken(snapped.times, epsilon), rounding, snapped)
+            nearest = self._simulated(error.times, epsilon)
+            stretched = self._stretched(error.times) if not nearest.violations else None
+            return _Outcome(error.times, nearest, rounding, stretched, error.shift)
+        return _Outcome(snapped.times, self._simulated(snapped.times, epsilon), rounding, snapped)
 
     def _stretched(self, times: Mapping[TimePoint, Fraction]) -> Snapped:
         """Times that differ from the printed ones in durations only."""
@@ -266,62 +283,15 @@ class _Judge:
     def _pairs(self) -> tuple[tuple[TimePoint, TimePoint], ...]:
         return tuple(mutex_pairs(self.plan))
 
-    def _broken(self, times: Mapping[TimePoint, Fraction], epsilon: Fraction) -> tuple[Violation, ...]:
-        return simulate(self.plan, self.plan.nominal, times, epsilon=epsilon).violations
-
-    # -- in words ------------------------------------------------------------------------------------------------------
-
-    def breach(self, violation: Violation, times: Mapping[TimePoint, Fraction], epsilon: Fraction) -> Breach:
-        """A violation in the words of the plan."""
-        detail = violation.detail
-        if _separates(violation):
-            pair = sorted(self.separated(violation), key=times.__getitem__)
-            demand = f"{' and '.join(map(self._name, pair))} have to be {format_number(epsilon)} apart"
-            distance = times[pair[1]] - times[pair[0]]
-            detail = f"are {format_number(distance)} apart" if distance else "are at the same time"
-            owners = [self.plan.instance[point.instance] for point in pair if point.instance is not None]
-        else:
-            demand, owners = self._demands[violation.obligation]
-        places = [one.location.line for one in owners if one.location is not None]
-        lines = tuple(dict.fromkeys(line for line in places if line is not None))
-        return Breach(violation.time, violation.obligation, demand, detail, violation.amount, lines)
-
-    def separated(self, violation: Violation) -> tuple[TimePoint, ...]:
-        """The two time points that a separation is about."""
-        return tuple(self._points[name] for name in violation.obligation.removeprefix(_SEPARATION).split(", "))
-
-    @cached_property
-    def _points(self) -> Mapping[str, TimePoint]:
-        return {str(point): point for point in self.plan.time_points}
-
-    def _name(self, point: TimePoint) -> str:
-        if point.instance is None:
-            return f"what :init says of time {format_number(point.time or Fraction(0))}"
-        instance = self.plan.instance[point.instance]
-        return f"the {point.kind.value} of {instance}" if instance.durative else str(instance)
-
-    @cached_property
-    def _demands(self) -> Mapping[str, tuple[str, list[ActionInstance]]]:
-        """What each obligation but a separation demands, and who demands it."""
-        found: dict[str, tuple[str, list[ActionInstance]]] = {}
-        for one in self.plan.instances:
-            found[f"{one.identifier} {one.action}: non-negative duration"] = f"{one} has to last at least 0", [one]
-            for constraint in one.durations:
-                found[one.label(constraint)] = f"{one} demands {constraint.text}", [one]
-            for condition in one.conditions:
-                when = f" {_WHEN[condition.timing]}" if one.durative else ""
-                found[one.label(condition)] = f"{one} demands {condition.text}{when}", [one]
-        return found | {goal.label: (f"the goal demands {goal.text}", []) for goal in self.plan.goal}
-
-
-_WHEN = {Timing.AT_START: "at its start", Timing.OVER_ALL: "throughout", Timing.AT_END: "at its end"}
+    def _simulated(self, times: Mapping[TimePoint, Fraction], epsilon: Fraction) -> Simulation:
+        return simulate(self.plan, self.plan.nominal, times, epsilon=epsilon)
 
 
 def _unexplained(judge: _Judge, outcome: _Outcome) -> list[Violation]:
     """The violations without separations that fail by no more than rounding, if there are others."""
     beyond = []
     for one in outcome.violations:
-        points = judge.separated(one) if _separates(one) else ()
+        points = _separated(judge.plan, one) if _separates(one) else ()
         if not points or (one.amount or 0) > sum(_rounding(outcome, point) for point in points):
             beyond.append(one)
     return beyond or list(outcome.violations)
@@ -333,6 +303,80 @@ def _rounding(outcome: _Outcome, point: TimePoint) -> Fraction:
         start = TimePoint(TimePointKind.START, point.instance)
         return outcome.rounding[start] + outcome.rounding[point]
     return outcome.rounding.get(point, Fraction(0))
+
+
+# -- in words ----------------------------------------------------------------------------------------------------------
+
+
+def _separated(plan: ParametrizedPlan, violation: Violation) -> list[TimePoint]:
+    """The two time points that a separation is about."""
+    names = violation.obligation.removeprefix(_SEPARATION).split(", ")
+    return [point for point in plan.time_points if str(point) in names]
+
+
+@dataclass(frozen=True)
+class _Words:
+    """What a schedule breaks, in the words of the plan."""
+
+    plan: ParametrizedPlan
+    times: Mapping[TimePoint, Fraction]
+    trace: tuple[TraceStep, ...]
+    epsilon: Fraction
+
+    def breach(self, violation: Violation) -> Breach:
+        """A violation with what is demanded, and by which lines of the plan."""
+        if _separates(violation):
+            pair = sorted(_separated(self.plan, violation), key=self.times.__getitem__)
+            demand = f"{' and '.join(map(self._name, pair))} have to be {format_number(self.epsilon)} apart"
+            distance = self.times[pair[1]] - self.times[pair[0]]
+            detail = f"are {format_number(distance)} apart" if distance else "are at the same time"
+            owners = [self.plan.instance[point.instance] for point in pair if point.instance is not None]
+        else:
+            demand, condition, owners = self._demands[violation.obligation]
+            detail = violation.detail + self._period(condition, violation.time)
+        places = [one.location.line for one in owners if one.location is not None]
+        lines = tuple(dict.fromkeys(line for line in places if line is not None))
+        return Breach(violation.time, violation.obligation, demand, detail, violation.amount, lines)
+
+    def _name(self, point: TimePoint) -> str:
+        if point.instance is None:
+            return f"what :init says of time {format_number(point.time or Fraction(0))}"
+        instance = self.plan.instance[point.instance]
+        return f"the {point.kind.value} of {instance}" if instance.durative else str(instance)
+
+    def _period(self, condition: Condition, time: Fraction) -> str:
+        """Since when, and until when, a literal is false that is false at a time; nothing of other conditions."""
+        if not isinstance(condition, Holds):
+            return ""
+        changes = self._changes.get(condition.atom, ())
+        since = max((at for at, value in changes if at <= time and value is not condition.value), default=None)
+        until = min((at for at, value in changes if at >= time and value is condition.value), default=None)
+        ends = (("since", since), ("until", until))
+        return "".join(f" {word} {format_number(end)}" for word, end in ends if end is not None)
+
+    @cached_property
+    def _changes(self) -> Mapping[Atom, list[tuple[Fraction, bool]]]:
+        """When an atom changed to which truth value."""
+        found: dict[Atom, list[tuple[Fraction, bool]]] = {}
+        for step in self.trace:
+            for atom, value in step.atoms_changed:
+                found.setdefault(atom, []).append((step.time, value))
+        return found
+
+    @cached_property
+    def _demands(self) -> Mapping[str, tuple[str, Condition, list[ActionInstance]]]:
+        """What each obligation but a separation demands, in words and as a condition, and who demands it."""
+        found: dict[str, tuple[str, Condition, list[ActionInstance]]] = {}
+        for one in self.plan.instances:
+            for constraint in one.durations:
+                found[one.label(constraint)] = f"{one} demands {constraint.text}", constraint.condition, [one]
+            for part in one.conditions:
+                when = f" {_WHEN[part.timing]}" if one.durative else ""
+                found[one.label(part)] = f"{one} demands {part.text}{when}", part.condition, [one]
+        return found | {one.label: (f"the goal demands {one.text}", one.condition, []) for one in self.plan.goal}
+
+
+_WHEN = {Timing.AT_START: "at its start", Timing.OVER_ALL: "throughout", Timing.AT_END: "at its end"}
 
 
 # -- what would help ---------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from robust.execute.validate import Breach, Verdict
 from robust.options import Number
 from robust.plan import model
 from robust.plan.simulate import Violation, simulate
-from robust.plan.timed import parse_timed_plan
+from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan
 from tests.execute.plans import ERRAND, ERRANDS, ROOT, errand, errands
 from tests.pddl_text import PddlText, pddl_text
 from tests.plan.building import RANDOM, drawn
@@ -67,7 +67,7 @@ VERDICTS = {
         GOING + "18.5: (shop market) [2]", {},
         [
             "invalid: 2 steps, ends at 20.5; 1 violation",
-            "  at 20: (shop market) demands (open) throughout, but (open) is false (line 2)",
+            "  at 20: (shop market) demands (open) throughout, but (open) is false since 20 (line 2)",
         ],
     ),
     "nothing bought": (
@@ -82,7 +82,7 @@ VERDICTS = {
         [
             "invalid: 3 steps, ends at 15; 2 violations",
             f"  at 7.5: {TIED} (lines 1, 3)",
-            "  at 7.5: (go market home) demands (at market) at its start, but (at market) is false (line 3)",
+            "  at 7.5: (go market home) demands (at market) at its start, but (at market) is false until 7.5 (line 3)",
         ],
     ),
     "too near": (
@@ -146,6 +146,24 @@ def test_what_cannot_be_judged_is_an_error(plan, options, says):
     with pytest.raises(InputError) as error:
         robust.validate(ERRANDS, ERRAND, plan, **options)
     assert says in str(error.value)
+
+
+def test_a_plan_that_a_program_made_begins_at_zero():
+    steps = (TimedStep(Fraction(-1), "go", ("home", "market"), Fraction(15, 2)),)
+    with pytest.raises(InputError, match="expected a time and a duration of at least 0"):
+        robust.validate(errands, errand, TimedPlan(steps))
+
+
+def test_since_when_and_until_when_a_condition_is_false():
+    domain = """(define (domain d) (:predicates (p) (q)) (:action on :parameters () :precondition () :effect (p))
+    (:action off :parameters () :precondition () :effect (not (p)))
+    (:action use :parameters () :precondition (p) :effect (q)))"""
+    problem = "(define (problem x) (:domain d) (:init) (:goal (and (q) (not (p)))))"
+    off, on = "(p) is false since 2 until 5 (line 3)", "(p) is true since 5"
+    found = robust.validate(domain, problem, "1: (on)\n2: (off)\n4: (use)\n5: (on)\n")
+    assert [one.words.partition("but ")[2] for one in found.violations] == [off, on]
+    found = robust.validate(domain, problem, "1: (use)\n", tolerance=0)
+    assert [one.detail for one in found.violations] == ["(p) is false"]
 
 
 def test_what_cannot_be_decided_is_unsupported():
