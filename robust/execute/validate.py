@@ -33,7 +33,7 @@ from robust.plan.model import (
     Timing,
 )
 from robust.plan.pddl.syntax import Domain, Problem
-from robust.plan.simulate import Simulation, TraceStep, Violation, mutex_pairs, simulate
+from robust.plan.simulate import Simulation, Violation, mutex_pairs, simulate
 from robust.plan.stn import InstanceDeclaration, STNPlan, is_network
 from robust.plan.timed import TimedPlan, parse_timed_plan
 
@@ -188,7 +188,7 @@ def validate(
     judge = _Judge.of(domain, problem, timed, epsilon)
     outcome = judge.outcome(epsilon, tolerance)
     broken = sorted(_unexplained(judge, outcome), key=lambda one: (one.time, not _separates(one)))
-    words = _Words(judge.plan, outcome.times, outcome.simulation.trace, epsilon)
+    words = _Words(judge, outcome, epsilon)
     return Verdict(
         plan=timed.file,
         steps=len(timed.steps),
@@ -279,6 +279,14 @@ class _Judge:
         steps = zip(self.timed.steps, self.declared, strict=True)
         return max((step.duration or Fraction(0) for step, one in steps if not one.durative), default=Fraction(0))
 
+    def separated(self, violation: Violation) -> tuple[TimePoint, ...]:
+        """The two time points that a separation is about."""
+        return tuple(self._points[name] for name in violation.obligation.removeprefix(_SEPARATION).split(", "))
+
+    @cached_property
+    def _points(self) -> Mapping[str, TimePoint]:
+        return {str(point): point for point in self.plan.time_points}
+
     @cached_property
     def _pairs(self) -> tuple[tuple[TimePoint, TimePoint], ...]:
         return tuple(mutex_pairs(self.plan))
@@ -291,7 +299,7 @@ def _unexplained(judge: _Judge, outcome: _Outcome) -> list[Violation]:
     """The violations without separations that fail by no more than rounding, if there are others."""
     beyond = []
     for one in outcome.violations:
-        points = _separated(judge.plan, one) if _separates(one) else ()
+        points = judge.separated(one) if _separates(one) else ()
         if not points or (one.amount or 0) > sum(_rounding(outcome, point) for point in points):
             beyond.append(one)
     return beyond or list(outcome.violations)
@@ -308,29 +316,23 @@ def _rounding(outcome: _Outcome, point: TimePoint) -> Fraction:
 # -- in words ----------------------------------------------------------------------------------------------------------
 
 
-def _separated(plan: ParametrizedPlan, violation: Violation) -> list[TimePoint]:
-    """The two time points that a separation is about."""
-    names = violation.obligation.removeprefix(_SEPARATION).split(", ")
-    return [point for point in plan.time_points if str(point) in names]
-
-
 @dataclass(frozen=True)
 class _Words:
     """What a schedule breaks, in the words of the plan."""
 
-    plan: ParametrizedPlan
-    times: Mapping[TimePoint, Fraction]
-    trace: tuple[TraceStep, ...]
+    judge: _Judge
+    outcome: _Outcome
     epsilon: Fraction
 
     def breach(self, violation: Violation) -> Breach:
         """A violation with what is demanded, and by which lines of the plan."""
         if _separates(violation):
-            pair = sorted(_separated(self.plan, violation), key=self.times.__getitem__)
+            times, instances = self.outcome.times, self.judge.plan.instance
+            pair = sorted(self.judge.separated(violation), key=times.__getitem__)
             demand = f"{' and '.join(map(self._name, pair))} have to be {format_number(self.epsilon)} apart"
-            distance = self.times[pair[1]] - self.times[pair[0]]
+            distance = times[pair[1]] - times[pair[0]]
             detail = f"are {format_number(distance)} apart" if distance else "are at the same time"
-            owners = [self.plan.instance[point.instance] for point in pair if point.instance is not None]
+            owners = [instances[point.instance] for point in pair if point.instance is not None]
         else:
             demand, condition, owners = self._demands[violation.obligation]
             detail = violation.detail + self._period(condition, violation.time)
@@ -341,7 +343,7 @@ class _Words:
     def _name(self, point: TimePoint) -> str:
         if point.instance is None:
             return f"what :init says of time {format_number(point.time or Fraction(0))}"
-        instance = self.plan.instance[point.instance]
+        instance = self.judge.plan.instance[point.instance]
         return f"the {point.kind.value} of {instance}" if instance.durative else str(instance)
 
     def _period(self, condition: Condition, time: Fraction) -> str:
@@ -358,7 +360,7 @@ class _Words:
     def _changes(self) -> Mapping[Atom, list[tuple[Fraction, bool]]]:
         """When an atom changed to which truth value."""
         found: dict[Atom, list[tuple[Fraction, bool]]] = {}
-        for step in self.trace:
+        for step in self.outcome.simulation.trace:
             for atom, value in step.atoms_changed:
                 found.setdefault(atom, []).append((step.time, value))
         return found
@@ -367,13 +369,13 @@ class _Words:
     def _demands(self) -> Mapping[str, tuple[str, Condition, list[ActionInstance]]]:
         """What each obligation but a separation demands, in words and as a condition, and who demands it."""
         found: dict[str, tuple[str, Condition, list[ActionInstance]]] = {}
-        for one in self.plan.instances:
+        for one in self.judge.plan.instances:
             for constraint in one.durations:
                 found[one.label(constraint)] = f"{one} demands {constraint.text}", constraint.condition, [one]
             for part in one.conditions:
                 when = f" {_WHEN[part.timing]}" if one.durative else ""
                 found[one.label(part)] = f"{one} demands {part.text}{when}", part.condition, [one]
-        return found | {one.label: (f"the goal demands {one.text}", one.condition, []) for one in self.plan.goal}
+        return found | {one.label: (f"the goal demands {one.text}", one.condition, []) for one in self.judge.plan.goal}
 
 
 _WHEN = {Timing.AT_START: "at its start", Timing.OVER_ALL: "throughout", Timing.AT_END: "at its end"}
