@@ -411,7 +411,7 @@ class Json(Options):
 class Output(Json):
     """How a command answers."""
 
-    quiet: bool = option(False, "only the answer, no progress", "--quiet", "-q", rank=OUTPUT)
+    quiet: bool = option(False, "only the answer: no progress, no notes, no warnings", "--quiet", "-q", rank=OUTPUT)
     verbose: bool = option(False, "log what is done on stderr", "--verbose", "-v", rank=OUTPUT)
 
 
