@@ -542,6 +542,11 @@ class EnvelopeOptions(Separation, Solving, Export):
         """β, for methods that have one."""
         return Fraction(self.beta or 1) if self.method == "irr" else None
 
+    @property
+    def from_nominal(self) -> bool:
+        """Whether the box is to be around the nominal values."""
+        return self.method != "optimal" or self.contain_nominal
+
 
 class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
     """Of `robust envelope`."""

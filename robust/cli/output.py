@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from robust.errors import InputWarning
 
@@ -69,17 +69,10 @@ def noting_warnings(*, shown: bool) -> Iterator[None]:
         warnings.simplefilter("always", InputWarning)
         usual = warnings.showwarning
 
-        def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
-        ) -> None:
+        def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
             text = str(message)
             if not issubclass(category, InputWarning):
-                usual(message, category, filename, lineno, file, line)
+                usual(message, category, *place, **more)
             elif shown and text not in said:
                 said.add(text)
                 complain(f"warning: {text}")

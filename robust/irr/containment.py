@@ -134,6 +134,11 @@ class Refutation:
     values: Mapping[str, Fraction]
     facet: Facet | None = None
 
+    @property
+    def broken(self) -> str:
+        """What breaks, without the values."""
+        return self.reason if self.facet is None else broken_by(self.facet)
+
 
 class Containment(Questions[Refutation]):
     """Decides boxes; what was refuted at a point is not asked again for a box that contains the point."""
@@ -178,6 +183,11 @@ def within(encoding: Encoding, intervals: Mapping[str, Interval]) -> Iterator[Fo
         if interval.upper is not None:
             below = -value + interval.upper
             yield terms.at_least(below) if interval.upper_closed else terms.greater(below)
+
+
+def broken_by(facet: Facet) -> str:
+    """The obligation, or the statements of the network, that parameter values outside the facet break."""
+    return facet.obligation or f"no schedule: {'; '.join(facet.origins)}"
 
 
 def no_schedule(facet: Facet, values: Mapping[str, Fraction]) -> str:

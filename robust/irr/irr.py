@@ -104,6 +104,9 @@ class IncrementalRobustification(Search):
             if turn.available and turn.delta >= least:
                 self._attempt(turn)
 
+    def _find_stops(self) -> None:
+        """Nothing: the last attempt of every side that can end has failed."""
+
     def _first_turn(self, parameter: Parameter) -> _Turn:
         """Lines 4 and 5; the default schedule has nothing to try where the nominal value is at a declared bound."""
         limits = {Side.UPPER: parameter.upper, Side.LOWER: parameter.lower}
@@ -118,10 +121,13 @@ class IncrementalRobustification(Search):
         """Lines 7 to 16 for one parameter: try one side, keep the wider box or note the failure."""
         name, side = turn.parameter.name, turn.untried[0]
         candidate = self._grown(turn, side)
-        accepted = self._is_inside(candidate)
-        if accepted:
+        refutation = self._containment.refute(candidate, self.deadline)
+        accepted = refutation is None
+        if refutation is None:
             self._accept(candidate)
             self._note_success(turn, side)
+        else:
+            self._stops[name, side] = refutation.broken
         number = self.checks + 1
         self._record(number, accepted=accepted, face=(name, side), delta=turn.delta)
         log.info("check %d: %s %s %s", number, name, side.value, "grown" if accepted else "blocked")

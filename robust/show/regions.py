@@ -17,6 +17,7 @@ from robust.irr.compare import Comparison, Entry, FaceGap, Share
 from robust.irr.search import Status
 from robust.numbers import duration, interval_text, readable
 from robust.options import place_of
+from robust.plan.load import require_nominal_values
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Side
 from robust.qe.compute import RegionResult, RegionStatus
@@ -151,7 +152,7 @@ def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
     """The one or two parameters that are drawn: those that were asked for, or the first two.
 
     Raises:
-        InputError: if there is nothing to draw, or the axes are none.
+        InputError: if there is nothing to draw, the axes are none, or there is no nominal value for one not drawn.
     """
     known = [parameter.name for parameter in plan.parameters]
     if not known:
@@ -161,7 +162,9 @@ def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
             raise InputError(f"found unknown parameter {name!r}{did_you_mean(name, known)}", place_of("axes"))
     if len(axes) > 2 or len(set(axes)) < len(axes):
         raise InputError(f"found {','.join(axes)}, expected one or two different parameters", place_of("axes"))
-    return tuple(axes) or tuple(known[:2])
+    shown = tuple(axes) or tuple(known[:2])
+    require_nominal_values(one for one in plan.parameters if one.name not in shown)
+    return shown
 
 
 def plot_slice(
@@ -173,7 +176,8 @@ def plot_slice(
     shown = shown_axes(plan, axes)
     nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}
     rest = {name: value for name, value in nominal.items() if name not in shown}
-    save(lambda: draw_region(region, shown, at=rest, boxes=boxes, points={"nominal values": nominal}), path)
+    points = {"nominal values": nominal} if plan.has_nominal else {}
+    save(lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points), path)
 
 
 # -- comparisons -----------------------------------------------------------------------------------------------------

@@ -17,10 +17,10 @@ from rich.text import Text
 
 from robust.irr.check import Answer, CheckResult, Counterexample
 from robust.irr.search import EnvelopeResult, Status
-from robust.numbers import duration, end, plural, readable
+from robust.numbers import approximate, duration, end, plural, readable
 from robust.plan.model import Fluent, Parameter
 from robust.plan.simulate import TraceStep, Violation
-from robust.qe.box import Interval
+from robust.qe.box import Interval, Side
 
 _WIDE = 160
 """Columns where the output is no terminal: nothing is to be cut, and lines are to stay readable."""
@@ -180,6 +180,8 @@ def print_envelope(
         out.print(Text.assemble(("invalid", "bold red"), f": {where}{result.reason}"), soft_wrap=True)
         if counterexample is not None and not quiet:
             print_counterexample(out, counterexample)
+        if not quiet:
+            _print_advice(out, result)
         return
     if not result.verified:
         word = _STOPPED[result.status]
@@ -190,6 +192,8 @@ def print_envelope(
     else:
         out.print(Text("The plan is valid, and has no parameters that could vary; --parameter declares some."))
     if result.parameters and not quiet:
+        _print_stops(out, result)
+        _print_advice(out, result)
         out.print()
     if result.status is not Status.COMPLETE:
         word = _STOPPED[result.status]
@@ -203,23 +207,62 @@ _STOPPED = {Status.TIMEOUT: "out of time", Status.INTERRUPTED: "interrupted"}
 
 def envelope_table(result: EnvelopeResult) -> Table:
     """One row for each parameter: nominal value, interval, and how far it may deviate to either side."""
-    columns = ("parameter", "nominal", "lower", "upper", "may fall by", "may rise by")
-    rows = (_envelope_cells(parameter, result.box[parameter.name]) for parameter in result.parameters)
-    return table(columns, rows, right=columns[1:])
+    columns = ("parameter", "nominal", "lower", "upper", "may fall by", "may rise by", "in per cent")
+    rows = [_envelope_cells(parameter, result.box[parameter.name]) for parameter in result.parameters]
+    shown = columns if any(row[-1] for row in rows) else columns[:-1]
+    return table(shown, (row[: len(shown)] for row in rows), right=columns[1:])
 
 
 def _envelope_cells(parameter: Parameter, interval: Interval) -> Sequence[str]:
     nominal = parameter.nominal
+    lower = end(interval.lower, upper=False, closed=interval.lower_closed)
+    upper = end(interval.upper, upper=True, closed=interval.upper_closed)
+    if not parameter.has_nominal:
+        return parameter.name, "–", lower, upper, "", "", ""
     fall = None if interval.lower is None else nominal - interval.lower
     rise = None if interval.upper is None else interval.upper - nominal
     return (
         parameter.name,
         readable(nominal),
-        end(interval.lower, upper=False, closed=interval.lower_closed),
-        end(interval.upper, upper=True, closed=interval.upper_closed),
+        lower,
+        upper,
         end(fall, upper=True, closed=interval.lower_closed),
         end(rise, upper=True, closed=interval.upper_closed),
+        percentages(parameter, interval),
     )
+
+
+def percentages(parameter: Parameter, interval: Interval) -> str:
+    """How far the ends are from the nominal value in per cent of it, `−12.5 %, +40 %`; nothing if that is 0."""
+    sides = (parameter.percent(interval.lower), parameter.percent(interval.upper))
+    shown = [_percentage(side, infinite) for side, infinite in zip(sides, "−+", strict=True)]
+    return ", ".join(shown) if any(side is not None for side in sides) else ""
+
+
+def _percentage(value: Fraction | None, sign: str) -> str:
+    if value is None:
+        return f"{sign}∞"
+    rounded = f"{approximate(abs(value)):.3g}" if abs(value) < 1000 else f"{approximate(abs(value)):.0f}"
+    return f"{'−' if value < 0 else '+' if value > 0 else ''}{rounded} %"
+
+
+def _print_stops(out: Console, result: EnvelopeResult) -> None:
+    """What ends the sides, those that end at the same together."""
+    sides: dict[str, list[str]] = {}
+    for (name, side), reason in result.stops.items():
+        interval = result.box[name]
+        sign = ("<≤" if side is Side.UPPER else ">≥")[interval.is_closed_at(side)]
+        sides.setdefault(reason, []).append(f"{name} {sign} {readable(interval.end(side) or Fraction(0))}")
+    if sides:
+        out.print()
+        out.print("What ends each side:")
+    for reason, ended in sides.items():
+        out.print(Text(f"  {', '.join(ended)}: {reason}"), soft_wrap=True)
+
+
+def _print_advice(out: Console, result: EnvelopeResult) -> None:
+    for one in result.advice:
+        out.print(Text(str(one), style="yellow"), soft_wrap=True)
 
 
 def _envelope_summary(result: EnvelopeResult, promise: str) -> Text:
