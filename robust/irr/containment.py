@@ -135,9 +135,9 @@ class Refutation:
     facet: Facet | None = None
 
     @property
-    def broken(self) -> str:
-        """What breaks, without the values."""
-        return self.reason if self.facet is None else broken_by(self.facet)
+    def is_of_network(self) -> bool:
+        """Whether there is no schedule, rather than one that breaks an obligation."""
+        return self.facet is not None and self.facet.obligation is None
 
 
 class Containment(Questions[Refutation]):
@@ -183,11 +183,6 @@ def within(encoding: Encoding, intervals: Mapping[str, Interval]) -> Iterator[Fo
         if interval.upper is not None:
             below = -value + interval.upper
             yield terms.at_least(below) if interval.upper_closed else terms.greater(below)
-
-
-def broken_by(facet: Facet) -> str:
-    """The obligation, or the statements of the network, that parameter values outside the facet break."""
-    return facet.obligation or f"no schedule: {'; '.join(facet.origins)}"
 
 
 def no_schedule(facet: Facet, values: Mapping[str, Fraction]) -> str:

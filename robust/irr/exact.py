@@ -19,7 +19,7 @@ from robust.encode.variables import Linear, variable
 from robust.irr.containment import require_some_schedule
 from robust.irr.irr import ordered
 from robust.irr.search import Conduct, OutsideError, Search
-from robust.irr.stops import APPROACHED, JUST, touching
+from robust.irr.stops import APPROACHED, JUST, Stop, touching
 from robust.irr.widen import DiscoveredBadSet, Widening, faces_of
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
@@ -147,13 +147,16 @@ class ExactSearch(Search):
             if (end := self.box[name].end(side)) is not None:
                 self._stops[name, side] = self._stop((name, side), end)
 
-    def _stop(self, face: Face, end: Fraction) -> str:
+    def _stop(self, face: Face, end: Fraction) -> Stop:
         """What a known piece breaks that touches the face, else what breaks just beyond."""
-        for piece in touching(self._pieces, self.box, face):
-            if piece in self._bad.reasons:
-                return self._bad.reasons[piece]
         beyond = self.box.moved(face, end + face[1].sign * JUST)
-        return self._bad.reason_in(beyond, self.deadline) or APPROACHED
+        known = (one for one in touching(self._pieces, self.box, face) if one in self._bad.reasons)
+        piece = next(known, None) or self._bad.piece_beyond(beyond, self.deadline)
+        if piece is None:
+            return APPROACHED
+        if piece not in self._bad.existence:
+            return Stop(self._bad.reasons[piece])
+        return self._network_at(piece.restricted(beyond.constraints()).some_point() or {})
 
     def _keep(self, box: Box) -> None:
         self.verified = True

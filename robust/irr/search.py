@@ -13,7 +13,7 @@ from itertools import product
 from typing import TypedDict, Unpack
 
 from robust.encode.interface import Encoding
-from robust.irr.stops import CUT_SHORT, NOT_EXAMINED, Advice, advice, declared_stop
+from robust.irr.stops import CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Face, Side
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -81,7 +81,7 @@ class EnvelopeResult:
     values: Mapping[str, Fraction] = field(default_factory=dict)
     bound: Fraction | None = None
     statistics: Statistics = field(default_factory=Statistics)
-    stops: Mapping[Face, str] = field(default_factory=dict)
+    stops: Mapping[Face, Stop] = field(default_factory=dict)
     advice: tuple[Advice, ...] = ()
 
     @property
@@ -152,7 +152,7 @@ class Search(ABC):
         self._started = time.perf_counter()
         self._first_widening: float | None = None
         self._trace: list[Step] = []
-        self._stops: dict[Face, str] = {}
+        self._stops: dict[Face, Stop] = {}
 
     @property
     @abstractmethod
@@ -221,10 +221,15 @@ class Search(ABC):
     def _find_stops(self) -> None:
         """Find out what ends the sides of a complete box, where the search has not noted it in `_stops`."""
 
-    def _all_stops(self, status: Status) -> dict[Face, str]:
+    def _network_at(self, values: Mapping[str, Fraction]) -> Stop:
+        """All statements of the network that contradict each other at a point; other facets leave out what is rigid."""
+        facet = self.encoding.validity.contradiction(values)
+        return Stop(NO_SCHEDULE, () if facet is None else facet.origins)
+
+    def _all_stops(self, status: Status) -> dict[Face, Stop]:
         """What ends each finite side, or why that is not known."""
         unknown = NOT_EXAMINED if status is Status.COMPLETE else CUT_SHORT
-        found: dict[Face, str] = {}
+        found: dict[Face, Stop] = {}
         for parameter, side in product(self.encoding.plan.parameters, Side):
             face = parameter.name, side
             if (end := self.box[parameter.name].end(side)) is not None:

@@ -30,17 +30,40 @@ from robust.qe.box import Box, Face, Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 
-CUT_SHORT = "not reached: the search was cut short"
-NOT_EXAMINED = "not examined: no time was left"
-APPROACHED = "nothing next to it: there is no widest box, and this one is close to those that are wider"
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """What ends a side: an obligation or a bound by its name, or statements of the network, in the order of time."""
+
+    name: str
+    statements: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.name}: {'; '.join(self.statements)}" if self.statements else self.name
+
+    @property
+    def short(self) -> str:
+        """With the first and the last of many statements: mostly when it begins, and by when it is to end."""
+        if len(self.statements) <= MANY:
+            return str(self)
+        first, *others, last = self.statements
+        return f"{self.name}: {first}; {len(others)} more of the network (--json lists them); {last}"
+
+
+MANY = 5
+"""Statements that are all shown to people."""
+NO_SCHEDULE = "no schedule"
+CUT_SHORT = Stop("not reached: the search was cut short")
+NOT_EXAMINED = Stop("not examined: no time was left")
+APPROACHED = Stop("nothing next to it: there is no widest box, and this one is close to those that are wider")
 JUST = Fraction(1, 1000)
 """How far beyond a side is looked for what ends it, where no polyhedron is known that does."""
 
 
-def declared_stop(parameter: Parameter, side: Side, end: Fraction) -> str | None:
+def declared_stop(parameter: Parameter, side: Side, end: Fraction) -> Stop | None:
     """The declared bound, if the side ends there."""
     limit, word = (parameter.upper, "ub") if side is Side.UPPER else (parameter.lower, "lb")
-    return f"declared bound: {word} {format_number(end)}" if end == limit else None
+    return Stop(f"declared bound: {word} {format_number(end)}") if end == limit else None
 
 
 # -- polyhedra that touch a box ----------------------------------------------------------------------------------------
@@ -110,18 +133,18 @@ class _Fixed:
 
 
 def advice(plan: ParametrizedPlan, box: Box, broken: str | None = None) -> tuple[Advice, ...]:
-    """What to type for parameters without room in a box, for each action whose own duration is why.
+    """What to type for parameters without room in a box, where durations of actions are why.
 
     Args:
         plan: the plan.
         box: what was found.
         broken: the obligation that breaks at the nominal values, if the plan is invalid.
     """
-    found: dict[tuple[str, bool], list[_Fixed]] = {}
+    found: dict[bool, list[_Fixed]] = {}
     for one in _fixed_twice(plan):
         stuck = any(box[name].width == 0 for name in one.parameters)
         if one.instance.label(one.constraint) == broken or (broken is None and stuck):
-            found.setdefault((one.instance.action, bool(one.length.variables)), []).append(one)
+            found.setdefault(bool(one.length.variables), []).append(one)
     return tuple(_advice(plan, group) for group in found.values())
 
 
@@ -159,23 +182,24 @@ def _with_values(expression: Expression, length: Bound, plan: ParametrizedPlan) 
 
 
 def _advice(plan: ParametrizedPlan, group: list[_Fixed]) -> Advice:
-    first, *others = group
-    names = dict.fromkeys(one.name for one in plan.parameters if any(one.name in each.parameters for each in group))
-    where = f"{first.instance.identifier}{' and others' if others else ''}"
-    demanded = f"{first.constraint.text} of {first.instance.action} ({where})"
+    first = group[0]
+    names = tuple(one.name for one in plan.parameters if any(one.name in each.parameters for each in group))
+    demand = f"{first.constraint.text} of {first.instance.identifier}{' and the like' if len(group) > 1 else ''}"
     if first.length.variables:
-        reason = f"they stand for durations in the plan, but the domain still demands {demanded}"
-        remedy = "to vary the duration itself, in the plan and in the domain, type"
+        reason = f"the plan makes parameters of durations, but the domain still demands {demand}"
+        remedy = "to vary what the domain demands as well, type"
     else:
-        reason = f"the plan fixes a duration that the domain makes depend on them by {demanded}"
-        remedy = "to vary the duration itself instead, type"
-    return Advice(tuple(names), f"no room, because {reason}; {remedy}", _options(plan, group))
+        reason = f"the plan fixes durations that follow from them in the domain, by {demand}"
+        remedy = "to vary the durations themselves instead, type"
+    return Advice(names, f"no room, because {reason}; {remedy}", tuple(_options(plan, group)))
 
 
-def _options(plan: ParametrizedPlan, group: list[_Fixed]) -> tuple[str, ...]:
-    """`duration:ACTION` if that is just these instances, else `duration:ID` for each."""
-    action = group[0].instance.action
-    whole = [one.identifier for one in plan.instances if one.action == action]
-    if len(group) > 1 and len(whole) == len(group) and action not in plan.instance:
-        return (f"duration:{action}",)
-    return tuple(f"duration:{one.instance.identifier}" for one in group)
+def _options(plan: ParametrizedPlan, group: list[_Fixed]) -> Iterator[str]:
+    """`duration:ACTION` for several instances that are all of that action, else `duration:ID` for each."""
+    by_action: dict[str, list[str]] = {}
+    for each in group:
+        by_action.setdefault(each.instance.action, []).append(each.instance.identifier)
+    for action, identifiers in by_action.items():
+        all_of_them = sum(1 for one in plan.instances if one.action == action) == len(identifiers) > 1
+        names = [action] if all_of_them and action not in plan.instance else identifiers
+        yield from (f"duration:{name}" for name in names)

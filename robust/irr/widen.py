@@ -12,7 +12,7 @@ from fractions import Fraction
 from itertools import product
 
 from robust.encode.interface import Encoding, Facet
-from robust.irr.containment import Question, Questions, broken_by
+from robust.irr.containment import Question, Questions
 from robust.plan.model import Parameter, Relation
 from robust.qe.box import Box, Face, Side
 from robust.qe.conjunctions import project
@@ -91,21 +91,16 @@ class DiscoveredBadSet(Questions[Polyhedron]):
         self.checks += 1
         return self._look_in(box, deadline)
 
-    def reason_in(self, box: Box, deadline: Deadline) -> str | None:
-        """What breaks in the box, if anything does; not a check of a search.
-
-        Raises:
-            OutOfTimeError: if the deadline passes first.
-        """
-        piece = self._look_in(box, deadline)
-        return None if piece is None else self.reasons[piece]
+    def piece_beyond(self, box: Box, deadline: Deadline) -> Polyhedron | None:
+        """As :meth:`piece_in`, of a box that no search tries."""
+        return self._look_in(box, deadline)
 
     def _of_facet(self, facet: Facet, box: Box) -> Polyhedron:
         inside = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
         piece = Polyhedron(self._names, tuple(inside.negation()))
         if facet.obligation is None:
             self.existence.add(piece)
-        self.reasons[piece] = broken_by(facet)
+        self.reasons[piece] = facet.obligation or f"no schedule: {'; '.join(facet.origins)}"
         return piece
 
     def _of_model(self, question: Question, session: Session, box: Box) -> Polyhedron:

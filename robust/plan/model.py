@@ -13,6 +13,7 @@ from fractions import Fraction
 from functools import cached_property
 
 from robust.errors import Location
+from robust.numbers import format_number
 from robust.plan.polynomial import Polynomial
 
 
@@ -338,10 +339,14 @@ class TemporalConstraint:
 
     def __str__(self) -> str:
         """As plan files write it, with its line."""
-        lower = "-inf" if self.lower is None else str(self.lower)
-        upper = "inf" if self.upper is None else str(self.upper)
+        lower = "-inf" if self.lower is None else _as_written(self.lower)
+        upper = "inf" if self.upper is None else _as_written(self.upper)
         line = f" (line {self.location.line})" if self.location and self.location.line else ""
         return f"c: {self.target} - {self.source} in [{lower}, {upper}]{line}"
+
+
+def _as_written(bound: Bound) -> str:
+    return format_number(bound.constant_term) if bound.is_constant else str(bound)
 
 
 @dataclass(frozen=True, slots=True)

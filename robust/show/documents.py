@@ -368,7 +368,7 @@ def envelope(
 
 def _within(result: EnvelopeResult, parameter: Parameter) -> Within:
     interval = result.box[parameter.name]
-    stops = {side.value: reason for (name, side), reason in result.stops.items() if name == parameter.name}
+    stops = {side.value: str(stop) for (name, side), stop in result.stops.items() if name == parameter.name}
     return Within(
         nominal=parameter.nominal if parameter.has_nominal else None,
         **_ends(interval),

@@ -248,16 +248,26 @@ def _percentage(value: Fraction | None, sign: str) -> str:
 
 def _print_stops(out: Console, result: EnvelopeResult) -> None:
     """What ends the sides, those that end at the same together."""
-    sides: dict[str, list[str]] = {}
-    for (name, side), reason in result.stops.items():
-        interval = result.box[name]
-        sign = ("<≤" if side is Side.UPPER else ">≥")[interval.is_closed_at(side)]
-        sides.setdefault(reason, []).append(f"{name} {sign} {readable(interval.end(side) or Fraction(0))}")
+    sides: dict[str, dict[str, None]] = {}
+    for (name, side), stop in result.stops.items():
+        sides.setdefault(stop.short, {})[_side(result, name, side)] = None
     if sides:
         out.print()
         out.print("What ends each side:")
     for reason, ended in sides.items():
         out.print(Text(f"  {', '.join(ended)}: {reason}"), soft_wrap=True)
+
+
+def _side(result: EnvelopeResult, name: str, side: Side) -> str:
+    """`to_ridge ≤ 36`; `to_ridge = 36` for both sides if nothing is between and both end at the same."""
+    interval = result.box[name]
+    both = {result.stops.get((name, one)) for one in Side}
+    sign = (
+        "="
+        if interval.width == 0 and len(both) == 1
+        else ("<≤" if side is Side.UPPER else ">≥")[interval.is_closed_at(side)]
+    )
+    return f"{name} {sign} {readable(interval.end(side) or Fraction(0))}"
 
 
 def _print_advice(out: Console, result: EnvelopeResult) -> None:
