@@ -53,7 +53,7 @@ def test_a_type_need_not_have_a_blank_before_it(written, found):
     assert [one.types for one in domain.predicates["at"].parameters] == [("goods",), ("place",)]
 
 
-SHADOWED = """(define (domain d) (:types lamp) (:predicates (lit ?l - lamp)) (:functions (level) (other)) (:synth-parameters ?s)
+SHADOWED = """(define (domain d) (:types lamp) (:predicates (lit ?l - lamp)) (:functions (level)) (:synth-parameters ?s)
  (:action outer :effect (assign (level) ?s))
  (:action lamp :parameters (?s - lamp) :effect (lit ?s))
  (:action own :synth-parameters (?s) :effect (assign (level) ?s)))"""
