@@ -493,6 +493,7 @@ class Witness(JsonObject):
 class Face(JsonObject):
     """
     Attributes:
+        percent: how far it is from the nominal value, in per cent of it; null if that is zero
         gap: how far the face could move outwards alone; an upper bound unless the region is complete
         witness: a point beyond the face, within the gap and 1/1000, and what breaks there
     """
@@ -500,6 +501,7 @@ class Face(JsonObject):
     parameter: str
     side: Annotated[str, one_of("lower", "upper")]
     end: Rational
+    percent: Rational | None
     closed: bool
     gap: End
     witness: Witness | None
@@ -548,6 +550,7 @@ def compare(result: compares.Comparison) -> Document:
 
 
 def _compared(entry: compares.Entry) -> ComparedBox:
+    parameters = {one.name: one for one in entry.result.parameters}
     return like(
         ComparedBox,
         entry.result,
@@ -559,6 +562,7 @@ def _compared(entry: compares.Entry) -> ComparedBox:
             like(
                 Face,
                 face,
+                percent=parameters[face.parameter].percent(face.end),
                 gap=exact_end(face.gap, upper=True),
                 witness=None if face.witness is None else like(Witness, face.witness, parameters=face.witness.values),
             )

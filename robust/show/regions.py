@@ -26,7 +26,7 @@ from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
 from robust.show.drawing import save
-from robust.show.text import show_table, table
+from robust.show.text import percentage, print_advice, show_table, table
 
 MANY = 20
 """Pieces up to which a region is shown as a union by default."""
@@ -210,16 +210,22 @@ def box_rows(result: Comparison) -> list[Row]:
 
 def face_rows(result: Comparison) -> list[Row]:
     """One row for each finite face of each box."""
-    return [(_NAMES[entry.method], *_face_cells(face)) for entry in result.entries for face in entry.faces]
+    parameters = {one.name: one for one in result.plan.parameters}
+    return [
+        (_NAMES[entry.method], *_face_cells(face, parameters[face.parameter].percent(face.end)))
+        for entry in result.entries
+        for face in entry.faces
+    ]
 
 
-def _face_cells(face: FaceGap) -> Row:
+def _face_cells(face: FaceGap, percent: Fraction | None) -> Row:
     signs = "<≤" if face.side is Side.UPPER else ">≥"
     sign = signs[face.closed]
     witness = face.witness
     point = "" if witness is None else ", ".join(f"{name} = {readable(v)}" for name, v in witness.values.items())
     gap = "∞" if face.gap is None else readable(face.gap)
-    return f"{face.parameter} {sign} {readable(face.end)}", gap, witness.obligation if witness else "", point
+    end = f"{readable(face.end)}{'' if percent is None else f' ({percentage(percent)})'}"
+    return f"{face.parameter} {sign} {end}", gap, witness.obligation if witness else "", point
 
 
 def _share(share: Share | None) -> str:
@@ -252,6 +258,7 @@ def print_comparison(out: Console, result: Comparison, *, quiet: bool) -> None:
     if rows:
         out.print()
         show_table(out, table(_FACES, rows, right=("gap",)))
+    print_advice(out, dict.fromkeys(one for entry in result.entries for one in entry.result.advice))
     out.print()
     out.print(Text(_compare_summary(result)), soft_wrap=True)
 

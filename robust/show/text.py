@@ -17,6 +17,7 @@ from rich.text import Text
 
 from robust.irr.check import Answer, CheckResult, Counterexample
 from robust.irr.search import EnvelopeResult, Status
+from robust.irr.stops import Advice
 from robust.numbers import approximate, duration, end, plural, readable
 from robust.plan.model import Fluent, Parameter
 from robust.plan.simulate import TraceStep, Violation
@@ -125,7 +126,7 @@ def print_counterexample(out: Console, found: Counterexample) -> None:
     constant = _constant_fluents(found)
     rows = (
         _violation_cells(step) if isinstance(step, Violation) else _step_cells(step, constant)
-        for step in _with_violations(found)
+        for step in _told(found, constant)
     )
     show_table(out, table(("time", "happens", "changes", "fluents"), rows, right=("time",)))
 
@@ -141,17 +142,32 @@ def _with_violations(found: Counterexample) -> Iterator[TraceStep | Violation]:
 
 
 def _constant_fluents(found: Counterexample) -> set[Fluent]:
-    """Fluents that never change and that no violation is about: distances and the like, which would hide the rest."""
+    """Fluents that never change: distances and the like, which would hide the rest. What breaks is said with values."""
     first, *later = found.simulation.trace
-    details = " ".join(violation.detail for violation in found.simulation.violations)
     changing = {fluent for step in later for fluent in step.fluents}
-    return {fluent for fluent in first.fluents if fluent not in changing and str(fluent) not in details}
+    return {fluent for fluent in first.fluents if fluent not in changing}
+
+
+def _told(found: Counterexample, left_out: set[Fluent]) -> Iterator[TraceStep | Violation]:
+    """What there is to tell: without steps that change nothing, and timed literals after all else."""
+    steps = list(_with_violations(found))
+    while isinstance(last := steps[-1], TraceStep) and not any(point.instance for point in last.points):
+        steps.pop()
+    for step in steps:
+        if (
+            isinstance(step, Violation)
+            or any(point.instance for point in step.points)
+            or step.atoms_changed
+            or step.fluents.keys() - left_out
+        ):
+            yield step
 
 
 def _step_cells(step: TraceStep, left_out: set[Fluent]) -> tuple[str, ...]:
     changes = [f"{'+' if value else '−'} {atom}" for atom, value in step.atoms_changed]
     fluents = [f"{fluent} = {readable(value)}" for fluent, value in step.fluents.items() if fluent not in left_out]
-    return readable(step.time), "\n".join(map(str, step.points)), "\n".join(changes), "\n".join(fluents)
+    points = (str(point) if point.time is None else f"@{readable(point.time)}" for point in step.points)
+    return readable(step.time), "\n".join(points), "\n".join(changes), "\n".join(fluents)
 
 
 def _violation_cells(violation: Violation) -> tuple[Text, ...]:
@@ -181,7 +197,7 @@ def print_envelope(
         if counterexample is not None and not quiet:
             print_counterexample(out, counterexample)
         if not quiet:
-            _print_advice(out, result)
+            print_advice(out, result.advice)
         return
     if not result.verified:
         word = _STOPPED[result.status]
@@ -193,7 +209,7 @@ def print_envelope(
         out.print(Text("The plan is valid, and has no parameters that could vary; --parameter declares some."))
     if result.parameters and not quiet:
         _print_stops(out, result)
-        _print_advice(out, result)
+        print_advice(out, result.advice)
         out.print()
     if result.status is not Status.COMPLETE:
         word = _STOPPED[result.status]
@@ -234,14 +250,13 @@ def _envelope_cells(parameter: Parameter, interval: Interval) -> Sequence[str]:
 
 def percentages(parameter: Parameter, interval: Interval) -> str:
     """How far the ends are from the nominal value in per cent of it, `−12.5 %, +40 %`; nothing if that is 0."""
-    sides = (parameter.percent(interval.lower), parameter.percent(interval.upper))
-    shown = [_percentage(side, infinite) for side, infinite in zip(sides, "−+", strict=True)]
+    sides = [parameter.percent(interval.lower), parameter.percent(interval.upper)]
+    shown = (f"{sign}∞" if side is None else percentage(side) for side, sign in zip(sides, "−+", strict=True))
     return ", ".join(shown) if any(side is not None for side in sides) else ""
 
 
-def _percentage(value: Fraction | None, sign: str) -> str:
-    if value is None:
-        return f"{sign}∞"
+def percentage(value: Fraction) -> str:
+    """`−12.5 %`, `+40 %`, to three digits."""
     rounded = f"{approximate(abs(value)):.3g}" if abs(value) < 1000 else f"{approximate(abs(value)):.0f}"
     return f"{'−' if value < 0 else '+' if value > 0 else ''}{rounded} %"
 
@@ -270,8 +285,9 @@ def _side(result: EnvelopeResult, name: str, side: Side) -> str:
     return f"{name} {sign} {readable(interval.end(side) or Fraction(0))}"
 
 
-def _print_advice(out: Console, result: EnvelopeResult) -> None:
-    for one in result.advice:
+def print_advice(out: Console, advice: Iterable[Advice]) -> None:
+    """What to type for parameters without room."""
+    for one in advice:
         out.print(Text(str(one), style="yellow"), soft_wrap=True)
 
 
