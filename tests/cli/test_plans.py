@@ -67,10 +67,12 @@ def test_unbounded_ends(tmp_path):
     answer = answer_of(command("envelope", *files, "--json"))
     assert answer["parameters"]["leave"] == {
         "nominal": "2", "lower": "0", "upper": "inf", "lower_closed": True, "upper_closed": False,
+        "percent_below": "-100", "percent_above": None, "stopped_below": "no schedule: g.start ≥ 0; "
+        "c: g.start - .zero in [leave, leave] (line 3)", "stopped_above": None,
     }  # fmt: skip
     assert answer["convergence"] == []
     row = cells(command("envelope", *files).out)[2]
-    assert row == ["leave", "2", "0", "∞", "2", "∞"]
+    assert row == ["leave", "2", "0", "∞", "2", "∞", "−100 %, +∞"]
 
 
 def test_plan_without_parameters(tmp_path):
@@ -100,10 +102,12 @@ def test_open_ends_are_shown(tmp_path):
     files = inputs.write(tmp_path, domain=domain).files
     options = ["--parameter", "fluent:(fuel)"]
     row = cells(command("envelope", *files, *options).out)[3]
-    assert row == ["fuel", "3", "> 1", "∞", "< 2", "∞"]
+    assert row == ["fuel", "3", "> 1", "∞", "< 2", "∞", "−66.7 %, +∞"]
     answer = answer_of(command("envelope", *files, *options, "--json"))
     assert answer["parameters"]["fuel"] == {
         "nominal": "3", "lower": "1", "upper": "inf", "lower_closed": False, "upper_closed": False,
+        "percent_below": "-200/3", "percent_above": None, "stopped_below": "g go: at start (> (fuel) 1)",
+        "stopped_above": None,
     }  # fmt: skip
 
 
