@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from os import PathLike
 
 from robust.errors import InputError, Location, did_you_mean
@@ -12,22 +11,17 @@ from robust.plan.model import (
     ZERO,
     ActionInstance,
     Bound,
-    Comparison,
-    Duration,
     Expression,
     Fluent,
-    GoalCondition,
     NumericVariable,
     Parameter,
     ParameterReference,
     ParametrizedPlan,
-    Relation,
     TemporalConstraint,
-    comparisons,
-    fluents_in,
 )
 from robust.plan.parameters import ParameterSpec, Wiring, parse_specs, read_parameter_file, referenced_parameters, wire
 from robust.plan.pddl.grounding import (
+    fluents_in_goal,
     fluents_read,
     ground_action,
     ground_goal,
@@ -72,18 +66,16 @@ def assemble(domain: Domain, problem: Problem, stn: STNPlan, specs: Iterable[Par
     wiring = wire(stn, specs, fluents, declared)
     varied = wiring.fluents.keys()  # must stay symbolic even where grounding would need a constant
     instances = [
-        _with_duration(
-            ground_action(
-                domain,
-                problem,
-                one.identifier,
-                one.action,
-                one.arguments,
-                one.durative,
-                one.location,
-                parametrized=varied,
-            ),
-            wiring.durations.get(one.identifier),
+        ground_action(
+            domain,
+            problem,
+            one.identifier,
+            one.action,
+            one.arguments,
+            one.durative,
+            one.location,
+            parametrized=varied,
+            duration=wiring.durations.get(one.identifier),
         )
         for one in stn.instances
     ]
@@ -91,7 +83,7 @@ def assemble(domain: Domain, problem: Problem, stn: STNPlan, specs: Iterable[Par
     _check_used(stn, wiring, declared, fluents)
     parameters = _parameters(stn, wiring, declared)
     values = {**fluents, **{fluent: _reference(name) for fluent, name in wiring.fluents.items()}}
-    _check_initial_values(instances, goal, values, Location(stn.file))
+    _check_initial_values(instances, fluents_in_goal(domain, problem), values, Location(stn.file))
     return ParametrizedPlan(
         name=stn.name,
         parameters=parameters,
@@ -180,21 +172,6 @@ def _remedy(name: str) -> str:
     return f"'parameter {name} default VALUE;' in the plan or the option --parameter {name},default=VALUE"
 
 
-def _with_duration(instance: ActionInstance, parameter: str | None) -> ActionInstance:
-    """The instance with `(= ?duration parameter)` in place of its own equality on the duration."""
-    if parameter is None:
-        return instance
-    duration: Expression = Polynomial.variable(Duration())
-    condition = Comparison(duration - _reference(parameter), Relation.EQUAL)
-    durations = tuple(
-        replace(one, condition=condition, text=f"(= ?duration {parameter})")
-        if one.condition.relation is Relation.EQUAL
-        else one
-        for one in instance.durations
-    )
-    return replace(instance, durations=durations)
-
-
 def _reference(name: str) -> Expression:
     variable: NumericVariable = ParameterReference(name)
     return Polynomial.variable(variable)
@@ -212,19 +189,18 @@ def _bound(bound: STNBound) -> Bound | None:
 
 def _check_initial_values(
     instances: Iterable[ActionInstance],
-    goal: Iterable[GoalCondition],
+    goal: Iterable[tuple[str, frozenset[Fluent]]],
     values: Mapping[Fluent, Expression],
     plan: Location,
 ) -> None:
-    """InputError for a fluent that is read and has no value at time zero: an unknown number is not zero."""
+    """InputError for a fluent that is evaluated and has no value at time zero: an unknown number is not zero."""
     for instance in instances:
         for fluent in sorted(fluents_read(instance) - values.keys()):
             reader = f"instance {instance.identifier} {instance} reads it"
             raise _no_value(fluent, reader, values, instance.location or plan)
-    for condition in goal:
-        read = {fluent for one in comparisons(condition.condition) for fluent in fluents_in(one.expression)}
+    for text, read in goal:
         for fluent in sorted(read - values.keys()):
-            raise _no_value(fluent, f"the goal {condition.text} reads it", values, plan)
+            raise _no_value(fluent, f"the goal {text} reads it", values, plan)
 
 
 def _no_value(fluent: Fluent, reader: str, values: Mapping[Fluent, Expression], place: Location) -> InputError:
