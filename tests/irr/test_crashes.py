@@ -54,6 +54,7 @@ def dies_at(monkeypatch) -> Callable[[Callable[[str], bool]], list[str]]:
             return check_(self, question, deadline)
 
         monkeypatch.setattr(Session, "check", noted)
+
         def solved(solver):
             # What is asked of z3, by the way, is asked in this process.
             return die() if os.getpid() != TESTS and fatal(asked[-1]) else solve(solver)
