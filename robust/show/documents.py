@@ -388,7 +388,7 @@ class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     Attributes:
         status: complete: the region is the envelope; otherwise it contains the envelope, and not every point of it is
             valid
-        reason: if unknown: how a solver failed
+        reason: only if unknown: how a solver failed
         meaning: what the region is, in a sentence
         polyhedra: form union: the region is their union
         base: form difference: the polyhedron from which others are removed
@@ -404,7 +404,7 @@ class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     }
 
     status: Ended
-    reason: str | None
+    reason: str | UnsetType = UNSET
     meaning: str
     parameters: Annotated[list[str], Meta(extra_json_schema={"uniqueItems": True})]
     form: Annotated[str, one_of("union", "difference")]
@@ -424,6 +424,7 @@ class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
 
 def region(result: RegionResult, epsilon: Fraction) -> Document:
     shown = {key: value for key, value in result.region.as_dict().items() if key != "schema"}
+    shown["reason"] = UNSET if result.reason is None else result.reason
     return document(like(Region, result, epsilon=epsilon, statistics=like(Statistics, result.statistics), **shown))
 
 
