@@ -48,7 +48,6 @@ FILES = {
     "figure18": "4-k-intents.md",
     **dict.fromkeys(("table1", "table2", "conversions", "figure4"), "5-execution.md"),
     "certificates": "6-certificates.md",
-    "widening": "7-widening.md",
 }
 """Where the parts of the page are."""
 

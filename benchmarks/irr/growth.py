@@ -35,6 +35,14 @@ NUMBERS: Mapping[str, Callable[[int], tuple[int, int]]] = {
 }
 """Of refuelings and of parameters, in the series of `scaling`."""
 Writer = Callable[[Path, int], Files | tuple[Files, Sequence[str]]]
+
+
+def write_delivery(directory: Path, parameters: int) -> tuple[Files, Sequence[str]]:
+    """A delivery plan with so many uncertain durations."""
+    instance = own_instance(parameters, 0)
+    return instance.write(directory), instance.options
+
+
 WRITERS: Mapping[str, Writer] = {
     "more-refuels": lambda directory, size: write_instance(directory, *NUMBERS["refuels"](size)),
     "more-parameters": lambda directory, size: write_instance(directory, *NUMBERS["parameters"](size)),
@@ -42,15 +50,9 @@ WRITERS: Mapping[str, Writer] = {
     "parameters": lambda directory, size: write_unordered(directory, size, size),
     "points": lambda directory, size: write_unordered(directory, size // 2, 1),
     "all-refuels": lambda directory, size: write_instance(directory, size, size),
-    "deliveries": lambda directory, size: write_delivery(directory, size),
+    "deliveries": write_delivery,
 }
 """How to write plans of any size into a directory, with the options of what plan files cannot say."""
-
-
-def write_delivery(directory: Path, parameters: int) -> tuple[Files, Sequence[str]]:
-    """A delivery plan with so many uncertain durations."""
-    instance = own_instance(parameters, 0)
-    return instance.write(directory), instance.options
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,8 +255,8 @@ class EncodingsReport(GrowthReport):
 
 
 class WideningReport(GrowthReport):
-    """IRR (β = 1, doubling) and exact widening (`robust bench widening`): seconds of whole processes, and which share of
-    the search its solver has."""
+    """IRR (β = 1, doubling) and exact widening (`robust bench widening`): seconds of whole processes, and the share of
+    the search that is spent in the solver."""
 
     TITLE = "Widening beside IRR"
     SERIES = (DELIVERIES, ALL_REFUELS)
