@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
+from functools import partial
 from graphlib import CycleError, TopologicalSorter
 
 from robust.encode import create_encoding
@@ -26,9 +27,12 @@ from robust.qe.conjunctions import Conjunction, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import Context, Definition, Query, create_eliminator, outside
+from robust.qe.inner import Factor, FactorSearch, independent_groups, open_share
 from robust.qe.nnf import FALSE, TRUE, Junction, Nnf, Reader, conjunction, disjunction, names_in, negation
-from robust.qe.polyhedron import Polyhedron
+from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
+from robust.qe.share import OpenShare
+from robust.qe.symmetry import Symmetry, find_symmetry
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Statistics, Verdict
 
@@ -280,6 +284,10 @@ class RegionResult:
 
     `region` is the envelope itself where `status` is COMPLETE; otherwise every point of the envelope is in it, but not
     every point of it is in the envelope. `pieces` counts the polyhedra of bad values that were found.
+
+    `factors` say the same of independent groups of parameters, one by one, and have inner bounds beside the outer ones;
+    back ends other than `project`, which find no inner bounds, leave them out. `open_share` is how much lies between
+    the two; None where it is not known, or the envelope is exact.
     """
 
     status: RegionStatus
@@ -292,6 +300,8 @@ class RegionResult:
     seconds: float
     pieces: int
     statistics: Statistics = field(default_factory=Statistics)
+    factors: tuple[Factor, ...] = ()
+    open_share: OpenShare | None = None
 
     @property
     def is_exact(self) -> bool:
@@ -301,6 +311,12 @@ class RegionResult:
     def cut_short(self) -> bool:
         """Whether something ended the enumeration before it was done."""
         return not self.is_exact
+
+    def is_proved(self, point: Point) -> bool:
+        """Whether a point is known to be in the envelope."""
+        if self.is_exact:
+            return point in self.region
+        return bool(self.factors) and all(factor.is_proved(point) for factor in self.factors)
 
     @property
     def meaning(self) -> str:
@@ -350,7 +366,9 @@ class RegionSearch:
         self._parameters = tuple(parameter.name for parameter in plan.parameters)
         self._bounds = declared_bounds(plan)
         self._pieces: list[Conjunction] = []
-        """The bad set so far."""
+        """What is bad by itself; the rest is known to the groups."""
+        self._factors: list[FactorSearch] = []
+        self._found = 0
         self._region: Region | None = None
 
     def run(self) -> RegionResult:
@@ -368,24 +386,38 @@ class RegionSearch:
         except KeyboardInterrupt:
             status = RegionStatus.INTERRUPTED
         # Half-spaces become sides of the polyhedron to subtract from.
-        half_spaces = [piece[0] for piece in self._pieces if len(piece) == 1 and not piece[0].is_equality]
-        others = [piece for piece in self._pieces if len(piece) != 1 or piece[0].is_equality]
+        bad = self._bad
+        half_spaces = [piece[0] for piece in bad if len(piece) == 1 and not piece[0].is_equality]
+        others = [piece for piece in bad if len(piece) != 1 or piece[0].is_equality]
         sides = [side.negation()[0] for side in half_spaces]
         self._region = self._without(Polyhedron(self._parameters, (*self._bounds, *sides)).simplified(), others)
-        return self._result(status, self._region)
+        share = None if status is RegionStatus.COMPLETE else open_share(self._factors)
+        return self._result(status, self._region, share)
 
     def so_far(self, *, timed_out: bool) -> RegionResult:
         """What the pieces leave that are known by now, if the search is given up: out of time, or interrupted."""
         status = RegionStatus.TIMEOUT if timed_out else RegionStatus.INTERRUPTED
-        plain = self._without(Polyhedron(self._parameters, self._bounds), list(self._pieces))
-        return self._result(status, self._region or plain)
+        plain = self._without(Polyhedron(self._parameters, self._bounds), self._bad)
+        return self._result(status, self._region or plain, self.open_share)
+
+    @property
+    def open_share(self) -> OpenShare | None:
+        """How much is open by now, if random points have been drawn already."""
+        return open_share(self._factors, drawn=True)
+
+    @property
+    def _bad(self) -> list[Conjunction]:
+        """The bad set so far."""
+        return [*self._pieces, *(piece for factor in self._factors for piece in factor.lifted)]
 
     def _without(self, base: Polyhedron, pieces: Iterable[Conjunction]) -> Region:
         return Region.difference(base, (Polyhedron(self._parameters, piece) for piece in pieces))
 
-    def _result(self, status: RegionStatus, found: Region) -> RegionResult:
+    def _result(self, status: RegionStatus, found: Region, share: OpenShare | None) -> RegionResult:
         seconds = time.perf_counter() - self._started
-        return RegionResult(status, found, *self._names, seconds, len(self._pieces), self._statistics)
+        factors = tuple(factor.factor() for factor in self._factors)
+        counts = self._found, self._statistics
+        return RegionResult(status, found, *self._names, seconds, *counts, factors, share)
 
     def _search(self) -> None:
         backend, splitting, _, name, solver = self._names
@@ -409,8 +441,33 @@ class RegionSearch:
             self._add(eliminator.eliminate(_with_existence(problem, existence), self._known(), self._deadline))
             return
         self._add(existence)
+        if backend == "project" and splitting == "full" and self._learning:
+            self._search_factors(context, problem)
+            return
         for query in problem.violations:
             self._add(eliminator.eliminate(query, self._known(), self._deadline))
+
+    def _search_factors(self, context: Context, problem: Problem) -> None:
+        """Group by group, up to symmetry; again without where that leaves too much to describe."""
+        facets = list(self._pieces)
+        symmetry = find_symmetry(self._plan, self._deadline)
+        sides = [side for facet in facets for constraint in facet for side in constraint.negation()]
+        base = Polyhedron(self._parameters, (*self._bounds, *sides))
+        making: list[Callable[[Symmetry], FactorSearch]] = []
+        for parameters, queries in independent_groups(self._parameters, problem.violations, facets):
+            known, nominal = self._known(), self._plan.nominal
+            given = context, parameters, queries, base.project(parameters), known, nominal, self._deadline, self._tell
+            making.append(partial(FactorSearch, *given))
+            self._factors.append(making[-1](symmetry.within(parameters)))
+        pending = list(range(len(making)))
+        while pending:
+            for index in [*pending]:
+                factor = self._factors[index]
+                factor.run()
+                if factor.done and factor.lift():
+                    pending.remove(index)
+                elif factor.done:
+                    self._factors[index] = making[index](Symmetry())
 
     def _known(self) -> list[Conjunction]:
         """What a problem need not describe again."""
@@ -422,8 +479,12 @@ class RegionSearch:
     def _add(self, pieces: Iterable[Conjunction]) -> None:
         for piece in pieces:
             self._pieces.append(piece)
-            if self._on_piece is not None:
-                self._on_piece(Polyhedron(self._parameters, piece))
+            self._tell(Polyhedron(self._parameters, piece))
+
+    def _tell(self, piece: Polyhedron) -> None:
+        self._found += 1
+        if self._on_piece is not None:
+            self._on_piece(piece)
 
 
 def _with_existence(problem: Problem, existence: Iterable[Conjunction]) -> Query:
