@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from functools import partial
 from graphlib import CycleError, TopologicalSorter
+from types import MappingProxyType
 
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
@@ -27,7 +28,7 @@ from robust.qe.conjunctions import Conjunction, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import Context, Definition, Query, create_eliminator, outside
-from robust.qe.inner import Factor, FactorSearch, independent_groups, open_share
+from robust.qe.inner import Factor, FactorSearch, Group, drawn_share, independent_groups, inner_region, open_share
 from robust.qe.nnf import FALSE, TRUE, Junction, Nnf, Reader, conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
@@ -312,6 +313,12 @@ class RegionResult:
         """Whether something ended the enumeration before it was done."""
         return not self.is_exact
 
+    def inner(self, at: Point = MappingProxyType({})) -> Region:
+        """An inner bound, with some parameters fixed: the envelope, or as much of what is proved as is not too long."""
+        if self.is_exact:
+            return self.region.slice(at)
+        return inner_region(self.region.parameters, self.factors, at)
+
     def is_proved(self, point: Point) -> bool:
         """Whether a point is known to be in the envelope."""
         if self.is_exact:
@@ -339,7 +346,9 @@ class RegionSearch:
         solver: `z3` or `cvc5`, for the queries of our own back ends.
         encoding: `relational` or `positions`.
         timeout: seconds after which what has been found is returned with status TIMEOUT; None never.
-        on_piece: called with each polyhedron of bad parameter values when it is found.
+        on_piece: called with each polyhedron of bad parameter values when it is found; where parameters are
+            interchangeable, what it holds may be bad only if they ascend.
+        on_cell: called with each polyhedron of good parameter values, likewise.
     """
 
     def __init__(
@@ -354,12 +363,14 @@ class RegionSearch:
         encoding: str = "relational",
         timeout: float | None = None,
         on_piece: Callable[[Polyhedron], None] | None = None,
+        on_cell: Callable[[Polyhedron], None] | None = None,
     ) -> None:
         self._plan = plan
         self._epsilon = epsilon
         self._names = (backend, splitting, learning, encoding, solver)
         self._learning = learning
         self._on_piece = on_piece
+        self._on_cell = on_cell or (lambda _cell: None)
         self._started = time.perf_counter()
         self._deadline = Deadline.after(timeout)
         self._statistics = Statistics()
@@ -369,6 +380,7 @@ class RegionSearch:
         """What is bad by itself; the rest is known to the groups."""
         self._factors: list[FactorSearch] = []
         self._found = 0
+        self._share: OpenShare | None = None
         self._region: Region | None = None
 
     def run(self) -> RegionResult:
@@ -391,8 +403,14 @@ class RegionSearch:
         others = [piece for piece in bad if len(piece) != 1 or piece[0].is_equality]
         sides = [side.negation()[0] for side in half_spaces]
         self._region = self._without(Polyhedron(self._parameters, (*self._bounds, *sides)).simplified(), others)
-        share = None if status is RegionStatus.COMPLETE else open_share(self._factors)
-        return self._result(status, self._region, share)
+        if status is RegionStatus.COMPLETE:
+            return self._result(status, self._region, None)
+        self._share = self.open_share
+        try:
+            self._share = open_share(self._factors)
+        except KeyboardInterrupt:
+            status = RegionStatus.INTERRUPTED
+        return self._result(status, self._region, self._share)
 
     def so_far(self, *, timed_out: bool) -> RegionResult:
         """What the pieces leave that are known by now, if the search is given up: out of time, or interrupted."""
@@ -403,7 +421,7 @@ class RegionSearch:
     @property
     def open_share(self) -> OpenShare | None:
         """How much is open by now, if random points have been drawn already."""
-        return open_share(self._factors, drawn=True)
+        return self._share or drawn_share(self._factors)
 
     @property
     def _bad(self) -> list[Conjunction]:
@@ -452,14 +470,16 @@ class RegionSearch:
         facets = list(self._pieces)
         symmetry = find_symmetry(self._plan, self._deadline)
         sides = [side for facet in facets for constraint in facet for side in constraint.negation()]
+        if () in facets:
+            sides.append(LinearConstraint.false())
         base = Polyhedron(self._parameters, (*self._bounds, *sides))
-        making: list[Callable[[Symmetry], FactorSearch]] = []
-        for parameters, queries in independent_groups(self._parameters, problem.violations, facets):
-            known, nominal = self._known(), self._plan.nominal
-            given = context, parameters, queries, base.project(parameters), known, nominal, self._deadline, self._tell
-            making.append(partial(FactorSearch, *given))
-            self._factors.append(making[-1](symmetry.within(parameters)))
-        pending = list(range(len(making)))
+        groups = [
+            Group(names, queries, base.project(names), tuple(self._known()), self._plan.nominal, symmetry.within(names))
+            for names, queries in independent_groups(self._parameters, problem.violations, facets)
+        ]
+        search = partial(FactorSearch, context, deadline=self._deadline, on_piece=self._tell, on_cell=self._on_cell)
+        self._factors = [search(group) for group in groups]
+        pending = list(range(len(groups)))
         while pending:
             for index in [*pending]:
                 factor = self._factors[index]
@@ -467,7 +487,7 @@ class RegionSearch:
                 if factor.done and factor.lift():
                     pending.remove(index)
                 elif factor.done:
-                    self._factors[index] = making[index](Symmetry())
+                    self._factors[index] = search(replace(groups[index], symmetry=Symmetry()))
 
     def _known(self) -> list[Conjunction]:
         """What a problem need not describe again."""

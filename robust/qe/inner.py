@@ -1,9 +1,9 @@
 """The envelope from outside and from inside at the same time, group by group.
 
 Parameters of which no obligation and no statement of the network speaks together are independent: the envelope is the
-product of one set for each group, and each is searched alone. In a group, bad pieces are found obligation by obligation.
-If that takes long, good cells are found in turn: around a point, the polyhedron beyond one side of each bad piece that
-reaches into it, until no obligation can be broken in it; each piece that is found on the way is a bad piece like others.
+product of one set for each group, and each is searched alone. In a group, bad pieces are found obligation by
+obligation. If that takes long, good cells are found in turn: around a point, the polyhedron beyond one side of each bad
+piece that reaches into it, until no obligation can be broken in it; pieces found on the way are bad pieces like others.
 When the pieces and the cells cover everything, both bounds are the envelope.
 
 What is symmetric is searched where interchangeable parameters ascend, and pieces are lifted from there: to a polyhedron
@@ -13,10 +13,11 @@ around the piece of which every image is bad, so that the pieces of the whole sp
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from itertools import islice
 from math import factorial, prod
 
 from robust.qe.box import Box, Interval
@@ -26,16 +27,17 @@ from robust.qe.eliminate.enumerate import Outlook, PieceSearch, satisfiable
 from robust.qe.eliminate.interface import Context, Query
 from robust.qe.nnf import conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Point, Polyhedron
-from robust.qe.region import Region
+from robust.qe.region import LONG, Region, absorb
 from robust.qe.share import POINTS, Judged, OpenShare, Samples, open_points, product_share, volumes
 from robust.qe.symmetry import Symmetry
 from robust.smt.limits import Deadline
 
-import os
 HOPELESS = 5
 """Pieces in a row that cannot be widened after which that is not tried any more."""
-PATIENCE = float(os.environ.get("PATIENCE","2"))
-"""Seconds of looking for bad pieces alone; then as long for good cells, in turn."""
+PATIENCE = 20.0
+"""Seconds of looking for bad pieces alone, or a third of the time limit; then as long for good cells, in turn."""
+SLICE = 1.0
+"""Seconds for each of several groups in turn."""
 SOME_IMAGES = 300
 IMAGES = 3000
 """Images of one piece that are described one by one: while pieces are looked for, and at the end."""
@@ -43,7 +45,7 @@ IMAGES = 3000
 
 def independent_groups(
     parameters: Sequence[str], queries: Sequence[Query], facets: Iterable[Conjunction]
-) -> list[tuple[tuple[str, ...], list[Query]]]:
+) -> list[tuple[tuple[str, ...], tuple[Query, ...]]]:
     """Groups of parameters of which nothing speaks together, in the order of the parameters, with their queries.
 
     Values of one group neither decide whether those of another leave a schedule, which the `facets` say, nor whether
@@ -77,7 +79,7 @@ def independent_groups(
         if home is None:
             groups[""] = ([], [])
         groups["" if home is None else home][1].append(query)
-    return [(tuple(names), found) for names, found in groups.values()] or [((), [])]
+    return [(tuple(names), tuple(found)) for names, found in groups.values()] or [((), ())]
 
 
 def _names_of(query: Query) -> list[str]:
@@ -117,12 +119,34 @@ class Factor:
     def _sorted(self, point: Point) -> dict[str, Fraction]:
         return self.symmetry.sorted({name: Fraction(point[name]) for name in self.parameters})
 
+    def good_pieces(self) -> list[Conjunction]:
+        """Polyhedra of good values in any order; those with too many images, or too many holes, are left out."""
+        if self.inner.base is not None and len(self.inner.pieces) > LONG:
+            return []
+        found = (self.symmetry.images(piece.constraints, IMAGES) for piece in self.inner.as_union().pieces)
+        return [image for images in found for image in images or ()]
+
+
+def inner_region(parameters: tuple[str, ...], factors: Sequence[Factor], at: Point) -> Region:
+    """The product of what is good in each group, as a union, with some parameters fixed.
+
+    If that takes too many polyhedra it is only a part of the product.
+    """
+    rest = tuple(name for name in parameters if name not in at)
+    products = [Polyhedron.universe(rest)] if factors else []
+    for factor in factors:
+        pieces = (Polyhedron(rest, tuple(side.substitute(at) for side in piece)) for piece in factor.good_pieces())
+        solid = [piece for piece in pieces if not piece.is_empty]
+        met = (one.intersection(piece) for one in products for piece in solid)
+        products = list(islice((one for one in met if not one.is_empty), IMAGES))
+    return Region.union_of(rest, absorb(products) if len(products) <= LONG else products)
+
 
 class Widening:
     """Makes bad pieces larger where several obligations together leave no way out.
 
-    A piece has one obligation that some schedule breaks. Values of which every schedule breaks some obligation, whichever
-    it is, are bad as well. Without a schedule values are bad too, so nothing need be known of that.
+    In a piece some schedule breaks one obligation. Values of which every schedule breaks some obligation, whichever it
+    is, are bad as well. Without a schedule values are bad too, so nothing need be known of that.
     """
 
     def __init__(self, context: Context, base: Polyhedron, queries: Sequence[Query], deadline: Deadline) -> None:
@@ -254,52 +278,64 @@ def _side(piece: Polyhedron, point: Point) -> LinearConstraint:
     return max(outer, key=lambda half: (half.constant - half.value(point)) / sum(abs(c) for _, c in half.coefficients))
 
 
+@dataclass(frozen=True)
+class Group:
+    """What is to be found of one independent group of parameters.
+
+    `queries` are its violations, among the values of `base`, which leave a schedule and are within the declared bounds.
+    `known` is the complement of the base, in all parameters. The search begins at `nominal`.
+    """
+
+    parameters: tuple[str, ...]
+    queries: tuple[Query, ...]
+    base: Polyhedron
+    known: tuple[Conjunction, ...]
+    nominal: Point
+    symmetry: Symmetry
+
+
 class FactorSearch:
     """Finds bad pieces and good cells of one group.
 
     Args:
         context: the solvers.
-        parameters: of the group.
-        queries: its violations.
-        base: values of the group that leave a schedule, within the declared bounds.
-        known: what no query needs to speak of; together the complement of the base, in all parameters.
-        nominal: a point to begin with.
+        group: what is to be found.
         deadline: when to end.
         on_piece: called with each bad piece.
-        symmetry: of the group.
+        on_cell: called with each good cell.
     """
 
     def __init__(
         self,
         context: Context,
-        parameters: tuple[str, ...],
-        queries: Sequence[Query],
-        base: Polyhedron,
-        known: Sequence[Conjunction],
-        nominal: Point,
+        group: Group,
         deadline: Deadline,
         on_piece: Callable[[Polyhedron], None],
-        symmetry: Symmetry,
+        on_cell: Callable[[Polyhedron], None],
     ) -> None:
         self._context = context
-        self._parameters = parameters
-        self._pending = list(queries)
-        self._base = base.restricted(symmetry.ascending)
-        descending = [(half,) for side in symmetry.ascending for half in side.negation()]
-        self._known = [*known, *descending]
-        self.symmetry = symmetry
-        self._first: Point | None = symmetry.sorted({name: nominal[name] for name in parameters})
+        self._parameters = group.parameters
+        self.symmetry = group.symmetry
+        self._pending = list(group.queries)
+        self._base = group.base.restricted(group.symmetry.ascending)
+        descending = [(half,) for side in group.symmetry.ascending for half in side.negation()]
+        self._known = [*group.known, *descending]
+        self._nominal = {name: group.nominal[name] for name in group.parameters}
+        self._first: Point | None = group.symmetry.sorted(self._nominal)
         self._deadline = deadline
         self._on_piece = on_piece
+        self._on_cell = on_cell
         self._searches: dict[str, tuple[PieceSearch, int]] = {}
         self._pieces: list[Polyhedron] = []
         self.good: list[Polyhedron] = []
-        self._widening = Widening(context, self._base, queries, deadline)
+        self._widening = Widening(context, self._base, group.queries, deadline)
         for piece in self._known:
             self._widening.exclude(piece)
-        self._lifting = Lifting(context, self._base, symmetry, deadline) if symmetry else None
-        self._samples: tuple[Polyhedron, Samples | None] | None = None
-        self._outside = self._inside = 0.0
+        self._lifting = Lifting(context, self._base, group.symmetry, deadline) if group.symmetry else None
+        self._samples: tuple[Polyhedron, Box, Samples] | None = None
+        remaining = deadline.remaining
+        patience = PATIENCE if remaining is None else min(PATIENCE, remaining / 3)
+        self._outside, self._inside = -patience, 0.0
 
     @property
     def bad(self) -> list[Conjunction]:
@@ -317,15 +353,15 @@ class FactorSearch:
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        started = time.perf_counter()
-        while not self.done and time.perf_counter() - started < PATIENCE:
-            before = time.perf_counter()
-            if self._outside - PATIENCE < self._inside:
+        started = time.process_time()
+        while not self.done and time.process_time() - started < SLICE:
+            before = time.process_time()
+            if self._outside <= self._inside:
                 self.step()
-                self._outside += time.perf_counter() - before
+                self._outside += time.process_time() - before
             else:
                 self.grow()
-                self._inside += time.perf_counter() - before
+                self._inside += time.process_time() - before
 
     def step(self) -> None:
         """One more piece, or one query fewer.
@@ -361,8 +397,8 @@ class FactorSearch:
         self._pieces.append(piece)
         if len(mine) == 1 and not mine[0].is_equality:
             self._base = self._base.restricted(mine[0].negation())
-        if self._samples is not None and self._samples[1] is not None:
-            self._samples[1].exclude(mine)
+        if self._samples is not None:
+            self._samples[2].exclude(mine)
         self._on_piece(piece)
         if self._lifting is not None:
             self._lifting.add(mine)
@@ -389,23 +425,22 @@ class FactorSearch:
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        point = self._open_point()
+        point = self._open_point(self.samples)
         if point is None:
             self._pending.clear()
             return
         found = self._cell(point)
         if found is not None:
             self.good.append(found)
-            if self.samples is not None:
-                self.samples.include(found)
+            self.samples.include(found)
+            self._on_cell(found)
 
-    def _open_point(self) -> Point | None:
+    def _open_point(self, samples: Samples) -> Point | None:
         """The nominal point, if nothing is known of it; else a random one, or any; None if there is none."""
         first, self._first = self._first, None
         if first is not None and first in self._base and not self._is_known(first):
             return first
-        samples = self.samples
-        if samples is not None and samples.undecided:
+        if samples.undecided:
             return samples.point(min(samples.undecided))
         reader, session = self._context.reader, self._context.session()
         session.add(*(reader.write(constraint) for constraint in self._base.constraints))
@@ -455,57 +490,71 @@ class FactorSearch:
     # -- how much is open ----------------------------------------------------------------------------------------------
 
     @property
-    def samples(self) -> Samples | None:
-        """Random points of the box around the base; None if it has none."""
+    def samples(self) -> Samples:
+        """Random points of the box."""
         if self._samples is None or self._samples[0] is not self._base:
             box = self.box
-            samples = None
-            if box is not None:
-                samples = Samples(box, self.symmetry)
-                for constraint in self._base.constraints:
-                    for half in constraint.negation():
-                        samples.exclude((half,))
-                for piece in self._pieces:
-                    samples.exclude(piece.constraints)
-                for cell in self.good:
-                    samples.include(cell)
-            self._samples = self._base, samples
-        return self._samples[1]
-
-    def judged(self, *, drawn: bool) -> Judged | None:
-        """Which random points are not bad, and which are good; None if there are none, or none yet if `drawn`."""
-        samples = (self._samples or (None, None))[1] if drawn else self.samples
-        if samples is None:
-            return None
-        possible = samples.undecided | samples.good
-        return possible, possible if self.done else samples.good
+            samples = Samples(box, self.symmetry)
+            for constraint in self._base.constraints:
+                for half in constraint.negation():
+                    samples.exclude((half,))
+            for piece in self._pieces:
+                samples.exclude(piece.constraints)
+            for cell in self.good:
+                samples.include(cell)
+            self._samples = self._base, box, samples
+        return self._samples[2]
 
     @property
-    def box(self) -> Box | None:
-        """The smallest box around the base and its images, closed; None if it is infinite, or the base is empty."""
-        extents = self._base.bounding_box()
-        if extents is None:
+    def judged(self) -> Judged:
+        """Which random points are not bad, and which are good."""
+        return self._judged(self.samples)
+
+    def _judged(self, samples: Samples) -> Judged:
+        possible = samples.undecided | samples.good
+        return possible, possible if self.done else set(samples.good)
+
+    @property
+    def drawn(self) -> tuple[Box, Judged] | None:
+        """The last box and what is known of its random points; None if there are none yet."""
+        if self._samples is None:
             return None
+        _, box, samples = self._samples
+        return box, self._judged(samples)
+
+    @property
+    def box(self) -> Box:
+        """The smallest closed box around the base and its images.
+
+        An end that is infinite by what is known is one around the nominal values, as far away again as these are from
+        zero and twice.
+        """
+        extents = self._base.bounding_box() or {}
         ends = {}
         for name in self._parameters:
-            lower = [extents[other].lower for other in self.symmetry.orbit(name)]
-            upper = [extents[other].upper for other in self.symmetry.orbit(name)]
-            known = [end for end in (*lower, *upper) if end is not None]
-            if len(known) < len(lower) + len(upper):
-                return None
-            ends[name] = Interval(min(known), max(known))
+            orbit = self.symmetry.orbit(name)
+            nominal = [self._nominal[other] for other in orbit]
+            far = 2 * max(Fraction(1), *map(abs, nominal))
+            known = [extents[other] for other in orbit if other in extents]
+            lower = [end for end in (one.lower for one in known) if end is not None]
+            upper = [end for end in (one.upper for one in known) if end is not None]
+            least = min(lower) if len(lower) == len(orbit) else min([*nominal, *lower, *upper]) - far
+            most = max(upper) if len(upper) == len(orbit) else max([*nominal, *lower, *upper]) + far
+            ends[name] = Interval(least, most)
         return Box(ends)
 
     @property
     def volumes(self) -> tuple[Fraction, Fraction, Fraction] | None:
-        """Of the box around the base, of what is not bad, and of what is good; None where that takes too long."""
-        box = self.box
-        found = None if box is None else volumes(self._base, self.bad, [self._base] if self.done else self.good)
-        if box is None or found is None:
+        """Of the box, of what is not bad there, and of what is good; None where that takes too long."""
+        whole = Polyhedron.of_box(self._parameters, self.box)
+        inside = self._base.intersection(whole)
+        good = [inside] if self.done else [inside.intersection(cell) for cell in self.good]
+        found = volumes(inside, self.bad, good)
+        if found is None:
             return None
-        orders = Fraction(prod(factorial(len(names)) for names in self.symmetry.classes))
-        whole = Polyhedron.of_box(self._parameters, box).volume() or ZERO
-        return whole, found[0] * orders, found[0 if self.done else 1] * orders
+        possible, proved = found[0], found[0] if self.done else found[1]
+        orders = prod(factorial(len(names)) for names in self.symmetry.classes)
+        return whole.volume() or ZERO, possible * orders, proved * orders
 
     def factor(self) -> Factor:
         """What is known by now."""
@@ -514,20 +563,26 @@ class FactorSearch:
         return Factor(self._parameters, self.symmetry, outer, inner)
 
 
-def open_share(factors: Sequence[FactorSearch], *, drawn: bool = False) -> OpenShare | None:
-    """How much of the box around all bases is open; None if it is not bounded.
-
-    Exactly where volumes are quick to compute; not if only what has been `drawn` already is to be counted.
-    """
-    sizes = [] if drawn else [factor.volumes for factor in factors]
-    exact = [size for size in sizes if size is not None]
-    boxes = [factor.box for factor in factors]
-    known = [box for box in boxes if box is not None]
-    if not factors or len(known) < len(boxes):
+def open_share(factors: Sequence[FactorSearch]) -> OpenShare | None:
+    """How much of the product of the boxes is open, exactly where volumes are quick to compute; None without any."""
+    if not factors:
         return None
-    box = Box({name: interval for one in known for name, interval in one.intervals.items()})
+    box = _product(factor.box for factor in factors)
+    sizes = [factor.volumes for factor in factors]
+    exact = [size for size in sizes if size is not None]
     if len(exact) == len(factors):
         return product_share(exact, box)
-    judged = [factor.judged(drawn=drawn) for factor in factors]
-    found = [one for one in judged if one is not None]
-    return OpenShare.estimated(open_points(found), POINTS, box) if len(found) == len(factors) else None
+    return OpenShare.estimated(open_points([factor.judged for factor in factors]), POINTS, box)
+
+
+def drawn_share(factors: Sequence[FactorSearch]) -> OpenShare | None:
+    """The same from random points that have been drawn already, which takes no time; None if there are none."""
+    known = [drawn for drawn in (factor.drawn for factor in factors) if drawn is not None]
+    if not known or len(known) < len(factors):
+        return None
+    judged = [one for _, one in known]
+    return OpenShare.estimated(open_points(judged), POINTS, _product(box for box, _ in known))
+
+
+def _product(boxes: Iterable[Box]) -> Box:
+    return Box({name: interval for box in boxes for name, interval in box.intervals.items()})

@@ -46,8 +46,10 @@ class OpenShare:
     @staticmethod
     def estimated(count: int, points: int, box: Box) -> OpenShare:
         """So many of these points are open."""
-        ends = (Fraction(round(end * 10**6), 10**6) for end in proportion_bounds(count, points, float(CONFIDENCE)))
-        return OpenShare(Fraction(count, points), *ends, box, CONFIDENCE, points)
+        lower, upper = (
+            Fraction(round(end * 10**6), 10**6) for end in proportion_bounds(count, points, float(CONFIDENCE))
+        )
+        return OpenShare(Fraction(count, points), lower, upper, box, CONFIDENCE, points)
 
 
 def proportion_bounds(count: int, points: int, confidence: float) -> tuple[float, float]:
@@ -71,13 +73,16 @@ def _at_least(count: int, points: int, chance: float) -> float:
     """The probability that an event of this chance is seen so many times or more."""
     if not 0 < chance < 1:
         return float(chance >= 1)
+    choices = lgamma(points + 1)
     return sum(
-        exp(lgamma(points + 1) - lgamma(n + 1) - lgamma(points - n + 1) + n * log(chance) + (points - n) * log1p(-chance))
+        exp(choices - lgamma(n + 1) - lgamma(points - n + 1) + n * log(chance) + (points - n) * log1p(-chance))
         for n in range(count, points + 1)
     )
 
 
-def volumes(base: Polyhedron, bad: Sequence[Conjunction], good: Sequence[Polyhedron]) -> tuple[Fraction, Fraction] | None:
+def volumes(
+    base: Polyhedron, bad: Sequence[Conjunction], good: Sequence[Polyhedron]
+) -> tuple[Fraction, Fraction] | None:
     """Of what is not bad, and of what is good; None where that is not finite or takes too long."""
     if len(base.parameters) > EXACT_DIMENSION or len(bad) + len(good) > EXACT_PIECES:
         return None
@@ -145,6 +150,6 @@ def open_points(groups: Sequence[Judged]) -> int:
 
 
 def product_share(sizes: Sequence[tuple[Fraction, Fraction, Fraction]], box: Box) -> OpenShare | None:
-    """From the volumes of each group's box, of what is not bad there, and what is good; None in a box without volume."""
+    """From the volumes of each group's box, of what is not bad there, and of what is good; None if a box has none."""
     whole, possible, proved = (prod(parts, start=Fraction(1)) for parts in zip(*sizes, strict=True))
     return OpenShare.exactly((possible - proved) / whole, box) if whole else None

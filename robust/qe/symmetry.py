@@ -6,8 +6,8 @@ timed literals and the goal. What they are called, nominal values and weights do
 good, and do not count. Candidates come from refining colours [Weisfeiler and Leman 1968]; what counts is the comparison
 of all facts at the end, so an exchange that is not found costs time, never soundness.
 
-The envelope is invariant under symmetries. If all permutations of some parameters are among them, it is known once it is
-known where those are in ascending order.
+The envelope is invariant under symmetries. If all permutations of some parameters are among them, it is known once it
+is known where those are in ascending order.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from itertools import starmap
+from itertools import pairwise, starmap
 from typing import Any, TypeVar
 
 from robust.plan.model import (
@@ -72,9 +72,7 @@ class Symmetry:
     def ascending(self) -> Conjunction:
         """Every class in ascending order."""
         return tuple(
-            LinearConstraint.of({low: 1, high: -1}, "<=", 0)
-            for names in self.classes
-            for low, high in zip(names, names[1:], strict=False)
+            LinearConstraint.of({low: 1, high: -1}, "<=", 0) for names in self.classes for low, high in pairwise(names)
         )
 
     def sorted(self, point: Mapping[str, Number]) -> dict[str, Number]:
@@ -104,7 +102,7 @@ class Symmetry:
         while pending:
             current = pending.pop()
             for exchange in self._exchanges:
-                image = frozenset((_renamed(form, exchange), *rest) for form, *rest in current)
+                image = frozenset((_renamed(form, exchange), sense, end) for form, sense, end in current)
                 if image not in found:
                     if len(found) == most:
                         return None
@@ -269,9 +267,7 @@ def _matched(here: Mapping[_Symbol, int], there: Mapping[_Symbol, int]) -> dict[
     for symbol, colour in there.items():
         if here[symbol] != colour:
             free[colour].append(symbol)
-    return {
-        symbol: symbol if there[symbol] == colour else free[colour].pop(0) for symbol, colour in here.items()
-    }
+    return {symbol: symbol if there[symbol] == colour else free[colour].pop(0) for symbol, colour in here.items()}
 
 
 def _unordered(parts: Iterable[Hashable]) -> Hashable:
