@@ -24,7 +24,7 @@ from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction, variables_of
 from robust.qe.constraint import ZERO, LinearConstraint
 from robust.qe.eliminate.enumerate import Outlook, PieceSearch, satisfiable
-from robust.qe.eliminate.interface import Context, Query
+from robust.qe.eliminate.interface import Context, Query, outside
 from robust.qe.nnf import conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import LONG, Region, absorb
@@ -216,35 +216,44 @@ class Lifting:
         self._known.exclude(piece)
         self._pieces.append(piece)
         if not self._covered.excludes(piece):
-            self._lift([piece, self._hull(piece)], SOME_IMAGES)
+            found = self._first_images([piece, self._hull(piece)], SOME_IMAGES)
+            self.lifted += self._cover(found or [])
 
     def finish(self) -> bool:
-        """Lift all that is not yet covered, as far as that takes no more than so many images; whether all is."""
-        # Few and short pieces have few images: those that all simpler ones together cover need none.
-        simple = self._outlook()
+        """Lift the pieces that are needed, again; whether none of them has too many images."""
+        self._covered = self._outlook()
+        kept: list[Conjunction] = []
         finished = True
-        for piece in sorted(self._pieces, key=lambda one: (len(one), len(variables_of(one)))):
-            if not simple.excludes(piece):
-                finished = self._finished(piece) and finished
-                simple.exclude(piece)
+        for piece in self._needed():
+            if not self._covered.excludes(piece):
+                ordered = (*self._symmetry.ascending, *piece)
+                candidates = (self._minimal(sides) for sides in (piece, self._hull(piece), ordered))
+                found = self._first_images(candidates, IMAGES)
+                finished = finished and found is not None
+                kept += self._cover(found or [])
+        if finished:
+            self.lifted = kept
         return finished
 
-    def _finished(self, piece: Conjunction) -> bool:
-        if self._covered.excludes(piece):
-            return True
-        ordered = (*self._symmetry.ascending, *piece)
-        candidates = (self._minimal(sides) for sides in (piece, self._hull(piece), ordered))
-        return self._lift(candidates, IMAGES)
+    def _needed(self) -> list[Conjunction]:
+        """The pieces without those that others cover together; simple ones stay rather than others, and come first."""
+        simple_first = sorted(self._pieces, key=lambda piece: (len(piece), len(variables_of(piece))))
+        beyond = {piece: outside(piece) for piece in simple_first}
+        everything = self._outlook()
+        for piece in reversed(simple_first):
+            others = [side for other, side in beyond.items() if other != piece]
+            if everything.excludes(piece, *others):
+                del beyond[piece]
+        return list(beyond)
 
-    def _lift(self, candidates: Iterable[Conjunction], most: int) -> bool:
-        for candidate in candidates:
-            found = self._images(candidate, most)
-            if found is not None:
-                for image in found:
-                    self._covered.exclude(image)
-                self.lifted += found
-                return True
-        return False
+    def _first_images(self, candidates: Iterable[Conjunction], most: int) -> list[Conjunction] | None:
+        found = (self._images(candidate, most) for candidate in candidates)
+        return next((images for images in found if images is not None), None)
+
+    def _cover(self, images: list[Conjunction]) -> list[Conjunction]:
+        for image in images:
+            self._covered.exclude(image)
+        return images
 
     def _hull(self, piece: Conjunction) -> Conjunction:
         """The sides of the box around a piece in ascending order, without those of the box around everything."""
@@ -558,7 +567,8 @@ class FactorSearch:
 
     def factor(self) -> Factor:
         """What is known by now."""
-        outer = Region.difference(self._base, self._pieces)
+        beyond = (piece for piece in self._pieces if len(piece.constraints) != 1 or piece.constraints[0].is_equality)
+        outer = Region.difference(self._base, beyond)
         inner = outer if self.done else Region.union_of(self._parameters, self.good)
         return Factor(self._parameters, self.symmetry, outer, inner)
 
