@@ -34,6 +34,8 @@ from robust.smt.limits import Deadline
 
 PATIENCE = 20.0
 """Seconds of looking for bad pieces alone, or a third of the time limit; then as long for good cells, in turn."""
+RADII = (Fraction(1, 8), Fraction(1), Fraction(8))
+"""Half the widths of first boxes."""
 SLICE = 1.0
 """Seconds for each of several groups in turn."""
 
@@ -294,16 +296,32 @@ class FactorSearch:
         if point is None:
             self._pending.clear()
             return
-        found = self._cell(point)
+        if not self.good and not self._is_bad(point):
+            self._box_around(point)
+        found = None if self._is_bad(point) else self._cell(point)
         if found is not None:
-            self.good.append(found)
-            self.samples.include(found)
-            self._on_cell(found)
+            self._prove(found)
+
+    def _prove(self, cell: Polyhedron) -> None:
+        self.good = [other for other in self.good if not other.is_subset_of(cell)]
+        self.good.append(cell)
+        self.samples.include(cell)
+        self._on_cell(cell)
+
+    def _box_around(self, point: Point) -> None:
+        """A first box of good values, for those who will not wait for a cell: it is proved sooner, because it decides
+        more of what happens when, and grows as long as nothing bad reaches into it."""
+        for radius in RADII:
+            ends = {name: Interval(value - radius, value + radius) for name, value in point.items()}
+            box = self._base.restricted(Box(ends).constraints())
+            if any(not box.is_disjoint_from(piece) for piece in self._pieces) or self._piece_in(box) is not None:
+                return
+            self._prove(box)
 
     def _open_point(self, samples: Samples) -> Point | None:
         """The nominal point, if nothing is known of it; else a random one, or any; None if there is none."""
         first, self._first = self._first, None
-        if first is not None and first in self._base and not self._is_known(first):
+        if first is not None and first in self._base and not self._is_bad(first):
             return first
         if samples.undecided:
             return samples.point(min(samples.undecided))
@@ -316,8 +334,8 @@ class FactorSearch:
         values = session.values(reader.symbols(self._parameters))
         return {name: Fraction(values.get(name, 0)) for name in self._parameters}
 
-    def _is_known(self, point: Point) -> bool:
-        return any(point in known for known in (*self._pieces, *self.good))
+    def _is_bad(self, point: Point) -> bool:
+        return any(point in piece for piece in self._pieces)
 
     def _cell(self, point: Point) -> Polyhedron | None:
         """A good polyhedron around the point; None if the point is bad, which the pieces tell then."""
