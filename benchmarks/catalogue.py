@@ -136,6 +136,15 @@ class EncodingsOptions(BackendsOptions):
     """
 
 
+class WideningOptions(BackendsOptions):
+    """Time of IRR and of exact widening on plans with many parameters, and the share of the solver.
+
+    Exact widening beside IRR on plans with many parameters.
+    """
+
+    limit: float | None = _limit("120", _KILLED)
+
+
 class Figure4Options(LongOptions, Plot):
     """Run every method on delivery plans of 1 to 33 parameters, and ask whether the boxes are controllable.
 
@@ -162,6 +171,15 @@ class ConversionOptions(LongOptions):
     planner: str = option("aries", "which planner", metavar="NAME")
     seed: int = _count(0, "which plans and problems")
     limit: float | None = _limit("60", "seconds to convert a plan, and as many to judge it")
+
+
+class LogsOptions(RecordedOptions):
+    """Convert and check what planners printed, as whole processes, beside VAL.
+
+    Logs of planners: time and memory over the number of steps.
+    """
+
+    validator: Path | None = _file(None, "VAL's program Validate, which is left out without it", "FILE")
 
 
 class TableOptions(LongOptions):
@@ -295,8 +313,10 @@ EXPERIMENTS = {
         Entry("figure5", "irr.figure5", Figure5Options),
         Entry("backends", "irr.growth", BackendsOptions),
         Entry("encodings", "irr.growth", EncodingsOptions),
+        Entry("widening", "irr.growth", WideningOptions),
         Entry("figure4", "irr.figure4", Figure4Options),
         Entry("conversions", "irr.conversions", ConversionOptions),
+        Entry("logs", "irr.logs", LogsOptions),
         Entry("table1", "irr.tables", Table1Options),
         Entry("table2", "irr.tables", Table2Options),
         Entry("figure20a", "pike.figure20a_21", Figure20aOptions),

@@ -21,18 +21,22 @@ from robust.options import (
     Number,
     Options,
     RegionOptions,
+    ValidateOptions,
     settings,
 )
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
 if TYPE_CHECKING:
     from robust.encode.interface import Encoding
+    from robust.execute.validate import Verdict
     from robust.irr.check import CheckResult
     from robust.irr.compare import Comparison
     from robust.irr.search import EnvelopeResult
     from robust.plan.load import File
     from robust.plan.model import ParametrizedPlan
-    from robust.qe.compute import RegionResult
+    from robust.plan.pddl.syntax import Domain, Problem
+    from robust.plan.timed import TimedPlan
+    from robust.qe.compute import RegionResult, RegionSearch
     from robust.smt.export import Exporter
 
 Given = ParamSpec("Given")
@@ -145,6 +149,7 @@ def load_plan(
     *,
     parameters: Sequence[str] = (),
     parameter_file: File | None = None,
+    nominal_needed: bool = True,
     plan_number: int | None = None,
     tolerance: Number | None = None,
     epsilon: Number = "1/1000",
@@ -163,6 +168,7 @@ def load_plan(
         plan: the file of the plan; "-" is standard input.
         parameters: what is made a parameter, see :mod:`robust.plan.parameters`.
         parameter_file: more of them, in a TOML file; if not given, one of the plan's name that is beside it.
+        nominal_needed: whether each parameter must have a nominal value; regions and optimal boxes need none.
         plan_number: which plan of a log that holds several, from 1; the last one if not given.
         tolerance: how far exact times may be from the printed ones; None is one unit of the last printed digit, and at
             most ε.
@@ -192,7 +198,8 @@ def load_plan(
         say(f"took the parameters of {beside}")
     text, file = read_plan_text(plan)
     if is_network(text, file):
-        return assemble(parsed_domain, parsed_problem, parse_stn(text, file), specs)
+        network = parse_stn(text, file)
+        return assemble(parsed_domain, parsed_problem, network, specs, nominal_needed=nominal_needed)
 
     from robust.execute.convert import Ended, convert
     from robust.numbers import plural
@@ -223,8 +230,10 @@ def load_plan(
 def searching_check(plan: ParametrizedPlan, options: CheckOptions) -> Search[CheckResult]:
     """What :func:`check` runs."""
     from robust.irr.check import Answer, Checker, CheckResult
+    from robust.plan.load import require_nominal_values
     from robust.qe.box import Box, Interval
 
+    require_nominal_values(plan.parameters)
     box = Box.nominal(plan.parameters)
     for name, value in settings(options.at, [parameter.name for parameter in plan.parameters]).items():
         box = box.replace(name, value if isinstance(value, Interval) else Interval(value, value))
@@ -266,8 +275,11 @@ def check(plan: ParametrizedPlan, options: CheckOptions) -> CheckResult:
 def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Search[EnvelopeResult]:
     """What :func:`envelope` runs."""
     from robust.irr.search import Conduct, EnvelopeResult, Status
+    from robust.plan.load import require_nominal_values
     from robust.qe.box import Box
 
+    if options.from_nominal:
+        require_nominal_values(plan.parameters)
     order = tuple(options.order or ())
     beta = options.precision
 
@@ -333,7 +345,7 @@ def envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> EnvelopeResult
 # -- region and compare ------------------------------------------------------------------------------------------------
 
 
-def searching_region(plan: ParametrizedPlan, options: RegionOptions) -> Search[RegionResult]:
+def searching_region(plan: ParametrizedPlan, options: RegionOptions) -> RegionSearch:
     """What :func:`region` runs."""
     from robust.qe.compute import RegionSearch
 
@@ -347,6 +359,7 @@ def searching_region(plan: ParametrizedPlan, options: RegionOptions) -> Search[R
         solver=options.solver,
         timeout=options.limit,
         on_piece=options.on_piece,
+        on_cell=options.on_cell,
     )
 
 
@@ -355,7 +368,7 @@ def region(plan: ParametrizedPlan, options: RegionOptions) -> RegionResult:
     """All parameter values under which the plan is valid, exactly: its robustness envelope [IRR, Definition 2].
 
     Returns:
-        The envelope, or, out of time or after Ctrl-C, an outer bound of it.
+        The envelope; or, out of time or after Ctrl-C, an outer bound of it, an inner one, and how much lies between.
 
     Raises:
         InputError: wrong options.
@@ -368,7 +381,9 @@ def region(plan: ParametrizedPlan, options: RegionOptions) -> RegionResult:
 def searching_compare(plan: ParametrizedPlan, options: CompareOptions) -> Search[Comparison]:
     """What :func:`compare` runs."""
     from robust.irr.compare import Comparing
+    from robust.plan.load import require_nominal_values
 
+    require_nominal_values(plan.parameters)
     return Comparing(
         plan,
         beta=Fraction(options.beta),
@@ -389,3 +404,54 @@ def compare(plan: ParametrizedPlan, options: CompareOptions) -> Comparison:
         UnsupportedError: an expression that is not linear.
     """
     return searching_compare(plan, options).run()
+
+
+# -- validate ----------------------------------------------------------------------------------------------------------
+
+
+def validate(
+    domain: File | Domain,
+    problem: File | Problem,
+    plan: File | TimedPlan,
+    *,
+    epsilon: Number | None = None,
+    tolerance: Number | None = None,
+    plan_number: int | None = None,
+) -> Verdict:
+    """Whether one schedule is valid as it was printed, as VAL judges it; :func:`check` judges all of a network.
+
+    Each of the three is a path, a text (a string with a line break or a parenthesis, unless a file has that name), or
+    what reading one gives.
+
+    Args:
+        domain: the PDDL domain.
+        problem: the PDDL problem.
+        plan: a time-triggered plan, or the log of a planner.
+        epsilon: separation of mutex time points, in the plan's unit of time; 1/1000 if not given.
+        tolerance: how far exact times and durations may be from printed ones, 0 for exactness; if not given, one unit
+            of the last printed digit, and at most epsilon.
+        plan_number: which plan of a log that holds several, from 1; the last one if not given.
+
+    Returns:
+        A verdict, with what breaks and what would help; `str` of it is for people.
+
+    Raises:
+        InputError: what cannot be read, or does not fit together; also a plan with a temporal network.
+        UnsupportedError: an over-all condition or a continuous effect that cannot be decided.
+    """
+    from robust.execute.validate import read_plan, validate
+    from robust.plan.pddl.forms import read_source
+    from robust.plan.pddl.reader import parse_domain, parse_problem
+    from robust.plan.pddl.syntax import Domain, Problem
+    from robust.plan.timed import TimedPlan
+
+    separation = ValidateOptions.declarations["epsilon"].default if epsilon is None else epsilon
+    options = ValidateOptions(epsilon=separation, tolerance=tolerance, plan_number=plan_number)
+    if not isinstance(domain, Domain):
+        domain = parse_domain(*read_source(domain, "<domain>"))
+    if not isinstance(problem, Problem):
+        text, file = read_source(problem, "<problem>")
+        problem = parse_problem(text, domain, file)
+    if not isinstance(plan, TimedPlan):
+        plan = read_plan(*read_source(plan, "<plan>"), options.plan_number)
+    return validate(domain, problem, plan, epsilon=options.separation, tolerance=options.rounding)

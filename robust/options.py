@@ -411,7 +411,7 @@ class Json(Options):
 class Output(Json):
     """How a command answers."""
 
-    quiet: bool = option(False, "only the answer, no progress", "--quiet", "-q", rank=OUTPUT)
+    quiet: bool = option(False, "only the answer: no progress, no notes, no warnings", "--quiet", "-q", rank=OUTPUT)
     verbose: bool = option(False, "log what is done on stderr", "--verbose", "-v", rank=OUTPUT)
 
 
@@ -542,6 +542,11 @@ class EnvelopeOptions(Separation, Solving, Export):
         """β, for methods that have one."""
         return Fraction(self.beta or 1) if self.method == "irr" else None
 
+    @property
+    def from_nominal(self) -> bool:
+        """Whether the box is to be around the nominal values."""
+        return self.method != "optimal" or self.contain_nominal
+
 
 class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
     """Of `robust envelope`."""
@@ -571,6 +576,9 @@ class RegionOptions(Search):
     learning: bool = option(True, "tell later problems what earlier ones have excluded")
     on_piece: Callable[[Polyhedron], None] | None = option(
         None, "called with each polyhedron of bad parameter values when it is found", shown=False
+    )
+    on_cell: Callable[[Polyhedron], None] | None = option(
+        None, "called with each polyhedron of good parameter values when it is found", shown=False
     )
 
 
@@ -639,6 +647,32 @@ class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solv
         "causal: the least constrained network that is proved valid; esterel: the network of the Esterel transformer",
         choices=("causal", "esterel"),
     )
+
+
+class ValidateOptions(Separation, PlanningOutput):
+    """Of :func:`robust.validate`."""
+
+
+class ValidateCommand(ValidateOptions, Output):
+    """Of `robust validate`."""
+
+    domain: Path | None = argument(None, "PDDL domain", "DOMAIN")
+    problem: Path | None = argument(None, "PDDL problem", "PROBLEM")
+    plans: tuple[Path, ...] = argument(
+        (), "time-triggered plans or logs of planners; - is standard input", "PLAN", many=True
+    )
+    suite: Path | None = option(
+        None,
+        "judge the plans of a file instead: DOMAIN PROBLEM PLAN on each line, relative to the file, # before comments",
+        "--list",
+        metavar="FILE",
+        path=True,
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if (self.suite is None and not self.plans) or (self.suite is not None and self.domain is not None):
+            found = "no plan" if self.suite is None else "files beside --list"
+            raise InputError(f"found {found}, expected DOMAIN PROBLEM PLAN..., or else --list FILE")
 
 
 class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, Plot, Planning, Output):

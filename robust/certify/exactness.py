@@ -102,7 +102,7 @@ def section(
     session.add_all(conditions, deadline)
     verdict = session.check("a schedule that is affine on a polyhedron", deadline)
     if verdict is Verdict.UNKNOWN:
-        raise OutOfTimeError
+        raise OutOfTimeError(session.failure)
     if verdict is Verdict.UNSATISFIABLE:
         return None
     values = session.values([terms.real(each) for term in sought.values() for each in term.variables])
@@ -165,7 +165,8 @@ class Broken:
 def halves_of(polyhedron: Polyhedron) -> list[Half]:
     """The sides of a polyhedron, equations as two of them."""
     halves = (half for each in polyhedron.constraints for half in each.halves())
-    return [(combined({"": half.constant}, dict(half.coefficients), -1), half.is_strict) for half in halves]
+    forms = (({name: Fraction(factor) for name, factor in half.coefficients}, half) for half in halves)
+    return [(combined({"": half.constant}, form, -1), half.is_strict) for form, half in forms]
 
 
 def ranges_of(polyhedron: Polyhedron) -> dict[str, Range]:
@@ -327,7 +328,7 @@ class Exactness:
         with session.frame(*within(self._encoding, intervals)):
             verdict = session.check(f"{obligation.name}: outside", self._deadline)
             if verdict is Verdict.UNKNOWN:
-                raise OutOfTimeError
+                raise OutOfTimeError(session.failure)
             if verdict is Verdict.UNSATISFIABLE:
                 return None
             terms = self._encoding.terms

@@ -20,7 +20,8 @@ from enum import Enum
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from robust.cli.output import Display, answering, one_line, print_json
+from robust.cli.output import Display, answering, complain, noting_warnings, print_json
+from robust.errors import SolverError
 from robust.options import Options, as_typed
 from robust.smt.limits import OutOfTimeError
 
@@ -218,6 +219,11 @@ Found = TypeVar("Found")
 Known = TypeVar("Known", bound="Answer")
 
 
+def _given_up(stopped: OutOfTimeError) -> Exception:
+    """What a command ends with if there is nothing to show: out of time, or what a solver failed with."""
+    return GivenUpError(Cause.TIMEOUT) if stopped.reason is None else SolverError(stopped.reason)
+
+
 class Run:
     """One run of one command: its display, its time limit, and its answer; a context manager."""
 
@@ -247,7 +253,7 @@ class Run:
         self._notes.append(text)
         if not self._quiet:
             self.display.stop()
-            print(f"robust: {one_line(text)}", file=sys.stderr)
+            complain(text)
             self.display.start()
 
     def working(self, on_stuck: Callable[[], bool] | None = None) -> AbstractContextManager[None]:
@@ -283,8 +289,8 @@ class Run:
             if (known := so_far()) is None:
                 raise GivenUpError from None
             return known
-        except OutOfTimeError:
-            raise GivenUpError(Cause.TIMEOUT) from None
+        except OutOfTimeError as stopped:
+            raise _given_up(stopped) from None
         if self.guard.cause is not None and result.cut_short:
             # What was interrupted by the time limit is out of time.
             return so_far() or result
@@ -316,8 +322,8 @@ class Run:
                 return work()
         except KeyboardInterrupt:
             raise GivenUpError from None
-        except OutOfTimeError:
-            raise GivenUpError(Cause.TIMEOUT) from None
+        except OutOfTimeError as stopped:
+            raise _given_up(stopped) from None
 
     def also(self, what: str, work: Callable[[], Found]) -> Found | None:
         """What the work returns; None if it was interrupted, which leaves the answer as it is."""
@@ -345,7 +351,7 @@ def carry_out(guard: Guard, asked: Action[Any], given: Mapping[str, Any]) -> int
         options = asked.options(**given)
         if getattr(options, "verbose", False):
             _log_to_stderr()
-        with Run(guard, options) as run:
+        with Run(guard, options) as run, noting_warnings(shown=not getattr(options, "quiet", False)):
             return asked.carry_out(options, run)
 
 

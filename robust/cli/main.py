@@ -14,7 +14,7 @@ from functools import partial
 from robust import __version__
 from robust.cli.build import Command, Group, application, read
 from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Guard, carry_out
-from robust.cli.output import drop_output, one_line, print_json
+from robust.cli.output import complain, drop_output, print_json
 from robust.errors import InputError, RobustError
 
 HELP = "Verify temporal plans: are they valid for every schedule, and how far may reality deviate?"
@@ -24,6 +24,7 @@ COMMANDS: dict[str, Command | Group] = {
     "envelope": Command("How far may parameters deviate?", "robust.cli.plans:envelope"),
     "region": Command("All parameter values for which a plan is valid.", "robust.cli.plans:region"),
     "compare": Command("The exact region beside the boxes of all methods.", "robust.cli.plans:compare"),
+    "validate": Command("Is a plan valid as it stands, at the times that it says?", "robust.cli.validate:validate"),
     "convert": Command("Make a flexible plan of a planner's output.", "robust.cli.making:convert"),
     "execute": Command("Execute in simulated worlds, and plan anew when needed.", "robust.cli.making:execute"),
     "certify": Command("Write down why a plan is valid, for a checker without solver.", "robust.cli.certify:certify"),
@@ -104,7 +105,7 @@ def _report(
             from robust.show.documents import error as document
 
             print_json(document(error, kind, code))
-        _complain(message or f"error: {error}")
+        complain(message or f"error: {error}")
     except OSError:
         drop_output()  # there is no way left to say anything
     return code
@@ -132,11 +133,6 @@ def _report_internal(arguments: Sequence[str], error: Exception) -> int:
     remedy = "" if "--verbose" in arguments else ", with the output of --verbose"
     message = f"internal error: {text}; please report this{remedy}"
     return _report(arguments, RobustError(message), "internal", UNDECIDED, message)
-
-
-def _complain(message: str) -> None:
-    """One line on stderr, whatever file names and input texts contain."""
-    print(f"robust: {one_line(message)}", file=sys.stderr)
 
 
 def _prepare_streams() -> None:

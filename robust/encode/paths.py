@@ -22,6 +22,33 @@ Bound = tuple[int, int, int]
 """(a, b, w): t_b − t_a ≥ w."""
 
 
+def delay(times: list[int], following: Sequence[Sequence[tuple[int, int]]], sources: Iterable[int]) -> bool:
+    """Delay times as little as bounds that leave these sources demand [Bellman and Ford, by a queue].
+
+    `following` are the bounds of each point, as pairs of a later point and a weight. False if no delay is enough: some
+    of the bounds contradict each other.
+    """
+    size = len(times)
+    waiting = deque(sources)
+    waits, rounds = [False] * size, [0] * size
+    for point in waiting:
+        waits[point] = True
+    while waiting:
+        point = waiting.popleft()
+        waits[point] = False
+        rounds[point] += 1
+        if rounds[point] > size + 1:
+            return False
+        now = times[point]
+        for target, weight in following[point]:
+            if times[target] < now + weight:
+                times[target] = now + weight
+                if not waits[target]:
+                    waits[target] = True
+                    waiting.append(target)
+    return True
+
+
 class Paths:
     """Greatest lower bounds between the points of a network.
 
@@ -50,30 +77,14 @@ class Paths:
         self.schedule: Sequence[int] | None = self._least_times() if schedule is None else schedule
 
     def _least_times(self) -> list[int] | None:
-        """Bellman and Ford, by a queue."""
         following: list[list[tuple[int, int]]] = [[] for _ in range(self.size)]
         for (source, target), weight in self._bounds.items():
             if source != target:
                 following[source].append((target, weight))
             elif weight > 0:
                 return None
-        times, rounds = [0] * self.size, [0] * self.size
-        waiting = deque(range(self.size))
-        waits = [True] * self.size
-        while waiting:
-            point = waiting.popleft()
-            waits[point] = False
-            rounds[point] += 1
-            if rounds[point] > self.size + 1:
-                return None
-            now = times[point]
-            for target, weight in following[point]:
-                if times[target] < now + weight:
-                    times[target] = now + weight
-                    if not waits[target]:
-                        waits[target] = True
-                        waiting.append(target)
-        return times
+        times = [0] * self.size
+        return times if delay(times, following, range(self.size)) else None
 
     @property
     def _times(self) -> Sequence[int]:
@@ -116,14 +127,17 @@ class Paths:
         """The least slack of a path from a component to each other; None where there is none."""
         row = self._rows.get(start)
         if row is None:
-            row = self._rows[start] = [None] * len(self._slack)
+            following = self._slack
+            row = self._rows[start] = [None] * len(following)
+            row[start] = 0
             heap = [(0, start)]
             while heap:
                 slack, one = heappop(heap)
-                if row[one] is None:
-                    row[one] = slack
-                    for other, more in self._slack[one]:
-                        if row[other] is None:
+                if row[one] == slack:
+                    for other, more in following[one]:
+                        known = row[other]
+                        if known is None or slack + more < known:
+                            row[other] = slack + more
                             heappush(heap, (slack + more, other))
         return row
 
@@ -224,13 +238,17 @@ class Paths:
                 if self._slack_of(bound) < self._slack_of(best[pair]):
                     best[pair] = bound
         fixed = {(component[one[0]], component[one[1]]): self._slack_of(one) for one in given}
+        direct = [dict(following) for following in self._slack]
         for (source, target), bound in best.items():
             slack = self._slack_of(bound)
             if fixed.get((source, target), slack + 1) <= slack:
                 continue
+            between = [one for one in self._slack[source] if one[0] != target and one[1] <= slack]
+            # Mostly two bounds imply a third one, which takes no search.
+            if any(first + direct[middle].get(target, slack + 1) <= slack for middle, first in between):
+                continue
             if not any(
-                middle != target and (rest := self._row(middle)[target]) is not None and first + rest <= slack
-                for middle, first in self._slack[source]
+                (rest := self._row(middle)[target]) is not None and first + rest <= slack for middle, first in between
             ):
                 kept.append(bound)
         for bounds_within in inner.values():

@@ -6,7 +6,7 @@ of them is checked against the envelope, and what is bad in it adds a polyhedron
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -15,11 +15,12 @@ from robust.encode.interface import Encoding, Facet
 from robust.irr.containment import Question, Questions
 from robust.plan.model import Parameter, Relation
 from robust.qe.box import Box, Face, Side
-from robust.qe.conjunctions import project
+from robust.qe.conjunctions import irredundant, project
 from robust.qe.constraint import LinearConstraint
-from robust.qe.nnf import Leaf, Nnf, Reader, conjunction, implicant, names_in
+from robust.qe.nnf import Leaf, Nnf, conjunction, implicant, names_in
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.simplex import feasible_point, maximize
+from robust.qe.simplex import maximize
+from robust.qe.slabs import Growing
 from robust.smt.export import Exporter
 from robust.smt.limits import Deadline
 from robust.smt.session import Session
@@ -33,21 +34,27 @@ class Least:
     attained: bool
 
 
+def _stops(piece: Polyhedron, growing: Growing) -> bool:
+    """Whether the box meets a bad polyhedron as soon as it grows."""
+    bound = piece.slabs.least_stretch(growing)
+    if bound is None or bound[0] > 0:
+        return False
+    least = least_stretch(piece, growing)
+    return least is not None and not least.value
+
+
 STRETCH = "\u03bb"
 """The variable by which moving faces are scaled; no parameter can have this name."""
 
 
-def least_stretch(piece: Polyhedron, box: Box, moving: Mapping[Face, tuple[Fraction, Fraction]]) -> Least | None:
-    """The least λ ≥ 0 at which a box meets a bad polyhedron; None if it never does.
-
-    Args:
-        piece: bad parameter values.
-        box: where all other faces stand.
-        moving: faces that stand at `base ± λ · speed`, as pairs (base, speed).
-    """
+def least_stretch(piece: Polyhedron, growing: Growing) -> Least | None:
+    """The least λ ≥ 0 at which a box meets a bad polyhedron; None if it never does."""
+    least = piece.slabs.least_stretch(growing)
+    if least is None or piece.slabs.exact:
+        return None if least is None else Least(*least)
     # Sides of other parameters leave room for every value: a box is nowhere empty.
-    mentioned = {name for constraint in piece.constraints for name in constraint.parameters}
-    used = [name for name in piece.parameters if name in mentioned]
+    used = [name for name in piece.parameters if name in piece.mentioned]
+    box, moving = growing.box, growing.moving
     constraints = [*piece.constraints, LinearConstraint.of({STRETCH: 1}, ">=", 0)]
     for name, side in product(used, Side):
         end, sign = box[name].end(side), side.sign
@@ -72,10 +79,12 @@ class DiscoveredBadSet(Questions[Polyhedron]):
     the parameters; a facet of enc_valid that the box breaks is a polyhedron as it is.
     """
 
+    PROVING = True
+
     def __init__(self, encoding: Encoding, *, solver: str = "z3", exporter: Exporter | None = None) -> None:
         super().__init__(encoding, solver=solver, exporter=exporter)
-        self._reader = Reader(encoding.terms)
         self._formulas: dict[str, Nnf] = {}
+        self._needed: dict[Polyhedron, Polyhedron] = {}
         self.reasons: dict[Polyhedron, str] = {}
         """The obligation, or the statements of the network, that each polyhedron breaks."""
         self.existence: set[Polyhedron] = set()
@@ -91,6 +100,10 @@ class DiscoveredBadSet(Questions[Polyhedron]):
         self.checks += 1
         return self._look_in(box, deadline)
 
+    def piece_beyond(self, box: Box, deadline: Deadline) -> Polyhedron | None:
+        """As :meth:`piece_in`, of a box that no search tries."""
+        return self._look_in(box, deadline)
+
     def _of_facet(self, facet: Facet, box: Box) -> Polyhedron:
         inside = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
         piece = Polyhedron(self._names, tuple(inside.negation()))
@@ -99,12 +112,19 @@ class DiscoveredBadSet(Questions[Polyhedron]):
         self.reasons[piece] = facet.obligation or f"no schedule: {'; '.join(facet.origins)}"
         return piece
 
+    def _of_piece(self, question: Question, piece: Polyhedron, box: Box) -> Polyhedron:
+        needed = self._needed.get(piece)
+        if needed is None:
+            needed = self._needed[piece] = Polyhedron(self._names, irredundant(piece.constraints) or ())
+            self.reasons[needed] = question.obligation.name
+        return needed
+
     def _of_model(self, question: Question, session: Session, box: Box) -> Polyhedron:
         """All parameter values that break the obligation in the way that the model does."""
         terms, name = self.encoding.terms, question.obligation.name
         if name not in self._formulas:
             formulas = self.encoding.query(question.obligation)
-            self._formulas[name] = conjunction(self._reader.read(formula) for formula in formulas)
+            self._formulas[name] = conjunction(self.reader.read(formula) for formula in formulas)
         symbols = {symbol for formula in session.assertions for symbol in terms.variables(formula)}
         chosen: dict[Leaf, None] = {}
         if not implicant(self._formulas[name], session.values(symbols), chosen):
@@ -142,6 +162,8 @@ class Widening:
         self._nominal = {parameter.name: parameter.nominal for parameter in self.parameters}
         self._weight = {parameter.name: parameter.weight for parameter in self.parameters}
         self._box = Box.nominal(self.parameters)
+        self._met: list[Least | None] = []
+        """The stretches of the pieces in this round, as far as they were asked for."""
 
     def run(self) -> None:
         """Move all faces as far as they go.
@@ -168,6 +190,7 @@ class Widening:
 
     def _farthest(self, moving: list[Face]) -> Least | None:
         """The least stretch at which the box meets bad values, confirmed; None if it never does."""
+        self._met = []
         while True:
             least = self._least_stretch(moving)
             if self._is_inside(self._stretched(moving, least)):
@@ -180,7 +203,9 @@ class Widening:
             near = [piece for piece, found in self._stretches(moving) if found == least]
             going: list[Face] = []
             for face in moving:
-                if self._can_go([*going, face], moving, least, near):
+                # A piece that does not stop those who go stops nobody else whom it does not mention.
+                around = [piece for piece in near if face[0] in piece.mentioned]
+                if self._can_go([*going, face], moving, least, around):
                     going.append(face)
             if self._is_inside(self._ahead(going, moving, least)):
                 return going, [face for face in moving if face not in going]
@@ -188,25 +213,33 @@ class Widening:
     def _can_go(self, going: list[Face], moving: list[Face], least: Least, near: list[Polyhedron]) -> bool:
         if least.attained:
             # The value itself is bad for someone: who may include it?
-            bounds = list(self._ahead(going, moving, least).constraints())
-            return all(feasible_point(piece.parameters, [*piece.constraints, *bounds]) is None for piece in near)
-        room = self._room(going, moving, least, near)
-        return room is None or room > 0
+            ahead = self._ahead(going, moving, least)
+            return not any(piece.meets(ahead) for piece in near)
+        growing = self._beyond(going, moving, least) if near else None
+        return growing is None or not any(_stops(piece, growing) for piece in near)
 
-    def _room(
-        self, going: list[Face], moving: list[Face], least: Least, pieces: Iterable[Polyhedron]
-    ) -> Fraction | None:
-        """How much farther some faces can go, by what is known, while the others stay; None is without limit."""
+    def _beyond(self, going: list[Face], moving: list[Face], least: Least) -> Growing:
+        """Some faces go farther, while the others stay."""
         box = self._stretched([face for face in moving if face not in going], Least(least.value, attained=False))
-        speeds = {face: (self._place(face, least.value), self._weight[face[0]]) for face in going}
-        found = [found.value for piece in pieces if (found := least_stretch(piece, box, speeds)) is not None]
-        return min(found, default=None)
+        return Growing(box, {face: (self._place(face, least.value), self._weight[face[0]]) for face in going})
+
+    def _room(self, going: list[Face], moving: list[Face], least: Least) -> Fraction | None:
+        """How much farther some faces can go, by what is known, while the others stay; None is without limit."""
+        growing = self._beyond(going, moving, least)
+        room: Fraction | None = None
+        for piece in self.pieces:
+            near = piece.slabs.least_stretch(growing)
+            if near is not None and (room is None or near[0] < room):
+                found = least_stretch(piece, growing)
+                if found is not None and (room is None or found.value < room):
+                    room = found.value
+        return room
 
     def _ahead(self, going: list[Face], moving: list[Face], least: Least) -> Box:
         """The box with `going` a little farther than the other moving faces: by half the room that is known."""
         step = Fraction(0)
         if not least.attained:
-            room = self._room(going, moving, least, self.pieces) if going else None
+            room = self._room(going, moving, least) if going else None
             step = Fraction(1) if room is None else room / 2
         stuck = self._stretched([face for face in moving if face not in going], least)
         return self._stretched(going, Least(least.value + step, attained=False), stuck)
@@ -215,9 +248,11 @@ class Widening:
 
     def _stretches(self, moving: list[Face]) -> Iterator[tuple[Polyhedron, Least]]:
         """At which stretch each known piece meets the box, if ever."""
-        speeds = {face: (self._nominal[face[0]], self._weight[face[0]]) for face in moving}
-        for piece in self.pieces:
-            least = least_stretch(piece, self._box, speeds)
+        # Within a round the box and what moves are the same, so only new pieces are asked.
+        if len(self._met) < len(self.pieces):
+            growing = Growing(self._box, {face: (self._nominal[face[0]], self._weight[face[0]]) for face in moving})
+            self._met += [least_stretch(piece, growing) for piece in self.pieces[len(self._met) :]]
+        for piece, least in zip(self.pieces, self._met, strict=True):
             if least is not None:
                 yield piece, least
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from fractions import Fraction
 from os import PathLike
 
 from robust.errors import InputError, Location, did_you_mean
@@ -12,22 +13,17 @@ from robust.plan.model import (
     ZERO,
     ActionInstance,
     Bound,
-    Comparison,
-    Duration,
     Expression,
     Fluent,
-    GoalCondition,
     NumericVariable,
     Parameter,
     ParameterReference,
     ParametrizedPlan,
-    Relation,
     TemporalConstraint,
-    comparisons,
-    fluents_in,
 )
 from robust.plan.parameters import ParameterSpec, Wiring, parse_specs, read_parameter_file, referenced_parameters, wire
 from robust.plan.pddl.grounding import (
+    fluents_in_goal,
     fluents_read,
     ground_action,
     ground_goal,
@@ -48,50 +44,59 @@ def load_plan(
     *,
     parameters: Sequence[str] = (),
     parameter_file: File | None = None,
+    nominal_needed: bool = True,
 ) -> ParametrizedPlan:
     """Read a PDDL domain and problem and a `.stn` plan; InputError for anything wrong in them.
 
     `parameters` are specifications as :mod:`robust.plan.parameters` describes them, and `parameter_file` is a TOML
-    file of more of them. The result is named after the plan's file.
+    file of more of them. The result is named after the plan's file. Regions and optimal boxes need no nominal values:
+    for them, `nominal_needed=False` reads parameters without.
     """
     parsed_domain = read_domain(domain)
     parsed_problem = read_problem(problem, parsed_domain)
     specs = () if parameter_file is None else read_parameter_file(parameter_file)
-    return assemble(parsed_domain, parsed_problem, read_stn(plan), (*specs, *parse_specs(parameters)))
+    specs = (*specs, *parse_specs(parameters))
+    return assemble(parsed_domain, parsed_problem, read_stn(plan), specs, nominal_needed=nominal_needed)
 
 
-def assemble(domain: Domain, problem: Problem, stn: STNPlan, specs: Iterable[ParameterSpec] = ()) -> ParametrizedPlan:
+def assemble(
+    domain: Domain,
+    problem: Problem,
+    stn: STNPlan,
+    specs: Iterable[ParameterSpec] = (),
+    *,
+    nominal_needed: bool = True,
+) -> ParametrizedPlan:
     """Ground what the plan uses and make the specified quantities parameters; InputError if the parts do not fit.
 
     A duration that a specification makes a parameter γ replaces the instance's own constraint `(= ?duration e)` by
-    `(= ?duration γ)`: it is the model's duration that varies. Inequalities on the duration stay as they are.
+    `(= ?duration γ)`: it is the model's duration that varies. Inequalities on the duration stay as they are, except for
+    two that leave one duration only, which are an equality.
     """
     _check_references(stn)
     fluents = initial_fluents(domain, problem)
     declared = domain_parameters(domain, stn)
-    wiring = wire(stn, specs, fluents, declared)
+    wiring = wire(stn, specs, fluents, declared, nominal_needed=nominal_needed)
     varied = wiring.fluents.keys()  # must stay symbolic even where grounding would need a constant
     instances = [
-        _with_duration(
-            ground_action(
-                domain,
-                problem,
-                one.identifier,
-                one.action,
-                one.arguments,
-                one.durative,
-                one.location,
-                parametrized=varied,
-            ),
-            wiring.durations.get(one.identifier),
+        ground_action(
+            domain,
+            problem,
+            one.identifier,
+            one.action,
+            one.arguments,
+            one.durative,
+            one.location,
+            parametrized=varied,
+            duration=wiring.durations.get(one.identifier),
         )
         for one in stn.instances
     ]
     goal = ground_goal(domain, problem, parametrized=varied)
     _check_used(stn, wiring, declared, fluents)
-    parameters = _parameters(stn, wiring, declared)
+    parameters = _parameters(stn, wiring, declared, nominal_needed=nominal_needed)
     values = {**fluents, **{fluent: _reference(name) for fluent, name in wiring.fluents.items()}}
-    _check_initial_values(instances, goal, values, Location(stn.file))
+    _check_initial_values(instances, fluents_in_goal(domain, problem), values, Location(stn.file))
     return ParametrizedPlan(
         name=stn.name,
         parameters=parameters,
@@ -158,41 +163,43 @@ def _check_used(
             raise InputError(message + remedy, parameter.location)
 
 
-def _parameters(stn: STNPlan, wiring: Wiring, declared: Mapping[str, str]) -> tuple[Parameter, ...]:
+def _parameters(
+    stn: STNPlan, wiring: Wiring, declared: Mapping[str, str], *, nominal_needed: bool
+) -> tuple[Parameter, ...]:
     """All parameters with their nominal values."""
-    known = {parameter.name for parameter in wiring.parameters}
+    declarations = {parameter.name: parameter for parameter in wiring.parameters}
     for name, origin in declared.items():
-        if name not in known:
-            message = f"found no nominal value for parameter {name!r} of {origin}, expected {_remedy(name)}"
-            raise InputError(message, Location(stn.file))
-    return tuple(_parameter(parameter) for parameter in wiring.parameters)
+        if name not in declarations:
+            if nominal_needed:
+                message = f"found no nominal value for parameter {name!r} of {origin}, expected {_remedy(name)}"
+                raise InputError(message, Location(stn.file))
+            declarations[name] = ParameterDeclaration(name, location=Location(stn.file))
+    parameters = tuple(map(_parameter, declarations.values()))
+    if nominal_needed:
+        require_nominal_values(parameters)
+    return parameters
 
 
 def _parameter(declaration: ParameterDeclaration) -> Parameter:
-    name, default = declaration.name, declaration.default
-    if default is None:
-        message = f"found parameter {name!r} without a nominal value, expected {_remedy(name)}"
-        raise InputError(message, declaration.location)
-    return Parameter(name, default, declaration.weight, declaration.lower, declaration.upper, declaration.location)
+    nominal, lower, upper = declaration.default, declaration.lower, declaration.upper
+    if nominal is None:
+        nominal = Fraction(0) if lower is None else max(lower, Fraction(0))
+        nominal = nominal if upper is None else min(upper, nominal)
+    given = declaration.default is not None
+    return Parameter(declaration.name, nominal, declaration.weight, lower, upper, declaration.location, given)
+
+
+def require_nominal_values(parameters: Iterable[Parameter]) -> None:
+    """InputError for a parameter without a nominal value."""
+    for parameter in parameters:
+        if not parameter.has_nominal:
+            message = f"found parameter {parameter.name!r} without a nominal value, expected {_remedy(parameter.name)}"
+            raise InputError(message, parameter.location)
 
 
 def _remedy(name: str) -> str:
-    return f"'parameter {name} default VALUE;' in the plan or the option --parameter {name},default=VALUE"
-
-
-def _with_duration(instance: ActionInstance, parameter: str | None) -> ActionInstance:
-    """The instance with `(= ?duration parameter)` in place of its own equality on the duration."""
-    if parameter is None:
-        return instance
-    duration: Expression = Polynomial.variable(Duration())
-    condition = Comparison(duration - _reference(parameter), Relation.EQUAL)
-    durations = tuple(
-        replace(one, condition=condition, text=f"(= ?duration {parameter})")
-        if one.condition.relation is Relation.EQUAL
-        else one
-        for one in instance.durations
-    )
-    return replace(instance, durations=durations)
+    option = shlex.quote(f"{name},default=VALUE")
+    return f"'parameter {name} default VALUE;' in the plan or the option --parameter {option}"
 
 
 def _reference(name: str) -> Expression:
@@ -212,19 +219,18 @@ def _bound(bound: STNBound) -> Bound | None:
 
 def _check_initial_values(
     instances: Iterable[ActionInstance],
-    goal: Iterable[GoalCondition],
+    goal: Iterable[tuple[str, frozenset[Fluent]]],
     values: Mapping[Fluent, Expression],
     plan: Location,
 ) -> None:
-    """InputError for a fluent that is read and has no value at time zero: an unknown number is not zero."""
+    """InputError for a fluent that is evaluated and has no value at time zero: an unknown number is not zero."""
     for instance in instances:
         for fluent in sorted(fluents_read(instance) - values.keys()):
             reader = f"instance {instance.identifier} {instance} reads it"
             raise _no_value(fluent, reader, values, instance.location or plan)
-    for condition in goal:
-        read = {fluent for one in comparisons(condition.condition) for fluent in fluents_in(one.expression)}
+    for text, read in goal:
         for fluent in sorted(read - values.keys()):
-            raise _no_value(fluent, f"the goal {condition.text} reads it", values, plan)
+            raise _no_value(fluent, f"the goal {text} reads it", values, plan)
 
 
 def _no_value(fluent: Fluent, reader: str, values: Mapping[Fluent, Expression], place: Location) -> InputError:

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from robust.irr import compare as compares
     from robust.irr.search import EnvelopeResult
     from robust.options import CheckCommand
+    from robust.plan.model import Parameter
     from robust.plan.simulate import Violation
+    from robust.qe import inner
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult
 
@@ -32,8 +34,8 @@ Document = dict[str, Any]
 Solver = Annotated[str, one_of(*SOLVERS)]
 Encoding = Annotated[str, one_of(*ENCODINGS)]
 Verdict = Annotated[str, one_of("proved", "refuted", "unknown")]
-Ended = Annotated[str, one_of("complete", "timeout", "interrupted")]
-SearchEnded = Annotated[str, one_of("complete", "timeout", "interrupted", "invalid")]
+Ended = Annotated[str, one_of("complete", "timeout", "interrupted", "unknown")]
+SearchEnded = Annotated[str, one_of("complete", "timeout", "interrupted", "invalid", "unknown")]
 Kind = Annotated[str, one_of("weak", "dynamic", "strong")]
 Rationals = dict[str, Rational]
 
@@ -170,7 +172,8 @@ class Check(Noted, tag_field="schema", tag="robust/check/1"):
         settled: how many of them shortest paths prove, without the solver
         counterexample: the first of counterexamples
         counterexamples: one for each obligation found to break
-        reason: why the plan is refuted without a counterexample: parameter values leave no schedule
+        reason: why the plan is refuted without a counterexample: parameter values leave no schedule; if unknown: how a
+            solver failed
         interrupted: stopped by Ctrl-C or SIGTERM
         timeout: stopped by --timeout
     """
@@ -214,11 +217,39 @@ def check(result: checks.CheckResult, options: CheckCommand) -> Document:
 
 
 class Within(JsonObject):
-    nominal: Rational
+    """
+    Attributes:
+        nominal: null if the parameter has none
+        percent_below: how far the lower end is from the nominal value, in per cent of it; below zero if it is lower;
+            null if infinite, or if the nominal value is zero or there is none
+        percent_above: the same of the upper end
+        stopped_below: what ends the box there: the obligation that would break, the statements of the network that
+            would leave no schedule, the declared bound, or why that is not known; null if unbounded or not verified
+        stopped_above: the same of the upper end
+    """
+
+    nominal: Rational | None
     lower: End
     upper: End
     lower_closed: bool
     upper_closed: bool
+    percent_below: Rational | None
+    percent_above: Rational | None
+    stopped_below: str | None
+    stopped_above: str | None
+
+
+class Advice(JsonObject):
+    """
+    Attributes:
+        parameters: those without room
+        reason: how plan and domain both fix a duration
+        options: values of --parameter that give room
+    """
+
+    parameters: list[str]
+    reason: str
+    options: list[str]
 
 
 class Convergence(JsonObject):
@@ -268,8 +299,8 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
     """robust envelope --json: a box of parameter values for which a plan is valid
 
     Attributes:
-        status: timeout and interrupted: the box is sound if verified, but may not be maximal; invalid: the plan can
-            fail at the nominal values
+        status: timeout, interrupted and unknown (a solver failed): the box is sound if verified, but may not be
+            maximal; invalid: the plan can fail at the nominal values
         verified: the plan is valid for all values in the box; if false, parameters are merely the nominal values
         beta: the precision of irr; null for the exact methods
         bound: for optimal: no box that may be returned has a greater weighted total width; null if not finite or not
@@ -277,9 +308,11 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
         parameters: the box, in the plan's order
         checks: boxes tried
         unbounded_checks: further boxes tried to find out whether a direction is unbounded
-        reason: if invalid: the obligation that breaks, or the statements that leave no schedule
+        reason: if invalid: the obligation that breaks, or the statements that leave no schedule; if unknown: how a
+            solver failed
         values: if invalid: the parameter values at which it breaks
         counterexample: if invalid: a schedule that fails at the nominal values, if there is one and time for it
+        advice: what to type for parameters that an action's own duration leaves no room
         convergence: total width of the box after each check as a share of the final one; empty if that is zero or
             infinite
         controllability: only with --controllability: what a dispatcher need not know of the values in the box; null if
@@ -301,6 +334,7 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
     reason: str | None
     values: Rationals
     counterexample: Counterexample | None
+    advice: list[Advice]
     convergence: list[Convergence]
     statistics: Statistics
     controllability: Controllability | UnsetType | None = UNSET
@@ -314,7 +348,6 @@ def envelope(
     controllability: bool,
 ) -> Document:
     """`counterexample` shows what breaks at the nominal point if the status is invalid."""
-    nominal = {parameter.name: parameter.nominal for parameter in result.parameters}
     seconds = {step.check: step.seconds for step in result.trace}
     about_control = None if report is None else _controllability(report)
     first = result.first_widening_seconds
@@ -322,9 +355,8 @@ def envelope(
         like(
             Envelope,
             result,
-            parameters={
-                name: Within(nominal=nominal[name], **_ends(one)) for name, one in result.box.intervals.items()
-            },
+            parameters={one.name: _within(result, one) for one in result.parameters},
+            advice=[like(Advice, one) for one in result.advice],
             first_widening_s=None if first is None else round(first, 6),
             counterexample=None if counterexample is None else _counterexample(counterexample),
             convergence=[
@@ -334,6 +366,19 @@ def envelope(
             statistics=like(Statistics, result.statistics),
             controllability=about_control if controllability else UNSET,
         )
+    )
+
+
+def _within(result: EnvelopeResult, parameter: Parameter) -> Within:
+    interval = result.box[parameter.name]
+    stops = {side.value: str(stop) for (name, side), stop in result.stops.items() if name == parameter.name}
+    return Within(
+        nominal=parameter.nominal if parameter.has_nominal else None,
+        **_ends(interval),
+        percent_below=parameter.percent(interval.lower),
+        percent_above=parameter.percent(interval.upper),
+        stopped_below=stops.get("lower"),
+        stopped_above=stops.get("upper"),
     )
 
 
@@ -380,17 +425,66 @@ class Polyhedron(JsonObject):
     constraints: list[Constraint]
 
 
+class Outer(JsonObject):
+    """A polyhedron from which others are removed"""
+
+    base: list[Constraint]
+    minus: list[Polyhedron]
+
+
+class Factor(JsonObject):
+    """What is known of the values of an independent group of parameters
+
+    Attributes:
+        ascending: lists of interchangeable parameters; a point is asked about with each of them in ascending order, to
+            which its values are brought by swaps
+        swaps: for each list, how the first of it changes places with each other: pairs that change places together
+        outer: no point outside is valid
+        inner: points in one of these polyhedra are valid, as to this group; null: all points in `outer` are
+    """
+
+    parameters: list[str]
+    ascending: list[list[str]]
+    swaps: list[list[list[tuple[str, str]]]]
+    outer: Outer
+    inner: list[Polyhedron] | None
+
+
+class OpenShare(JsonObject):
+    """How much of a box lies between both bounds
+
+    Attributes:
+        value: the share; of random points, if there is a confidence
+        lower: at least so much, with the confidence
+        upper: at most so much, with the confidence
+        confidence: null: exact
+        points: how many random points
+        box: what it is a share of
+    """
+
+    value: Rational
+    lower: Rational
+    upper: Rational
+    confidence: Rational | None
+    points: Count | None
+    box: dict[str, Ends]
+
+
 class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     """robust region --json: the robustness envelope, or an outer bound of it
 
     Attributes:
         status: complete: the region is the envelope; otherwise it contains the envelope, and not every point of it is
             valid
+        reason: only if unknown: how a solver failed
         meaning: what the region is, in a sentence
         polyhedra: form union: the region is their union
         base: form difference: the polyhedron from which others are removed
         minus: form difference: what is removed
         pieces: polyhedra of bad parameter values that were found
+        factors: the same for independent groups of parameters and up to permutations, with inner bounds; a point is
+            valid if it is so as to every group; empty if that says no more than the region, or nothing is known
+        open_share: null if complete, or not known
     """
 
     RULES: ClassVar[Document] = {
@@ -401,6 +495,7 @@ class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     }
 
     status: Ended
+    reason: str | UnsetType = UNSET
     meaning: str
     parameters: Annotated[list[str], Meta(extra_json_schema={"uniqueItems": True})]
     form: Annotated[str, one_of("union", "difference")]
@@ -416,11 +511,37 @@ class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     pieces: Count
     seconds: Seconds
     statistics: Statistics
+    factors: list[Factor]
+    open_share: OpenShare | None
 
 
 def region(result: RegionResult, epsilon: Fraction) -> Document:
     shown = {key: value for key, value in result.region.as_dict().items() if key != "schema"}
-    return document(like(Region, result, epsilon=epsilon, statistics=like(Statistics, result.statistics), **shown))
+    shown["reason"] = UNSET if result.reason is None else result.reason
+    more = not result.is_exact or len(result.factors) > 1 or any(one.symmetry for one in result.factors)
+    share = result.open_share
+    return document(
+        like(
+            Region,
+            result,
+            epsilon=epsilon,
+            statistics=like(Statistics, result.statistics),
+            factors=[_factor(one) for one in result.factors] if more else [],
+            open_share=None if share is None else like(OpenShare, share, box=box_of(share.box)),
+            **shown,
+        )
+    )
+
+
+def _factor(factor: inner.Factor) -> Factor:
+    outer, proved = factor.outer.as_dict(), factor.inner.as_dict()
+    return Factor(
+        parameters=list(factor.parameters),
+        ascending=[list(names) for names in factor.symmetry.classes],
+        swaps=[[list(swap) for swap in swaps] for swaps in factor.symmetry.swaps],
+        outer=Outer(base=outer["base"], minus=outer["minus"]),
+        inner=proved.get("polyhedra"),
+    )
 
 
 class Volume(JsonObject):
@@ -451,6 +572,7 @@ class Witness(JsonObject):
 class Face(JsonObject):
     """
     Attributes:
+        percent: how far it is from the nominal value, in per cent of it; null if that is zero
         gap: how far the face could move outwards alone; an upper bound unless the region is complete
         witness: a point beyond the face, within the gap and 1/1000, and what breaks there
     """
@@ -458,6 +580,7 @@ class Face(JsonObject):
     parameter: str
     side: Annotated[str, one_of("lower", "upper")]
     end: Rational
+    percent: Rational | None
     closed: bool
     gap: End
     witness: Witness | None
@@ -506,6 +629,7 @@ def compare(result: compares.Comparison) -> Document:
 
 
 def _compared(entry: compares.Entry) -> ComparedBox:
+    parameters = {one.name: one for one in entry.result.parameters}
     return like(
         ComparedBox,
         entry.result,
@@ -517,6 +641,7 @@ def _compared(entry: compares.Entry) -> ComparedBox:
             like(
                 Face,
                 face,
+                percent=parameters[face.parameter].percent(face.end),
                 gap=exact_end(face.gap, upper=True),
                 witness=None if face.witness is None else like(Witness, face.witness, parameters=face.witness.values),
             )

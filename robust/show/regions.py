@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from html import escape
 from pathlib import Path
@@ -17,19 +17,28 @@ from robust.irr.compare import Comparison, Entry, FaceGap, Share
 from robust.irr.search import Status
 from robust.numbers import duration, interval_text, readable
 from robust.options import place_of
+from robust.plan.load import require_nominal_values
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Side
 from robust.qe.compute import RegionResult, RegionStatus
 from robust.qe.constraint import Sense
-from robust.qe.polyhedron import Polyhedron
+from robust.qe.inner import Factor
+from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
 from robust.show.drawing import save
-from robust.show.text import show_table, table
+from robust.show.text import percentage, print_advice, show_table, table
 
 MANY = 20
 """Pieces up to which a region is shown as a union by default."""
+HUGE = 300
+"""Pieces up to which those that others contain are left out of a difference."""
 _STOPPED = {RegionStatus.TIMEOUT: "out of time", RegionStatus.INTERRUPTED: "interrupted"}
+
+
+def _stopped(result: RegionResult) -> str:
+    """Why the enumeration did not come to its end."""
+    return _STOPPED.get(result.status) or f"{result.reason}"
 
 
 # -- forms -----------------------------------------------------------------------------------------------------------
@@ -47,10 +56,10 @@ def in_form(region: Region, form: str | None) -> Region:
 
 
 def tidied(region: Region) -> Region:
-    """The region simplified; of many pieces only those that others contain are left out, which is quick."""
+    """The region simplified; of many pieces only those that others contain are left out, and of very many none."""
     if len(region.pieces) <= MANY or region.base is None:
         return region.simplified()
-    return Region.difference(region.base, absorb(region.pieces))
+    return region if len(region.pieces) > HUGE else Region.difference(region.base, absorb(region.pieces))
 
 
 # -- output ----------------------------------------------------------------------------------------------------------
@@ -59,21 +68,72 @@ def tidied(region: Region) -> Region:
 def print_latex(out: Console, result: RegionResult) -> None:
     """A formula; what it is, if not the envelope, in a comment."""
     if not result.is_exact:
-        out.print(Text(f"% {_STOPPED[result.status]}: {result.meaning}"), soft_wrap=True)
+        out.print(Text(f"% {_stopped(result)}: {result.meaning}"), soft_wrap=True)
     out.print(Text(result.region.to_latex()), soft_wrap=True)
 
 
 def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
     """Inequalities, and what they mean; unless `quiet` also how they were found."""
-    for line in region_lines(result.region, exact=result.is_exact):
+    ordered = result.is_exact and len(result.region.pieces) > MANY and any(one.symmetry for one in result.factors)
+    exact = result.is_exact
+    lines = _ordered_lines(result.factors) if ordered else region_lines(result.region, exact=exact)
+    for line in lines:
+        out.print(Text(line), soft_wrap=True)
+    for line in () if exact else _inner_lines(result):
         out.print(Text(line), soft_wrap=True)
     if not quiet:
         out.print()
-    if not result.is_exact:
-        text = f"{_STOPPED[result.status]}: an outer bound of the envelope; outside the plan can fail, inside it may"
+    if not exact:
+        text = f"{_stopped(result)}: an outer bound of the envelope; outside the plan can fail, inside it may"
         out.print(Text(text, style="yellow"), soft_wrap=True)
+        out.print(Text(_open_text(result), style="yellow"), soft_wrap=True)
     if not quiet:
         out.print(_summary(result), soft_wrap=True)
+
+
+def _ordered_lines(factors: Sequence[Factor]) -> Iterator[str]:
+    """The region up to permutations of parameters, for each group of them; all have to hold."""
+    for index, one in enumerate(factors):
+        yield from ("",) if index else ()
+        yield from _ordering(one)
+        yield from region_lines(in_form(one.outer, None), exact=True)
+
+
+def _ordering(factor: Factor) -> Iterator[str]:
+    for names in factor.symmetry.classes:
+        yield f"In ascending order of {', '.join(names)}, which are interchangeable:"
+
+
+def _inner_lines(result: RegionResult) -> Iterator[str]:
+    """What is proved, group by group of parameters, or nothing."""
+    if not any(one.inner.pieces or one.inner.base is not None for one in result.factors):
+        return
+    for one in result.factors:
+        yield ""
+        yield from _ordering(one)
+        among = f" as to {', '.join(one.parameters)}" if len(result.factors) > 1 else ""
+        if one.inner.base is not None:
+            yield from region_lines(in_form(one.inner, None), exact=True)
+            continue
+        yield f"The plan is certain to be valid{among} if all lines of one of these groups hold"
+        for index, piece in enumerate(one.inner.pieces, start=1):
+            yield f"  {index}."
+            yield from (f"     {line}" for line in polyhedron_lines(piece) or ["no condition"])
+
+
+def _open_text(result: RegionResult) -> str:
+    """How much lies between both bounds."""
+    cells = sum(len(one.inner.pieces) for one in result.factors)
+    proved = f"proved valid: {_polyhedra(cells)}"
+    share = result.open_share
+    if share is None:
+        return proved
+    ends = f"{_percent(share.value)}"
+    if share.confidence is not None:
+        between = f"{_percent(share.lower)} to {_percent(share.upper)}"
+        ends = f"about {ends} ({between} with confidence {_percent(share.confidence)}, {share.points} random points)"
+    box = ", ".join(f"{name} ∈ {interval_text(one)}" for name, one in share.box.intervals.items())
+    return f"{proved}; open: {ends} of {box}"
 
 
 def _summary(result: RegionResult) -> Text:
@@ -81,9 +141,12 @@ def _summary(result: RegionResult) -> Text:
     if result.is_exact:
         text.append("complete", style="green")
         text.append(": the exact envelope; ")
-    found = "1 polyhedron" if result.pieces == 1 else f"{result.pieces} polyhedra"
-    text.append(f"{found} of bad values, {result.backend}, {duration(result.seconds)}.")
+    text.append(f"{_polyhedra(result.pieces)} of bad values, {result.backend}, {duration(result.seconds)}.")
     return text
+
+
+def _polyhedra(count: int) -> str:
+    return "1 polyhedron" if count == 1 else f"{count} polyhedra"
 
 
 def region_lines(region: Region, *, exact: bool) -> Iterator[str]:
@@ -151,7 +214,7 @@ def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
     """The one or two parameters that are drawn: those that were asked for, or the first two.
 
     Raises:
-        InputError: if there is nothing to draw, or the axes are none.
+        InputError: if there is nothing to draw, the axes are none, or there is no nominal value for one not drawn.
     """
     known = [parameter.name for parameter in plan.parameters]
     if not known:
@@ -161,19 +224,29 @@ def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
             raise InputError(f"found unknown parameter {name!r}{did_you_mean(name, known)}", place_of("axes"))
     if len(axes) > 2 or len(set(axes)) < len(axes):
         raise InputError(f"found {','.join(axes)}, expected one or two different parameters", place_of("axes"))
-    return tuple(axes) or tuple(known[:2])
+    shown = tuple(axes) or tuple(known[:2])
+    require_nominal_values(one for one in plan.parameters if one.name not in shown)
+    return shown
 
 
 def plot_slice(
-    region: Region, plan: ParametrizedPlan, path: Path, axes: Sequence[str], boxes: Mapping[str, Box] | None = None
+    region: Region,
+    plan: ParametrizedPlan,
+    path: Path,
+    axes: Sequence[str],
+    *,
+    boxes: Mapping[str, Box] | None = None,
+    inner: Callable[[Point], Region] | None = None,
 ) -> None:
-    """Draw one or two parameters, the others at their nominal values."""
+    """Draw one or two parameters, the others at their nominal values; also an inner bound, if there is one."""
     from robust.show.region_plot import draw_region  # noqa: PLC0415 - late, as all that leads to matplotlib
 
     shown = shown_axes(plan, axes)
     nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}
     rest = {name: value for name, value in nominal.items() if name not in shown}
-    save(lambda: draw_region(region, shown, at=rest, boxes=boxes, points={"nominal values": nominal}), path)
+    proved = None if inner is None else inner(rest)
+    points = {"nominal values": nominal} if plan.has_nominal else {}
+    save(lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points, inner=proved), path)
 
 
 # -- comparisons -----------------------------------------------------------------------------------------------------
@@ -206,16 +279,22 @@ def box_rows(result: Comparison) -> list[Row]:
 
 def face_rows(result: Comparison) -> list[Row]:
     """One row for each finite face of each box."""
-    return [(_NAMES[entry.method], *_face_cells(face)) for entry in result.entries for face in entry.faces]
+    parameters = {one.name: one for one in result.plan.parameters}
+    return [
+        (_NAMES[entry.method], *_face_cells(face, parameters[face.parameter].percent(face.end)))
+        for entry in result.entries
+        for face in entry.faces
+    ]
 
 
-def _face_cells(face: FaceGap) -> Row:
+def _face_cells(face: FaceGap, percent: Fraction | None) -> Row:
     signs = "<≤" if face.side is Side.UPPER else ">≥"
     sign = signs[face.closed]
     witness = face.witness
     point = "" if witness is None else ", ".join(f"{name} = {readable(v)}" for name, v in witness.values.items())
     gap = "∞" if face.gap is None else readable(face.gap)
-    return f"{face.parameter} {sign} {readable(face.end)}", gap, witness.obligation if witness else "", point
+    end = f"{readable(face.end)}{'' if percent is None else f' ({percentage(percent)})'}"
+    return f"{face.parameter} {sign} {end}", gap, witness.obligation if witness else "", point
 
 
 def _share(share: Share | None) -> str:
@@ -248,6 +327,7 @@ def print_comparison(out: Console, result: Comparison, *, quiet: bool) -> None:
     if rows:
         out.print()
         show_table(out, table(_FACES, rows, right=("gap",)))
+    print_advice(out, dict.fromkeys(one for entry in result.entries for one in entry.result.advice))
     out.print()
     out.print(Text(_compare_summary(result)), soft_wrap=True)
 
@@ -265,6 +345,7 @@ def _compare_summary(result: Comparison) -> str:
         Status.INVALID: "the plan can fail at the nominal values",
         Status.TIMEOUT: "out of time: gaps are at most those shown, shares at least",
         Status.INTERRUPTED: "interrupted: what was known by then",
+        Status.UNKNOWN: "a solver failed: gaps are at most those shown, shares at least",
     }
     region = "" if result.region is None else f"; region {duration(result.region.seconds)}"
     return f"{words[result.status]}{region}, {duration(result.seconds)} in all."
@@ -275,7 +356,7 @@ def plot_comparison(result: Comparison, path: Path, axes: Sequence[str]) -> None
     if result.region is None:
         return
     boxes = {_NAMES[entry.method]: entry.result.box for entry in result.entries if entry.result.verified}
-    plot_slice(result.region.region, result.plan, path, axes, boxes)
+    plot_slice(result.region.region, result.plan, path, axes, boxes=boxes)
 
 
 _PAGE = Template("""<!DOCTYPE html>

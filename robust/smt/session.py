@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from fractions import Fraction
 from importlib import import_module
@@ -24,7 +24,10 @@ from robust.smt.terms import Formula, Terms
 
 @dataclass(slots=True)
 class Statistics:
-    """Counts over all sessions that share it: queries by verdict, seconds in solvers, nodes of asserted formulas."""
+    """Counts over all sessions that share it: queries by verdict, seconds in solvers, nodes of asserted formulas.
+
+    `failures` say why solvers gave no verdict, where it was not for lack of time.
+    """
 
     queries: int = 0
     satisfiable: int = 0
@@ -32,9 +35,19 @@ class Statistics:
     unknown: int = 0
     seconds: float = 0.0
     nodes: int = 0
+    failures: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, float | int]:
-        return {**asdict(self), "seconds": round(self.seconds, 6)}
+        """The counts."""
+        counts = {**asdict(self), "seconds": round(self.seconds, 6)}
+        del counts["failures"]
+        return counts
+
+    @property
+    def failure(self) -> str | None:
+        """The first of the failures, and how many there are."""
+        others = f" (and {len(self.failures) - 1} more)" if len(self.failures) > 1 else ""
+        return f"{self.failures[0]}{others}" if self.failures else None
 
 
 Value = Fraction | bool
@@ -42,7 +55,7 @@ log = logging.getLogger(__name__)
 
 
 class Verdict(Enum):
-    """What a solver says of a query; UNKNOWN covers time-outs."""
+    """What a solver says of a query; UNKNOWN covers time-outs and crashes."""
 
     SATISFIABLE = "sat"
     UNSATISFIABLE = "unsat"
@@ -54,12 +67,14 @@ class Backend(ABC):
 
     name: str
 
-    def __init__(self, terms: Terms) -> None:
+    def __init__(self, terms: Terms, *, proving: bool = False) -> None:
         self._terms = terms
-        self._solver = self._create(terms)
+        self.failure: str | None = None
+        """Why the last check has no verdict, where it is not for lack of time."""
+        self._solver = self._create(terms, proving)
 
     @abstractmethod
-    def _create(self, terms: Terms) -> Any: ...
+    def _create(self, terms: Terms, proving: bool) -> Any: ...
 
     def add(self, formula: Formula) -> None:
         self._solver.add_assertion(formula)
@@ -71,8 +86,11 @@ class Backend(ABC):
         self._solver.pop()
 
     @abstractmethod
-    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
-        """Decide the asserted formulas; `symbols` gives those whose values may be asked for afterwards."""
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Verdict:
+        """Decide the asserted formulas; `symbols` gives those whose values may be asked for afterwards.
+
+        With an effort the answer may be UNKNOWN after so many steps of the solver, if it counts them.
+        """
 
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
         """The model of the last satisfiable check."""
@@ -84,19 +102,31 @@ class Z3(Backend):
 
     name = "z3"
 
-    def _create(self, terms: Terms) -> Any:
+    def _create(self, terms: Terms, proving: bool) -> Any:
+        self._effort = 0
         solver = _pysmt_solver(terms, self.name, "z3", "Z3Solver")
+        if proving:
+            import z3  # noqa: PLC0415 - slow to import
+
+            # Without tactics in between, and with z3's earlier arithmetic: hard proofs take half the time.
+            solver.z3 = z3.SimpleSolver()
+            solver.z3.set("arith.solver", 2)
         # All sessions of one environment share what has been translated already.
         solver.converter = terms.translations.setdefault(self.name, solver.converter)
         return solver
 
-    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Verdict:
         remaining = deadline.remaining
         # Zero means "no limit" to z3, and a limit that has passed must still return at once.
         milliseconds = 4294967295 if remaining is None else max(1, int(remaining * 1000))
         self._solver.z3.set("timeout", milliseconds)
+        if effort != self._effort:
+            self._effort = effort
+            self._solver.z3.set("rlimit", effort)
+        before = self._steps() if effort else 0
         verdict = _solve(self._solver)
-        if verdict is Verdict.UNKNOWN and self._was_interrupted(deadline):
+        given_up = effort and verdict is Verdict.UNKNOWN and self._steps() - before >= effort
+        if verdict is Verdict.UNKNOWN and not given_up and self._was_interrupted(deadline):
             # z3's own handler takes the signal while it works, so Python never hears of it.
             raise KeyboardInterrupt
         return verdict
@@ -113,6 +143,11 @@ class Z3(Backend):
             found[symbol.symbol_name()] = Fraction(value.as_string()) if numeral else z3.is_true(value)
         return found
 
+    def _steps(self) -> int:
+        """What this solver has spent by now, in the unit of an effort."""
+        statistics = self._solver.z3.statistics()
+        return int(statistics.get_key_value("rlimit count")) if "rlimit count" in statistics.keys() else 0  # noqa: SIM118
+
     def _was_interrupted(self, deadline: Deadline) -> bool:
         """z3 gives the same reason for a time limit as for some interruptions; then the clock tells them apart."""
         reason = self._solver.z3.reason_unknown()
@@ -122,61 +157,64 @@ class Z3(Backend):
 
 
 class Cvc5(Backend):
-    """cvc5 cannot be interrupted while Python waits for it.
+    """cvc5 in a copy of this process for each question.
 
-    A query gets a short slice in this process; what takes longer runs in a forked copy of the process, which Ctrl-C or
-    the time limit ends at once, and which sends back the verdict and the values.
+    cvc5 cannot be interrupted while Python waits for it, and now and then it aborts, which ends the process that it
+    runs in. Here it only holds terms; a forked copy solves, sends back verdict and values, and can be ended.
     """
 
     name = "cvc5"
-    slice_milliseconds = 100
 
-    def _create(self, terms: Terms) -> Any:
-        self._copied_values: Mapping[str, Value] | None = None
-        return _pysmt_solver(terms, self.name, "cvcfive", "CVC5Solver")
+    def _create(self, terms: Terms, proving: bool) -> Any:
+        self._frames: list[list[Any]] = [[]]
+        self._values: Mapping[str, Value] = {}
+        # All sessions of one environment share what has been translated already.
+        if self.name not in terms.translations:
+            terms.translations[self.name] = _pysmt_solver(terms, self.name, "cvcfive", "CVC5Solver")
+        return terms.translations[self.name]
 
-    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
-        self._copied_values = None
-        remaining = deadline.remaining
-        slice_ = self.slice_milliseconds if remaining is None else min(self.slice_milliseconds, int(remaining * 1000))
-        self._solver.cvc5.setOption("tlimit-per", str(max(1, slice_)))
-        verdict = _solve(self._solver)
-        if verdict is Verdict.UNKNOWN and not deadline.passed:
-            return self._check_in_copy(deadline, list(symbols()))
+    def add(self, formula: Formula) -> None:
+        self._frames[-1].append(self._solver.converter.convert(formula))
+
+    def push(self) -> None:
+        self._frames.append([])
+
+    def pop(self) -> None:
+        self._frames.pop()
+
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Verdict:
+        def answer() -> tuple[Verdict, Mapping[str, Value]]:
+            for term in (term for frame in self._frames for term in frame):
+                self._solver.cvc5.assertFormula(term)
+            verdict = _solve(self._solver)
+            return verdict, super(Cvc5, self).values(symbols()) if verdict is Verdict.SATISFIABLE else {}
+
+        self.failure = None
+        try:
+            verdict, self._values = from_copy(answer, deadline, self.name)
+        except OutOfTimeError:
+            return Verdict.UNKNOWN
+        except SolverError as error:
+            self.failure = error.message
+            return Verdict.UNKNOWN
         return verdict
 
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
-        if self._copied_values is None:
-            return super().values(symbols)
-        return {symbol.symbol_name(): self._copied_values[symbol.symbol_name()] for symbol in symbols}
-
-    def _check_in_copy(self, deadline: Deadline, symbols: list[Formula]) -> Verdict:
-        values = super().values
-
-        def answer() -> tuple[Verdict, dict[str, Value]]:
-            self._solver.cvc5.setOption("tlimit-per", "0")
-            verdict = _solve(self._solver)
-            return verdict, values(symbols) if verdict is Verdict.SATISFIABLE else {}
-
-        try:
-            verdict, self._copied_values = from_copy(answer, deadline, self.name)
-        except (OutOfTimeError, SolverError):
-            return Verdict.UNKNOWN
-        return verdict
+        return {symbol.symbol_name(): self._values[symbol.symbol_name()] for symbol in symbols}
 
 
 BACKENDS: Mapping[str, type[Backend]] = {"z3": Z3, "cvc5": Cvc5}
 
 
-def create_backend(name: str, terms: Terms) -> Backend:
-    """The solver of that name.
+def create_backend(name: str, terms: Terms, *, proving: bool = False) -> Backend:
+    """The solver of that name, see :class:`Session`.
 
     Raises:
         SolverError: if there is no such solver or it is not installed.
     """
     if name not in BACKENDS:
         raise SolverError(f"unknown solver {name!r}{did_you_mean(name, BACKENDS)}")
-    return BACKENDS[name](terms)
+    return BACKENDS[name](terms, proving=proving)
 
 
 def _pysmt_solver(terms: Terms, name: str, module: str, solver_class: str) -> Any:
@@ -207,6 +245,7 @@ def _python_value(constant: Formula) -> Value:
 class Session:
     """A stack of assertions in one solver.
 
+    With `proving` the solver is set to what proves most quickly that there is no model; it may find other models then.
     Several sessions may share a `statistics` and an `exporter`. Ctrl-C ends a running query at once with
     `KeyboardInterrupt`; the session is not to be used after that.
 
@@ -221,12 +260,15 @@ class Session:
         solver: str = "z3",
         statistics: Statistics | None = None,
         exporter: Exporter | None = None,
+        proving: bool = False,
     ) -> None:
         self.terms = terms
         self.solver = solver
         self.statistics = statistics or Statistics()
+        self.failure: str | None = None
+        """Why the last check has no verdict, where it is not for lack of time."""
         self._exporter = exporter
-        self._backend = create_backend(solver, terms)
+        self._backend = create_backend(solver, terms, proving=proving)
         self._frames: list[list[Formula]] = [[]]
         self._symbols: list[set[Formula]] = [set()]
 
@@ -267,15 +309,22 @@ class Session:
     def assertions(self) -> list[Formula]:
         return [formula for frame in self._frames for formula in frame]
 
-    def check(self, question: str, deadline: Deadline = NEVER) -> Verdict:
-        """Whether the assertions have a model; `question` names the query in logs and exported files."""
+    def check(self, question: str, deadline: Deadline = NEVER, effort: int = 0) -> Verdict:
+        """Whether the assertions have a model; `question` names the query in logs and exported files.
+
+        With an effort the solver may give up after so many of its steps, the same ones in every run: UNKNOWN.
+        """
         raise_if_interrupted()
         if deadline.passed:
             return Verdict.UNKNOWN
         started = time.perf_counter()
-        verdict = self._backend.check(deadline, self._asserted_symbols)
+        verdict = self._backend.check(deadline, self._asserted_symbols, effort)
         seconds = time.perf_counter() - started
         self._count(verdict, seconds)
+        self.failure = None
+        if verdict is Verdict.UNKNOWN and self._backend.failure is not None:
+            self.failure = f"{self._backend.failure}, asked: {question}"
+            self.statistics.failures.append(self.failure)
         log.debug("%s: %s in %.4f s", question, verdict.value, seconds)
         if self._exporter is not None:
             self._exporter.write(self.terms, self.assertions, question, verdict.value)

@@ -42,6 +42,19 @@ def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:
     return _decode(sys.stdin.buffer.read(), place), place.file or ""
 
 
+def read_source(source: str | os.PathLike[str], name: str) -> tuple[str, str]:
+    """The text of an input and what to call it, of a path or of a text, which is called `name`.
+
+    A string is a text if it has a line break, or a parenthesis where no file has that name; `-` is standard input.
+
+    Raises:
+        InputError: if it cannot be read or is no text.
+    """
+    if isinstance(source, str) and ("\n" in source or ("(" in source and not os.path.exists(source))):
+        return source, name
+    return read_plan_text(source)
+
+
 def read_bytes(path: str | os.PathLike[str], expected: str = "a readable text file") -> bytes:
     """What an input file holds.
 
@@ -100,6 +113,8 @@ class Kind(Enum):
     VARIABLE = r"\?[A-Za-z0-9_][A-Za-z0-9_-]*"
     KEYWORD = r":[A-Za-z0-9_][A-Za-z0-9_-]*"
     NAME = r"[A-Za-z0-9_][A-Za-z0-9_-]*"
+    DASHED = r"-[A-Za-z_][A-Za-z0-9_-]*"
+    """A type after a `-` without a blank; of no meaning elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,9 +242,7 @@ def _tokens(text: str, file: str) -> Iterator[tuple[re.Match[str], Location]]:
 
 def _bad_word(word: str, where: Location) -> InputError:
     hint = ""
-    if word.startswith("-") and len(word) > 1:
-        hint = "; a '-' before a type is followed by a blank"
-    elif re.fullmatch(r"[+-]?[\d.]+/[\d.]+", word):
+    if re.fullmatch(r"[+-]?[\d.]+/[\d.]+", word):
         hint = f"; write a fraction as (/ {' '.join(word.split('/'))})"
     expected = "a name (of letters, digits, '-' and '_'), a ?variable, a :keyword, a number or an operator"
     return fault(where, expected, found=quote(word.lower()), hint=hint)
