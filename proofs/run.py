@@ -16,7 +16,7 @@ from proofs.theorems._library.solvers import SOLVERS, Answer, Solver
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "theorems.md"
 LIMIT = 30.0
-"""Seconds for one problem and one solver."""
+"""Seconds of processor time for one problem and one solver."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--models", action="store_true", help="print the countermodels")
     parser.add_argument("--write-docs", action="store_true", help="write docs/theorems.md if everything is as stated")
     parser.add_argument("--smt2", type=Path, metavar="DIR", help="write the problems as SMT-LIB 2 and stop")
-    parser.add_argument("--timeout", type=float, default=LIMIT, metavar="S", help="seconds per problem and solver")
+    parser.add_argument("--timeout", type=float, default=LIMIT, metavar="S", help="seconds of processor time per problem and solver")
     return parser
 
 

@@ -2,10 +2,10 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -89,9 +89,10 @@ HARD = (
 
 def test_a_solver_that_takes_too_long_is_ended_and_asked_again():
     with Solver("z3", limit=1.0) as solver:
-        started = time.perf_counter()
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         assert solver.ask(problem(f"(set-logic ALL){HARD}")).verdict == "timeout"
-        assert time.perf_counter() - started < 10
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 5
         solver._limit = 60.0
         assert solver.ask(problem("(set-logic ALL)(declare-const x Real)(assert (= x 2.0))", x="x")).values == {
             "x": "2"
