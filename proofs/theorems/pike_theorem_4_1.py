@@ -389,7 +389,15 @@ THEOREM = Theorem(
                 ),
                 Variant("the distances need not be the least.", LABELS.without(LEAST)),
             ),
-            interesting="(distinct direct there on merged)",
+            interesting=conj(
+                "(distinct direct there on merged)",
+                "(distinct direct-best there-best on-best merged-best)",
+                forall(
+                    {"e": "Value"},
+                    "(and (or (= e direct-best) (= e there-best) (= e on-best) (= e merged-best)) "
+                    "(= (old e) (= e direct-best)) (= (to-via e) (= e there-best)) (= (from-via e) (= e on-best)))",
+                ),
+            ),
         ),
         Lemma(
             "conflict",
