@@ -39,7 +39,7 @@ ADDED = (
     *(function(name, ["Environment"], "Bool") for name in ("scenario", "conflict", "compatible")),
     function("joined", ["Environment"], "Environment"),
     *LABEL,
-    *consts("Environment", "some", "assignments", "first-conflict", "second-conflict"),
+    *consts("Environment", "some", "full", "assignments", "first-conflict", "second-conflict"),
 )
 AVOIDS = forall({"c": "Environment"}, "(=> (conflict c) (not (entails full c)))")
 POSSIBLE = exists({"full": "Environment"}, conj("(scenario full)", "(says full)", "(entails full assignments)", AVOIDS))
@@ -95,7 +95,30 @@ SINGLE = Statement(
             "(=> (and (entails e part) (entails part rest)) (entails e rest))",
         ),
     },
-    PRINTED,
+    implies(
+        "(and (label some) (compatible some) (not (entails (joined some) first-conflict)))",
+        exists(
+            {"full": "Environment"},
+            conj(
+                "(scenario full)",
+                "(entails full some)",
+                "(entails full assignments)",
+                "(not (entails full first-conflict))",
+            ),
+        ),
+    ),
+    STATEMENT.show,
+)
+NOT_MANIFEST = "(forall ((c Environment)) (=> (conflict c) (not (entails (joined some) c))))"
+NECESSARY = Statement(
+    ADDED,
+    {
+        **STATEMENT.assumptions,
+        "entailment is transitive": SINGLE.assumptions["entailment is transitive"],
+        "a scenario that avoids the conflicts": conj("(scenario full)", "(entails full assignments)", AVOIDS),
+        "an environment of the label that it entails": "(and (label some) (entails full some))",
+    },
+    f"(and (compatible some) {NOT_MANIFEST})",
     STATEMENT.show,
 )
 SCENARIOS = "each environment is a part of a scenario (by induction, lemma completion)"
@@ -213,12 +236,24 @@ THEOREM = Theorem(
             interesting=conj(THREE, "(conflict first-conflict)", "(label second-conflict)", "(compatible second-conflict)"),
         ),
         Lemma(
+            "no conflict manifest",
+            "If adding is possible, some environment of the label joins the assignments and manifests no conflict.",
+            NECESSARY,
+            (
+                Variant(
+                    "the scenario need not avoid the conflicts.",
+                    NECESSARY.without("a scenario that avoids the conflicts").with_also(FEW, THREE),
+                ),
+            ),
+            interesting=conj(THREE, "(conflict first-conflict)"),
+        ),
+        Lemma(
             "one conflict",
-            "With one new conflict and two values for each variable, not manifesting it is enough.",
+            "With one new conflict and two values for each variable, that is enough.",
             SINGLE,
             (
                 Variant(
-                    "there may be several conflicts.", SINGLE.without(ONE_CONFLICT).with_also(FEW, EXAMPLE)
+                    "there may be several conflicts.", SINGLE.claiming(PRINTED).without(ONE_CONFLICT).with_also(FEW, EXAMPLE)
                 ),
                 Variant(
                     "a conflict may be one that no scenario avoids.", SINGLE.without(AVOIDABLE).with_also("one scenario", ALL_ALIKE)
