@@ -43,7 +43,9 @@ ADDED = (
 )
 AVOIDS = forall({"c": "Environment"}, "(=> (conflict c) (not (entails full c)))")
 POSSIBLE = exists({"full": "Environment"}, conj("(scenario full)", "(says full)", "(entails full assignments)", AVOIDS))
-JOINED = "a scenario entails an environment and the new assignments exactly if they are compatible and it entails their join"
+JOINED = (
+    "a scenario entails an environment and the new assignments exactly if they are compatible and it entails their join"
+)
 STATEMENT = Statement(
     ADDED,
     {
@@ -77,7 +79,9 @@ PRINTED = iff(
     POSSIBLE,
 )
 ONE_CONFLICT = "there is one new conflict"
-AVOIDABLE = "an environment that does not manifest a conflict is a part of a scenario that does not (lemma avoiding one)"
+AVOIDABLE = (
+    "an environment that does not manifest a conflict is a part of a scenario that does not (lemma avoiding one)"
+)
 SINGLE = Statement(
     ADDED,
     {
@@ -233,7 +237,9 @@ THEOREM = Theorem(
                     STATEMENT.claiming(PRINTED).with_also(FEW, EXAMPLE),
                 ),
             ),
-            interesting=conj(THREE, "(conflict first-conflict)", "(label second-conflict)", "(compatible second-conflict)"),
+            interesting=conj(
+                THREE, "(conflict first-conflict)", "(label second-conflict)", "(compatible second-conflict)"
+            ),
         ),
         Lemma(
             "no conflict manifest",
@@ -253,10 +259,12 @@ THEOREM = Theorem(
             SINGLE,
             (
                 Variant(
-                    "there may be several conflicts.", SINGLE.claiming(PRINTED).without(ONE_CONFLICT).with_also(FEW, EXAMPLE)
+                    "there may be several conflicts.",
+                    SINGLE.claiming(PRINTED).without(ONE_CONFLICT).with_also(FEW, EXAMPLE),
                 ),
                 Variant(
-                    "a conflict may be one that no scenario avoids.", SINGLE.without(AVOIDABLE).with_also("one scenario", ALL_ALIKE)
+                    "a conflict may be one that no scenario avoids.",
+                    SINGLE.without(AVOIDABLE).with_also("one scenario", ALL_ALIKE),
                 ),
             ),
             interesting=conj(

@@ -20,14 +20,21 @@ from proofs.theorems._library.terms import conj, const, consts, exists, forall, 
 FREE = "(not (assigned some x))"
 EXTENDED = forall({"w": "Value"}, "(=> (domain x w) (says (with some x w)))")
 PICKED = "for each value of the variable, an environment of the label that the environment with this value entails"
-CLOSED = "closed: what remains of these, if each assigns the variable, is joined, and entails an environment of the label"
+CLOSED = (
+    "closed: what remains of these, if each assigns the variable, is joined, and entails an environment of the label"
+)
 SMALLER = Statement(
     (*ENVIRONMENTS, *LABEL),
     {WITH: with_one("some", "x", "v"), "the variable is free": FREE},
     "(=> (implicant some) (implicant (with some x v)))",
     {"the variable is free": FREE},
 )
-FULL = Statement((*ENVIRONMENTS, *LABEL), {"the environment is a scenario": "(scenario some)"}, "(=> (implicant some) (says some))", {"in the label": "(label some)"})
+FULL = Statement(
+    (*ENVIRONMENTS, *LABEL),
+    {"the environment is a scenario": "(scenario some)"},
+    "(=> (implicant some) (says some))",
+    {"in the label": "(label some)"},
+)
 CONSENSUS = Statement(
     (*ENVIRONMENTS, *LABEL, function("pick", ["Value"], "Environment"), const("consensus", "Environment")),
     {
@@ -252,9 +259,7 @@ THEOREM = Theorem(
             (
                 Variant(
                     "the environment need not be a scenario.",
-                    FULL.without("the environment is a scenario").with_also(
-                        ONE_VARIABLE, SMALL
-                    ),
+                    FULL.without("the environment is a scenario").with_also(ONE_VARIABLE, SMALL),
                 ),
             ),
             interesting="(implicant some)",
@@ -266,9 +271,7 @@ THEOREM = Theorem(
             (
                 Variant(
                     "the label is not closed.",
-                    CONSENSUS.without(CLOSED).with_also(
-                        ONE_VARIABLE, SMALL
-                    ),
+                    CONSENSUS.without(CLOSED).with_also(ONE_VARIABLE, SMALL),
                 ),
             ),
             interesting=conj(

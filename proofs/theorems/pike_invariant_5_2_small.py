@@ -96,10 +96,10 @@ THEOREM = Theorem(
     name="pike_invariant_5_2_small",
     title="Labels contain the prime implicants: small labels",
     source="[PIKE, Invariant 5.2]",
-    words="A label over few variables that is minimal and closed under consensus is the set of prime implicants of what "
-    "it says.",
+    words="A label over few variables that is minimal and closed under consensus is the set of prime implicants of "
+    "what it says.",
     formalisation="An arbitrary set of environments, one truth value each, over all sets at once; scenarios and "
-    "entailment are computed, so that nothing is assumed about them. A second formalisation of the general proof above.",
+    "entailment are computed, so that nothing is assumed about them. A second look at what is proved in general above.",
     scope=Scope.BOUNDED,
     bound="all labels over two variables with three values, three with two values, and three with 3, 2 and 3 values.",
     lemmas=(

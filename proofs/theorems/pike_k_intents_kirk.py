@@ -52,8 +52,8 @@ THEOREM = Theorem(
     words="For every way of guessing the human's choice of a pair from the choices before, there is a human with whose "
     "choices every guess is wrong: as many failures as there are pairs. That Kirk guesses in this way, and replans at "
     "each failure, is the paper's description of it and not shown here.",
-    formalisation="`guess` is what the executive counts on after a history of human choices: any function. The human is "
-    "given: after each history another outcome than the guess.",
+    formalisation="`guess` is what the executive counts on after a history of human choices: any function. The human "
+    "is given: after each history another outcome than the guess.",
     scope=Scope.INDUCTION,
     bound="any number of pairs with two outcomes at least, any way of guessing from the choices before.",
     formerly="guesses were fixed for each pair, and failures not counted",

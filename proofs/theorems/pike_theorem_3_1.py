@@ -85,8 +85,8 @@ THEOREM = Theorem(
     title="Satisfiability reduces to checking for a correct execution",
     source="[PIKE, Theorem 3.1, Appendix B]",
     words="The plan that Appendix B makes of a formula in conjunctive normal form has a correct execution if and only "
-    "if the formula is satisfiable; models and scenarios with a correct execution are the same. This is the step of the "
-    "proof of NP-completeness that is about plans; the others are in words below.",
+    "if the formula is satisfiable; models and scenarios with a correct execution are the same. This is the step of "
+    "the proof of NP-completeness that is about plans; the others are in words below.",
     formalisation="`Variable` and `Clause` are arbitrary sets, `holds` is an assignment and at the same time a "
     "scenario. The "
     "condition of a clause's activity has a support in a consistent schedule exactly if the assignment satisfies "

@@ -14,7 +14,6 @@ from proofs.theorems._library.terms import (
     const,
     consts,
     define,
-    exists,
     forall,
     function,
     iff,
@@ -211,10 +210,13 @@ _NEW = ("(far s (+ n 1) i j)", "(ties s (+ n 1) i j)")
 _DETOUR = ("(+ (far s n i (at n)) (far s n (at n) j))", "(+ (ties s n i (at n)) (ties s n (at n) j))")
 
 
-def _round(via: Term = f"(shorter {' '.join(_OLD)} {' '.join(_DETOUR)})") -> Term:
-    """The round with number n; `via` says when the old distance stays."""
+_STAYS = f"(shorter {' '.join(_OLD)} {' '.join(_DETOUR)})"
+
+
+def _round(stays: Term = _STAYS) -> Term:
+    """The round with number n; `stays` says when the old distance does."""
     become = [conj(*(f"(= {new} {old})" for new, old in zip(_NEW, values, strict=True))) for values in (_OLD, _DETOUR)]
-    return forall(PAIR, ite(via, *become))
+    return forall(PAIR, ite(stays, *become))
 
 
 BASE = {
@@ -259,13 +261,16 @@ AFTER_IMPLIED = "after the last round, consistent schedules keep to the distance
 AFTER_SHORTEST = "after the last round, the distances are shortest (by induction over rounds)"
 DATES = "the schedule has each event at its distance from one of them, moved back a little for each strict bound"
 LITTLE = "the moves are ordered as the numbers of strict bounds, and smaller than all room that bounds leave"
-SOUND = Statement(
-    NETWORK, {AFTER_IMPLIED: forall({"s": "Extended"}, "(implied s rounds)")}, NO_CONFLICT.formula, SHOW
-)
+SOUND = Statement(NETWORK, {AFTER_IMPLIED: forall({"s": "Extended"}, "(implied s rounds)")}, NO_CONFLICT.formula, SHOW)
 
 
 def _complete(*, moved: str = "(+ (far s rounds source i) (moved s i))") -> Statement:
-    far, ties = (lambda event, name=name: f"({name} s rounds source {event})" for name in ("far", "ties"))
+    def far(event: str) -> Term:
+        return f"(far s rounds source {event})"
+
+    def ties(event: str) -> Term:
+        return f"(ties s rounds source {event})"
+
     gap = f"(- {far('j')} {far('i')})"
     return Statement(
         (
@@ -439,7 +444,9 @@ THEOREM = Theorem(
                     BOUNDS.without(TIGHTEST).with_also(TWO, SMALL),
                 ),
             ),
-            interesting=conj(SMALL, forall({"c": "Constraint"}, "(or (= c (tightest one two)) (= c (tightest two one)))")),
+            interesting=conj(
+                SMALL, forall({"c": "Constraint"}, "(or (= c (tightest one two)) (= c (tightest two one)))")
+            ),
         ),
         Lemma(
             "implied, start",
@@ -468,9 +475,7 @@ THEOREM = Theorem(
             "shortest, start",
             "Before the first round, no event has had its turn, so no detour counts.",
             SHORTEST_START,
-            (
-                Variant("an event may have had its turn.", SHORTEST_START.without(TURNS).with_also("two events", HAD)),
-            ),
+            (Variant("an event may have had its turn.", SHORTEST_START.without(TURNS).with_also("two events", HAD)),),
             interesting=SMALL,
         ),
         Lemma(

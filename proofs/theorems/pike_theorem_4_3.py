@@ -128,9 +128,7 @@ THEOREM = Theorem(
                     "orderings by ε = 1/1000, as in Table 1: a producer at 0 and its consumer at 1/2000 are a correct "
                     "execution, which no support other than ⊥ allows in the augmented plan. Repair: strict "
                     "orderings; or claim only that some schedule exists (integer bounds, fewer than 1/ε events).",
-                    Statement(
-                        (*PLAN, *rules(BY_EPSILON), *VALUES), FORWARD.assumptions, FORWARD.claim, SHOW
-                    )
+                    Statement((*PLAN, *rules(BY_EPSILON), *VALUES), FORWARD.assumptions, FORWARD.claim, SHOW)
                     .with_also(
                         "two events, one condition, one execution",
                         conj(world("producer", "(consumer condition)"), "(= (support extended condition) producer)"),

@@ -52,8 +52,12 @@ THEOREM = Theorem(
             "Some extension is correct in the one plan if and only if some is in the other.",
             STATEMENT,
             (
-                Variant("the augmented plan loses executions.", STATEMENT.without(FORWARDS.words).with_also(SMALL, ONE)),
-                Variant("the augmented plan gains executions.", STATEMENT.without(BACKWARDS.words).with_also(SMALL, ONE)),
+                Variant(
+                    "the augmented plan loses executions.", STATEMENT.without(FORWARDS.words).with_also(SMALL, ONE)
+                ),
+                Variant(
+                    "the augmented plan gains executions.", STATEMENT.without(BACKWARDS.words).with_also(SMALL, ONE)
+                ),
             ),
             (
                 Variant(

@@ -102,8 +102,12 @@ THEOREM = Theorem(
                     "temporal conflicts are not sound: scenarios with a schedule may have one.",
                     STATEMENT.without(NO_CONFLICT.words).with_also(SMALL, ONE),
                 ),
-                Variant("the augmented plan loses executions.", STATEMENT.without(FORWARDS.words).with_also(SMALL, ONE)),
-                Variant("the augmented plan gains executions.", STATEMENT.without(BACKWARDS.words).with_also(SMALL, ONE)),
+                Variant(
+                    "the augmented plan loses executions.", STATEMENT.without(FORWARDS.words).with_also(SMALL, ONE)
+                ),
+                Variant(
+                    "the augmented plan gains executions.", STATEMENT.without(BACKWARDS.words).with_also(SMALL, ONE)
+                ),
             ),
             interesting=conj("(causal extended)", "(conflict-free extended)", ONE),
         ),
@@ -145,8 +149,8 @@ THEOREM = Theorem(
                     .with_also("two events, one condition, one execution", world("producer", "(consumer condition)"))
                     .with_also(
                         "their times, and ⊥",
-                        "(and (= (time run producer) 0.0) (= (time run (consumer condition)) 1.0) (none extended condition) "
-                        "(active scenario producer))",
+                        "(and (= (time run producer) 0.0) (= (time run (consumer condition)) 1.0) "
+                        "(none extended condition) (active scenario producer))",
                     ),
                 ),
             ),

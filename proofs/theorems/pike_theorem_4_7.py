@@ -84,7 +84,9 @@ THEOREM = Theorem(
                     STATEMENT.with_changed(BY_3_2, "true").with_also(SMALL, ONE),
                 ),
                 Variant("the causal part is not sufficient.", STATEMENT.without(COMPLETE.words).with_also(SMALL, ONE)),
-                Variant("the augmented plan loses executions.", STATEMENT.without(FORWARDS.words).with_also(SMALL, ONE)),
+                Variant(
+                    "the augmented plan loses executions.", STATEMENT.without(FORWARDS.words).with_also(SMALL, ONE)
+                ),
                 Variant(
                     "something is committed that is not a consequence of the execution.",
                     STATEMENT.without(COMMITTED).with_also(SMALL, ONE),

@@ -37,7 +37,7 @@ LABEL: tuple[Command, ...] = (
         forall({"full": "Environment"}, "(=> (and (scenario full) (entails full e)) (says full))"),
     ),
 )
-"""What the environments of a label say together, of environments of which one is a part, and what follows for others."""
+"""Environments of which a member of the label is a part, and those that say so in every scenario."""
 
 WITH = "an environment with a value for one more variable has that, and is as before for the others"
 FEWER = "it leaves fewer variables free"
