@@ -33,8 +33,8 @@ class Ended:
     """How a command ended, what it printed and what it cost.
 
     `exit_code` is negative where a signal ended it, as at the deadline, and 127 where it could not be started, which
-    `last_line` explains. Of texts longer than `KEPT`, only the last lines are here. `seconds` is wall time, `cpu_s` what
-    all its threads computed, and `memory_mb` the most that one of its processes had in memory.
+    `last_line` explains. Of texts longer than `KEPT`, only the last lines are here. `seconds` is wall time, `cpu_s`
+    what all its threads computed, and `memory_mb` the most that one of its processes had in memory.
     """
 
     exit_code: int

@@ -78,11 +78,9 @@ def certify(options: CertifyCommand, run: Run) -> int:
 def verify(options: VerifyCommand, run: Run) -> int:
     """Say what a certificate establishes, and what is still trusted; 1 if it is rejected."""
     place = Location(str(options.certificate))
-    if not read_bytes(options.certificate, CERTIFICATE).startswith(GZIP):
+    if not run.only(lambda: read_bytes(options.certificate, CERTIFICATE)).startswith(GZIP):
         raise InputError(f"found a file that is not compressed by gzip, expected {CERTIFICATE}", place)
-    inputs = _inputs(options)
-    for file in inputs.values():
-        read_bytes(file)
+    inputs = run.only(lambda: _readable(_inputs(options)))
     code, lines, seconds = run.only(lambda: _checked(options.certificate, inputs, Deadline.after(run.remaining)))
     if code == 2:
         raise InputError(f"cannot read ({lines[0].removeprefix('unreadable: ')}), expected {CERTIFICATE}", place)
@@ -101,6 +99,13 @@ def verify(options: VerifyCommand, run: Run) -> int:
     )
     run.answer(lambda: documents.document(answer), lambda _out: print("\n".join(lines)))
     return code
+
+
+def _readable(files: dict[str, Path]) -> dict[str, Path]:
+    """The files, each of which can be read."""
+    for file in files.values():
+        read_bytes(file)
+    return files
 
 
 def _checked(certificate: Path, files: Mapping[str, Path], deadline: Deadline) -> tuple[int, tuple[str, ...], float]:
