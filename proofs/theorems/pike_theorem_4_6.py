@@ -84,6 +84,8 @@ THEOREM = Theorem(
     "symbols, which there are defined and are arbitrary here. The third lemma has their definitions.",
     scope=Scope.GENERAL,
     bound="any scenarios and schedules.",
+    trusted="Consistent schedules of the augmented plan are defined by bounds in the file of Theorem 4.1, and by the "
+    "constraints in those of 4.3 and 4.5; lemma bounds of 4.1 shows that these are the same.",
     lemmas=(
         Lemma(
             "scenarios",

@@ -72,7 +72,7 @@ THEOREM = Theorem(
     "assumptions, in their repaired form: 4.1, 4.3 and 4.5 as the same formulas that their files prove.",
     scope=Scope.GENERAL,
     bound="any scenarios and schedules.",
-    trusted="Theorem 3.2 as proved in its file, which is about one scenario.",
+    trusted="Theorem 3.2 as proved in its file, which is about one scenario. Consistent schedules as in Theorem 4.6.",
     lemmas=(
         Lemma(
             "can execute",
