@@ -1,5 +1,6 @@
 """What a run has started and made is gone when it ends, however that happens; files that never come do not hold it."""
 
+import gzip
 import os
 import signal
 import subprocess
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.children import eventually, is_running
-from tests.cli.running import COMMAND, LOAD, NAVIGATION, answer_of, environment, process
+from tests.cli.running import COMMAND, LOAD, NAVIGATION, answer_of, environment, example, process
 
 PLANNER = """
 import os, sys, time
@@ -121,15 +122,26 @@ def fifo(tmp_path) -> Path:
 
 
 def test_a_time_limit_ends_verify_of_a_file_that_never_comes(fifo):
-    ended = process("verify", fifo, "--timeout", 1, "--json")
+    ended = process("verify", fifo, *example(), "--timeout", 1, "--json")
     assert ended.code == 3
     assert answer_of(ended)["error"]["kind"] == "timeout"
+
+
+def test_a_time_limit_ends_verify_with_a_plan_that_never_comes(fifo, tmp_path):
+    certificate = tmp_path / "given"
+    certificate.write_bytes(gzip.compress(b"{}"))
+    ended = process("verify", certificate, *example()[:2], fifo, "--timeout", 1)
+    assert (ended.code, ended.out, ended.err) == (3, "", "robust: out of time\n")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_the_first_signal_ends_verify_of_a_file_that_never_comes(fifo, number):
     with subprocess.Popen(
-        [*COMMAND, "verify", str(fifo)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment()
+        [*COMMAND, "verify", str(fifo), *example()],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
     ) as run:
         with pytest.raises(subprocess.TimeoutExpired):
             run.wait(2 * LOAD)
