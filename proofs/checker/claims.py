@@ -56,13 +56,13 @@ Box = dict[str, Range]
 
 @dataclass
 class Claim:
-    """What has been checked; `box` for plan, box and maximal, `pieces` for region."""
+    """What has been checked; `box` for plan, box and maximal, `removed` polyhedra for region."""
 
     kind: str
     epsilon: Fraction
     text: str = ""
     box: Box | None = None
-    pieces: list[list[Fact]] | None = None
+    removed: list[list[Fact]] | None = None
     obligations: int = 0
     refuted: int = 0
 
@@ -185,24 +185,35 @@ def check_faces(tape: Tape, ground: Ground, claim: Claim, box: Box, name: str) -
 
 
 def check_region(tape: Tape, ground: Ground, claim: Claim) -> None:
-    """Good pieces, bad pieces, and nothing else within the declared bounds."""
-    bounds = [fact for name in ground.parameters for fact in declared(ground, name).facts(name)]
-    claim.pieces, pieces = [], list[list[Fact]]()
-    while (line := tape.next("good", "bad", "rest"))[0] != "rest":
-        region = polyhedron(listed(line, 2)[1], ground.parameters)
-        demand(all(form.keys() - {""} for form, _ in region), "found a side without parameters")
-        if line[0] == "good":
-            claim.pieces.append(region)
-            good(tape, ground, claim, [*region, *bounds])
-        else:
-            bad(tape, ground, claim, [*region, *bounds], {})
-        pieces.append(region)
+    """All values within the declared bounds are good but those in bad polyhedra; schedules are given piece by piece."""
+    names = ground.parameters
+    bounds = [fact for name in names for fact in declared(ground, name).facts(name)]
+    claim.removed, good = [], list(bounds)
+    while (line := tape.next("bad", "good"))[0] == "bad":
+        piece = polyhedron(listed(line, 2)[1], names)
+        demand(all(form.keys() - {""} for form, _ in piece), "found a side without parameters")
+        bad(tape, ground, claim, [*piece, *bounds], {})
+        claim.removed.append(piece)
+        if len(piece) == 1:
+            good.append((plus({}, piece[0][0], -1), not piece[0][1]))
+    listed(line, 1)
     formulas = Formulas(ground, claim.epsilon)
-    circuit = formulas.circuit
-    outside = [-circuit.all([circuit.compare(*side) for side in piece]) for piece in pieces]
-    refute(tape, formulas, Facts(formulas, bounds, network=False), circuit.all(outside))
-    shown = " or ".join(text_of(piece) for piece in claim.pieces) or "empty"
-    claim.text = f"the robustness envelope within the declared bounds is exactly: {shown}"
+    facts = Facts(formulas, good)
+    outside = [-inside(formulas, piece) for piece in claim.removed if len(piece) != 1]
+    orders(tape, formulas, facts)
+    claim.obligations, claim.refuted = refute_all(tape, formulas, facts, outside)
+    while (line := tape.next("piece", "rest"))[0] == "piece":
+        piece = polyhedron(listed(line, 2)[1], names)
+        schedule(tape, formulas, Facts(formulas, [*piece, *good], network=False))
+        outside.append(-inside(formulas, piece))
+    listed(line, 1)
+    refute(tape, formulas, Facts(formulas, good, network=False), formulas.circuit.all(outside))
+    shown = "".join(f", without {text_of(piece)}" for piece in claim.removed)
+    claim.text = f"the robustness envelope is exactly the declared bounds{shown}"
+
+
+def inside(formulas: Formulas, piece: list[Fact]) -> int:
+    return formulas.circuit.all([formulas.circuit.compare(*side) for side in piece])
 
 
 def text_of(piece: list[Fact]) -> str:

@@ -133,10 +133,10 @@ def schedule(tape: Tape, formulas: Formulas, facts: Facts) -> None:
         facts.imply(replaced(formulas.slack(edge), times), multiples)
 
 
-def refute(tape: Tape, formulas: Formulas, facts: Facts, literal: int, extra: Iterable[int] = ()) -> None:
-    """The literal, with what it depends on, contradicts what is known."""
+def refute(tape: Tape, formulas: Formulas, facts: Facts, literal: int, also: Iterable[int] = ()) -> None:
+    """The literal, with what it depends on, contradicts what is known, and the other literals."""
     circuit = formulas.circuit
-    clauses = [(root,) for root in [*formulas.roots(literal), *extra]]
+    clauses: list[tuple[int, ...]] = [(root,) for root in [*formulas.roots(literal), *also]]
     steps = tape.next("refute")
     for step in steps:
         literals, *proof = listed(step)
@@ -180,8 +180,8 @@ def hinted(formulas: Formulas, clauses: list[tuple[int, ...]], hint: Any) -> tup
     return (-gate, inputs[which - 1]) if which else (gate, *(-each for each in inputs))
 
 
-def refute_all(tape: Tape, formulas: Formulas, facts: Facts) -> tuple[int, int]:
-    """No obligation can break: how many there are, and for how many of them that needed a proof."""
+def refute_all(tape: Tape, formulas: Formulas, facts: Facts, also: Iterable[int] = ()) -> tuple[int, int]:
+    """No obligation can break: how many there are, and how many of them are not constant by what is known."""
     obligations = formulas.obligations()
     asked = 0
     for label, broken in obligations:
@@ -189,7 +189,7 @@ def refute_all(tape: Tape, formulas: Formulas, facts: Facts) -> tuple[int, int]:
         if literal != FALSE:
             asked += 1
             try:
-                refute(tape, formulas, facts, literal)
+                refute(tape, formulas, facts, literal, also)
             except Rejected as error:
                 raise Rejected(f"{label}: {error}") from None
     return len(obligations), asked

@@ -100,8 +100,11 @@ class KnownFacts:
         self.sides = [Side.of(form, strict) for form, strict in facts]
         self._active: dict[int, None] = {}
 
-    def contradiction(self, sides: Sequence[Side]) -> tuple[dict[int, int], list[tuple[int, Fraction]]] | None:
-        """Multiples of the sides, by place, and of facts, by number, that contradict each other; None if none do."""
+    def contradiction(
+        self, sides: Sequence[Side]
+    ) -> tuple[dict[int, int], list[tuple[int, Fraction]]] | dict[str, Fraction]:
+        """Multiples of the sides, by place, and of facts, by number, that contradict each other, or a point where all
+        hold."""
         while True:
             active = list(self._active)
             found = contradiction([*sides, *(self.sides[number] for number in active)])
@@ -119,7 +122,7 @@ class KnownFacts:
                 if number not in self._active and not side.holds(found)
             ]
             if not broken:
-                return None
+                return found
             self._active.update(dict.fromkeys(broken[:40]))
 
 
@@ -140,22 +143,52 @@ def is_proposition(name: str) -> bool:
 
 
 def refutation(
-    formulas: Formulas, facts: KnownFacts, literal: int, deadline: Deadline, extra: Iterable[int] = ()
+    formulas: Formulas, facts: KnownFacts, literal: int, deadline: Deadline, also: Iterable[int] = ()
 ) -> Line:
-    """The line that refutes a literal, with what it depends on.
+    """The line that refutes a literal, with what it depends on, and other literals.
 
     Raises:
         NotRefutedError: if it can be true.
         OutOfTimeError: if the deadline passes.
     """
-    return _Search(formulas, facts, [*formulas.roots(literal), *extra], deadline).run()
+    search = _Search(formulas, facts, [*formulas.roots(literal), *also], deadline)
+    if search.search() is not None:
+        raise NotRefutedError("found a formula that can be satisfied, expected one that cannot")
+    return search.line()
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """How a literal can be true: comparisons that are enough for that, and a point where they hold with all facts."""
+
+    sides: tuple[Side, ...]
+    point: Mapping[str, Fraction]
+
+
+def model(
+    formulas: Formulas, facts: KnownFacts, literal: int, deadline: Deadline, assumed: Sequence[Side] = ()
+) -> Model | None:
+    """How a literal can be true where facts and assumptions hold; None if it cannot.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    return _Search(formulas, facts, formulas.roots(literal), deadline, assumed).search()
 
 
 class _Search:
-    def __init__(self, formulas: Formulas, facts: KnownFacts, roots: Sequence[int], deadline: Deadline) -> None:
+    def __init__(
+        self,
+        formulas: Formulas,
+        facts: KnownFacts,
+        roots: Sequence[int],
+        deadline: Deadline,
+        assumed: Sequence[Side] = (),
+    ) -> None:
         self._circuit = formulas.circuit
         self._facts = facts
         self._roots = roots
+        self._assumed = assumed
         self._deadline = deadline
         self._solver = PropositionalSolver()
         self._origins: dict[int, _Origin] = {}
@@ -172,17 +205,20 @@ class _Search:
         for index, root in enumerate(roots):
             self._add((root,), index)
 
-    def run(self) -> Line:
-        while (model := self._solver.solve(self._deadline)) is not None:
+    def search(self) -> Model | None:
+        """A model; None if the clauses that have been added refute the roots."""
+        while (truths := self._solver.solve(self._deadline)) is not None:
             self._deadline.enforce()
-            literals = self._justification(model)
-            found = self._facts.contradiction([self._side(literal) for literal in literals])
-            if found is None:
-                raise NotRefutedError("found a formula that can be satisfied, expected one that cannot")
+            literals = self._justification(truths)
+            sides = [self._side(literal) for literal in literals]
+            found = self._facts.contradiction([*sides, *self._assumed])
+            if isinstance(found, dict):
+                return Model(tuple(sides), found)
             own, others = found
+            own = {place: factor for place, factor in own.items() if place < len(sides)}
             clause = tuple(-literals[place] for place in own)
             self._add(clause, _Lemma(clause, tuple(own.values()), tuple(others)))
-        return self._line()
+        return None
 
     def _add(self, clause: Clause, origin: _Origin) -> None:
         self._origins[self._solver.add(clause)] = origin
@@ -244,7 +280,7 @@ class _Search:
             return 2
         return 0 if is_proposition(self._side(literal).factors[0][0]) else 1
 
-    def _line(self) -> Line:
+    def line(self) -> Line:
         """The steps that the refutation uses."""
         solver = self._solver
         if solver.refutation is None:
@@ -297,7 +333,7 @@ def implied(facts: KnownFacts, form: Mapping[str, Fraction], *, strictly: bool =
         return []
     negated = Side.of({name: -value for name, value in form.items()}, not strictly)
     found = facts.contradiction([negated])
-    if found is None or 0 not in found[0]:
+    if isinstance(found, dict) or 0 not in found[0]:
         raise NotRefutedError(f"found {dict(form)} negative somewhere, expected it nowhere")
     unit = found[0][0] * negated.scale
     return [(number, factor / unit) for number, factor in found[1]]

@@ -71,28 +71,54 @@ def write(lines: Sequence[Line], path: Path) -> int:
 def good_lines(
     ground: Ground,
     epsilon: Fraction,
-    region: Sequence[Fact],
-    ranges: Mapping[str, Range],
+    box: Box,
     *,
     solver: str,
     deadline: Deadline,
     on_obligation: Progress | None = None,
 ) -> list[Line]:
-    """That all values of a region have a schedule, and none that breaks an obligation.
+    """That all values in a box have a schedule, and none that breaks an obligation.
 
     Raises:
-        RefutedError: if an obligation breaks somewhere in the region.
-        UnsupportedError: if no schedule that is linear in the parameters suits the whole region.
+        RefutedError: if an obligation breaks somewhere in the box.
+        UnsupportedError: if no schedule that is linear in the parameters suits the whole box.
         OutOfTimeError: if the deadline passes.
     """
-    formulas = Formulas(ground, epsilon)
-    known = KnownFacts([*region, *((formulas.slack(edge), False) for edge in ground.edges)])
-    of_parameters = KnownFacts(region)
-    times = constant_times(formulas, ranges) or affine_times(formulas, region, solver=solver, deadline=deadline)
+    formulas, region = Formulas(ground, epsilon), box_facts(box)
+    times = constant_times(formulas, box.ranges) or affine_times(formulas, region, solver=solver, deadline=deadline)
     if times is None:
         raise UnsupportedError("no schedule that is linear in the parameters suits all of these values; try fewer")
-    orders = Orders(ground, ranges)
-    formulas.known = orders  # type: ignore[assignment]
+    orders, *refutations = obligation_lines(
+        formulas, region, box.ranges, (), deadline=deadline, on_obligation=on_obligation
+    )
+    return [orders, *schedule_lines(formulas, region, times), *refutations]
+
+
+def schedule_lines(formulas: Formulas, region: Sequence[Fact], times: Mapping[str, Linear]) -> list[Line]:
+    """That a schedule keeps the network all over a region."""
+    finder = Multiples(region)
+    kept = [sums(finder.of(slack)) for slack in placed(formulas, times)]
+    return [["schedule", *(texts(times[point]) for point in formulas.free())], ["kept", *kept]]
+
+
+def obligation_lines(
+    formulas: Formulas,
+    region: Sequence[Fact],
+    ranges: Mapping[str, Range],
+    also: Sequence[int],
+    *,
+    deadline: Deadline,
+    on_obligation: Progress | None = None,
+) -> list[Line]:
+    """Order lemmas of a region, then for each obligation that no schedule breaks it where other literals hold, too.
+
+    Raises:
+        RefutedError: if one does.
+        OutOfTimeError: if the deadline passes.
+    """
+    ground = formulas.ground
+    known = KnownFacts([*region, *((formulas.slack(edge), False) for edge in ground.edges)])
+    formulas.known = orders = Orders(ground, ranges)  # type: ignore[assignment]
     obligations = formulas.obligations()
     refutations: list[Line] = []
     for number, (label, broken) in enumerate(obligations):
@@ -100,37 +126,30 @@ def good_lines(
         literal = broken()
         if literal != FALSE:
             try:
-                refutations.append(refutation(formulas, known, literal, deadline))
+                refutations.append(refutation(formulas, known, literal, deadline, also))
             except NotRefutedError:
                 message = f"{label!r} breaks for some of these values; expected values for which it holds"
                 raise RefutedError(message) from None
         if on_obligation is not None:
             on_obligation(number + 1, len(obligations), label)
-    finder = _Multiples(region, of_parameters)
+    finder = Multiples(region)
     lemmas = [[a, b, path, str(bound), sums(finder.of(rest))] for a, b, path, bound, rest in orders.lemmas()]
-    kept = [sums(finder.of(slack)) for slack in placed(formulas, times)]
-    return [
-        ["orders", *lemmas],
-        ["schedule", *(texts(times[point]) for point in formulas.free())],
-        ["kept", *kept],
-        *refutations,
-    ]
+    return [["orders", *lemmas], *refutations]
 
 
-class _Multiples:
+class Multiples:
     """Multiples of the sides of a region that leave something not negative of a form: of a box, its ends."""
 
-    def __init__(self, region: Sequence[Fact], facts: KnownFacts) -> None:
-        self._facts = facts
+    def __init__(self, region: Sequence[Fact]) -> None:
+        self._facts = KnownFacts(region)
         self._ends: dict[tuple[str, bool], int] = {}
-        self._is_box = True
         for number, (form, _) in enumerate(region):
-            (name, *others) = [each for each in form if each]
-            self._is_box = self._is_box and not others and abs(form[name]) == 1
-            self._ends.setdefault((name, form[name] > 0), number)
+            names = [each for each in form if each]
+            if len(names) == 1 and abs(form[names[0]]) == 1:
+                self._ends[names[0], form[names[0]] > 0] = number
+        self._is_box = len(self._ends) == len(region)
 
     def of(self, form: Linear) -> list[tuple[int, Fraction]]:
-        names = {name: factor for name, factor in form.items() if name}
-        if self._is_box and len(self._ends) == len(self._facts.sides):
-            return [(self._ends[name, factor > 0], abs(factor)) for name, factor in names.items()]
+        if self._is_box:
+            return [(self._ends[name, factor > 0], abs(factor)) for name, factor in form.items() if name]
         return implied(self._facts, form)

@@ -124,6 +124,11 @@ class Tableau:
             row[FIRST + self._columns.index(variable)] = 1
         return row
 
+    @property
+    def tight(self) -> list[int]:
+        """The slacks that are zero at the present vertex and, with the free variables that are too, determine it."""
+        return [variable for variable in self._columns if variable >= self.dimension]
+
     def restore(self) -> bool:
         """Pivot until every slack is non-negative; False, with `conflict` set, if the constraints are contradictory."""
         if self._hopeless:
