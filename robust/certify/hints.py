@@ -13,8 +13,8 @@ from typing import Any
 from robust.certify.checker.formulas import Formulas
 from robust.certify.checker.reader import Linear
 from robust.certify.refute import Clause, NotRefutedError, PropositionalSolver
-from robust.qe.constraint import LinearConstraint, Sense
-from robust.qe.simplex import Tableau, feasible_point
+from robust.qe.constraint import Sense
+from robust.qe.simplex import Tableau
 from robust.smt.limits import Deadline
 
 Line = list[Any]
@@ -67,30 +67,8 @@ def contradiction(sides: Sequence[Side]) -> Conflict | dict[str, Fraction]:
         tableau.add(form, Sense.LESS if side.strict else Sense.AT_MOST, side.constant)
     if tableau.restore():
         return dict(zip(names, tableau.point(), strict=True))
-    chosen = sorted(slack - len(names) for slack in tableau.conflict)
-    return Conflict(_weighed([sides[index] for index in chosen], chosen))
-
-
-def _weighed(sides: Sequence[Side], places: Sequence[int]) -> dict[int, int]:
-    sums: dict[str, dict[str, Fraction]] = defaultdict(dict)
-    for index, side in enumerate(sides):
-        for name, factor in side.factors:
-            sums[name][f"w{index}"] = Fraction(factor)
-    weights = [f"w{index}" for index in range(len(sides))]
-    conditions = [LinearConstraint.of(terms, "=", 0) for terms in sums.values()]
-    conditions += [LinearConstraint.of({weight: 1}, ">=", 0) for weight in weights]
-    constants = {weight: Fraction(side.constant) for weight, side in zip(weights, sides, strict=True)}
-    strict = {weight: Fraction(1) for weight, side in zip(weights, sides, strict=True) if side.strict}
-    found = feasible_point(weights, [*conditions, LinearConstraint.of(constants, "<=", -1)])
-    if found is None:
-        ends = [LinearConstraint.of(constants, "<=", 0), LinearConstraint.of(strict, ">=", 1)]
-        found = feasible_point(weights, [*conditions, *ends])
-    if found is None:
-        raise ValueError("the sides do not contradict each other")
-    scale = lcm(*(value.denominator for value in found.values()))
-    whole = {places[index]: int(found[weight] * scale) for index, weight in enumerate(weights) if found[weight]}
-    divisor = gcd(*whole.values())
-    return {place: value // divisor for place, value in whole.items()}
+    divisor = gcd(*tableau.weights.values())
+    return Conflict({slack - len(names): weight // divisor for slack, weight in sorted(tableau.weights.items())})
 
 
 class KnownFacts:
