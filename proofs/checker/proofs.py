@@ -117,7 +117,9 @@ def orders(tape: Tape, formulas: Formulas, facts: Facts) -> None:
             demand(source == place, "the constraints do not form a path")
             place, total = target, plus(total, length)
         bound = rational(text)
-        demand(place == integer(b) and a != b and (a, b) not in formulas.known, "a path to elsewhere, or an order twice")
+        demand(
+            place == integer(b) and a != b and (a, b) not in formulas.known, "a path to elsewhere, or an order twice"
+        )
         facts.imply(plus(total, constant(bound), -1), multiples)
         formulas.known[a, b] = bound
         lemmas.append((a, b, constant(bound)))
@@ -161,7 +163,9 @@ def lemma(formulas: Formulas, facts: Facts, clause: tuple[int, ...], multipliers
     """Not all literals are false: positive multiples of their negations and of facts add up to a contradiction."""
     total, strict = Linear(), False
     for literal, factor in zip(clause, listed(multipliers, len(clause))):
-        demand(not formulas.circuit.is_gate(abs(literal)) and integer(factor) > 0, "no comparison, or a multiple below 1")
+        demand(
+            not formulas.circuit.is_gate(abs(literal)) and integer(factor) > 0, "no comparison, or a multiple below 1"
+        )
         form, more = formulas.circuit.said(-literal)
         total, strict = plus(total, {name: Fraction(value) for name, value in form.items()}, factor), strict or more
     total, more = facts.add(total, multiples, len(facts.known))

@@ -56,7 +56,9 @@ def parse(text: str, kind: str) -> list[Tree]:
             stack[-1].append(word)
     need(len(stack) == 1 and len(stack[0]) == 1, f"expected one (define ({kind} ...) ...)")
     form = stack[0][0]
-    need(type(form) is list and len(form) > 1 and form[0] == "define" and type(form[1]) is list, "expected (define ...)")
+    need(
+        type(form) is list and len(form) > 1 and form[0] == "define" and type(form[1]) is list, "expected (define ...)"
+    )
     need(len(form[1]) == 2 and form[1][0] == kind, f"expected a {kind}")
     need(all(type(each) is list and each and type(each[0]) is str for each in form[1:]), "found a section without name")
     return list(form[1:])
@@ -83,7 +85,9 @@ def typed(words: list[Tree]) -> list[tuple[str, list[str]]]:
 def words_of(tree: Tree, least: int = 1, most: int | None = None) -> list[Tree]:
     """A form with as many operands as that."""
     need(type(tree) is list and tree and type(tree[0]) is str, f"found {tree!r}, expected a form")
-    need(least < len(tree) and (most is None or len(tree) <= most + 1), f"found {tree[0]} with too few or many operands")
+    need(
+        least < len(tree) and (most is None or len(tree) <= most + 1), f"found {tree[0]} with too few or many operands"
+    )
     return list(tree)
 
 
@@ -196,7 +200,10 @@ class Model:
                 need(keyword and (not parts[keyword] or keyword == ":synth-parameters"), f"found {item!r} in {name}")
                 parts[keyword].append(item)
         synth = self.parameters_in(parts.pop(":synth-parameters", []))
-        need(all(len(part) == 1 and type(part[0]) is list for part in parts.values()), f"found a part of {name} malformed")
+        need(
+            all(len(part) == 1 and type(part[0]) is list for part in parts.values()),
+            f"found a part of {name} malformed",
+        )
         parameters = typed(parts.get(":parameters", [[]])[0])
         names = [variable for variable, _ in parameters]
         every = [*names, *(f"?{each}" for each in (*synth, *self.synth))]
@@ -246,7 +253,9 @@ class Model:
         names = [name for name, _ in listed]
         taken = {"?duration", *scope.synth}
         need(len({*names}) == len(names) and not taken & {*names}, "found a variable twice")
-        need(all(kind in self.parents and name[0] == "?" for name, kinds in listed for kind in kinds), "an unknown type")
+        need(
+            all(kind in self.parents and name[0] == "?" for name, kinds in listed for kind in kinds), "an unknown type"
+        )
         for chosen in product(*([one for one in self.objects if self.fits(one, kinds)] for _, kinds in listed)):
             yield Scope({**scope.bound, **dict(zip(names, chosen))}, scope.synth, scope.durative)
 
@@ -387,7 +396,9 @@ class Ground:
             if match["parameter"]:
                 self.parameter(match["parameter"], match["attributes"].split())
             elif match["kind"]:
-                used |= self.instance(match["instance"], match["kind"] == "durative-action", match["call"].lower().split())
+                used |= self.instance(
+                    match["instance"], match["kind"] == "durative-action", match["call"].lower().split()
+                )
             else:
                 self.constraint(match["target"], match["source"], match["low"], match["high"])
         need(len(self.points) > 1, "found no action in the plan")
@@ -411,7 +422,9 @@ class Ground:
     def parameter(self, name: str, words: list[str]) -> None:
         values = dict(zip(words[::2], words[1::2]))
         need(values.keys() <= {"weight", "default", "lb", "ub"} and len(values) * 2 == len(words), f"parameter {name}")
-        need(name not in self.parameters and name.lower() not in ("inf", "infinity", "nan", "zero"), f"parameter {name}")
+        need(
+            name not in self.parameters and name.lower() not in ("inf", "infinity", "nan", "zero"), f"parameter {name}"
+        )
         low, high, nominal = values.get("lb", "-inf"), values.get("ub", "inf"), values.get("default")
         self.parameters[name] = Parameter(
             None if nominal is None else number(nominal),
@@ -454,7 +467,9 @@ class Ground:
             self.add_effects(action.parts.get(":effect", []), scope, ends, True, None)
         else:
             ends = (self.point(name),) * 2
-            self.state(f"{name}: condition", ends[0], self.model.condition(action.parts.get(":precondition", []), scope), ends)
+            self.state(
+                f"{name}: condition", ends[0], self.model.condition(action.parts.get(":precondition", []), scope), ends
+            )
             self.add_effects(action.parts.get(":effect", []), scope, ends, True, ends[0])
         return set(own.values())
 
@@ -469,7 +484,10 @@ class Ground:
             for each in rest:
                 self.durations(name, each, scope, ends, point)
         elif head == "at":
-            need(len(rest) == 2 and rest[0] in ("start", "end") and point == ends[0], f"found a malformed duration in {name}")
+            need(
+                len(rest) == 2 and rest[0] in ("start", "end") and point == ends[0],
+                f"found a malformed duration in {name}",
+            )
             self.durations(name, rest[1], scope, ends, ends[rest[0] == "end"])
         else:
             need(head in COMPARISONS and rest[:1] == ["?duration"], f"found a malformed duration in {name}")
@@ -488,7 +506,10 @@ class Ground:
                 self.conditions(name, rest[1], inner, ends)
         else:
             words = (head, *rest[:1])
-            need(len(rest) == 2 and words in (("at", "start"), ("at", "end"), ("over", "all")), f"{name}: a condition's time")
+            need(
+                len(rest) == 2 and words in (("at", "start"), ("at", "end"), ("over", "all")),
+                f"{name}: a condition's time",
+            )
             where = {"start": ends[0], "end": ends[1], "all": ends}[rest[0]]
             self.state(f"{name}: {head} {rest[0]}", where, self.model.condition(rest[1], scope), ends)
 
@@ -511,7 +532,10 @@ class Ground:
             condition, effect = words_of(tree, 2, 2)[1:]
             if point is None:
                 need(type(condition) is type(effect) is list and condition[:2] == effect[:2], "an effect between times")
-                need(condition[:1] == ["at"] and len(condition) == len(effect) == 3, "found a conditional effect malformed")
+                need(
+                    condition[:1] == ["at"] and len(condition) == len(effect) == 3,
+                    "found a conditional effect malformed",
+                )
                 condition = condition[2]
             guard = ("and", when, self.model.condition(condition, scope))
             if decided(guard) is not False:
@@ -520,7 +544,10 @@ class Ground:
             words_of(tree, 2, 2)
             rate = rest[1]
             need(head in ("increase", "decrease") and when is True, "found an effect without a time")
-            need(type(rate) is list and rate[:1] == ["*"] and len(rate) == 3 and rate[1:].count("#t") == 1, "found a rate")
+            need(
+                type(rate) is list and rate[:1] == ["*"] and len(rate) == 3 and rate[1:].count("#t") == 1,
+                "found a rate",
+            )
             slope = self.model.expression(rate[2] if rate[1] == "#t" else rate[1], Scope(scope.bound, scope.synth))
             slope = slope if head == "increase" else ("-", slope)
             self.flows.append((*ends, self.model.ground(rest[0], scope.bound, self.model.functions), slope))

@@ -158,7 +158,9 @@ class Reasons:
     ) -> Iterator[Line]:
         """That a schedule breaks an obligation all over a region; `parameters` over the names of the region, if not
         their own."""
-        times = [replaced(replaced(self.formulas.ties[p], values), parameters) for p in range(1, len(self._ground.points))]
+        times = [
+            replaced(replaced(self.formulas.ties[p], values), parameters) for p in range(1, len(self._ground.points))
+        ]
         given = {**parameters, **{f"@{point}": time for point, time in enumerate(times, start=1)}}
         instant = None
         if f"!{number}" in self.formulas.instants:
@@ -269,7 +271,9 @@ def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, solver: s
     formulas = Formulas(ground, epsilon)
     outside_of = [-_inside(formulas, piece) for piece in walls]
     extents = {name: base.extent(name) for name in names}
-    ranges: dict[str, Range] = {name: (e.lower, e.upper) if e is not None else (None, None) for name, e in extents.items()}
+    ranges: dict[str, Range] = {
+        name: (e.lower, e.upper) if e is not None else (None, None) for name, e in extents.items()
+    }
     lines += [["good"], *obligation_lines(formulas, good, ranges, outside_of, deadline=deadline)]
     pieces: list[Polyhedron] = []
     covered = list(walls)
@@ -402,7 +406,9 @@ class _Face:
     def _approach(
         self, reasons: Reasons, how: Model, beyond: Box
     ) -> tuple[dict[str, Fraction], dict[str, Fraction]] | None:
-        sides = [side_of({**{n: Fraction(v) for n, v in s.factors}, "": Fraction(s.constant)}, s.strict) for s in how.sides]
+        sides = [
+            side_of({**{n: Fraction(v) for n, v in s.factors}, "": Fraction(s.constant)}, s.strict) for s in how.sides
+        ]
         network = [side_of(reasons.formulas.slack(edge), False) for edge in self._ground.edges]
         network = [side for side in dict.fromkeys(network) if side.coefficients]
         names = {name for side in (*sides, *network) for name, _ in side.coefficients} | self._box.intervals.keys()

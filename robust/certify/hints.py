@@ -95,9 +95,7 @@ class KnownFacts:
                 ]
                 return own, others
             broken = [
-                number
-                for number, side in enumerate(self.sides)
-                if number not in self._active and not side.holds(found)
+                number for number, side in enumerate(self.sides) if number not in self._active and not side.holds(found)
             ]
             if not broken:
                 return found
