@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from .choices import check_choices, network_of
-from .claims import Box, Claim, Range, check, declared, nominal
-from .proofs import Rejected, Tape, demand, rational
+from .claims import Box, Claim, Range, check, nominal
+from .proofs import Rejected, Tape, demand
 from .reader import Ground, Unsupported, ground, need, number
 
 FORMAT, OLD = "robust/certificate/2", "robust/certificate/1"

@@ -14,7 +14,7 @@ from typing import Any
 from .claims import Claim
 from .formulas import FALSE, TRUE, Formulas, constant, names_in, plus
 from .proofs import Facts, Tape, refute
-from .reader import Ground, Linear, Model, Tree, need, number
+from .reader import Ground, Linear, Model, Scope, Tree, need, number
 
 Guard = dict[str, str]
 KEYS = {
@@ -40,7 +40,7 @@ def network_of(text: str) -> dict[str, Any]:
         for each in found.setdefault(kind, []):
             need(type(each) is dict and required <= each.keys() <= required | optional, f"found {kind} malformed")
             need(all(type(each[key]) is str for key in ("name", "at", "from", "to", "action") if key in each), kind)
-    return found
+    return dict(found)
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Choices:
             self.parts += [-self.circuit.all([a, b]) for i, a in enumerate(each) for b in each[:i]]
         for event, guard in self.guards.items():
             for a, b in (("e_initial", event), (event, "e_goal")):
-                if a != b and (a, b) != ("e_goal", "e_initial"):
+                if a != b:
                     self.constrain(guard, a, b, epsilon, None)
         for edge in (*network["constraints"], *network["activities"]):
             low, high = (None if edge[key] is None else number(edge[key]) for key in ("lower", "upper"))
@@ -112,15 +112,11 @@ class Choices:
         self.effects: list[Effect] = []
         for place, activity in enumerate(network["activities"]):
             self.activity(place, activity, 2 * place + 1)
-        self.require(self.goal(), ("final", None), None, Condition("", True, "e_goal", "e_goal", {}, None))
-        atoms = sorted({each.atom for each in (*self.conditions, *self.effects)})
+        goal = self.model.condition(self.model.goal, Scope({}, {}))
+        self.require(goal, ("final", None), None, Condition("", True, "e_goal", "e_goal", {}, None))
+        atoms = sorted({each.atom for each in self.conditions} | {each.atom for each in self.effects})
         self.effects += [Effect(atom, bool(self.model.initial.get(atom)), "e_initial", {}, None) for atom in atoms]
         self.parts += [self.met(condition) for condition in self.conditions]
-
-    def goal(self) -> Tree:
-        from .reader import Scope
-
-        return self.model.condition(self.model.goal, Scope({}, {}))
 
     def time(self, event: str) -> Linear:
         need(event in self.times, f"found {event}, expected a declared event")
@@ -151,11 +147,11 @@ class Choices:
         ends, guard = {start: activity["from"], start + 1: activity["to"]}, activity.get("guard", {})
         for duty in self.formulas.ground.duties:
             if duty.owner == (start, start + 1):
-                first, last = duty.where if type(duty.where) is tuple else (duty.where, duty.where)
-                like = Condition("", True, ends[first], ends[last], guard, place)
+                first = duty.first or start
+                like = Condition("", True, ends[first], ends[duty.last or first], guard, place)
                 self.require(duty.condition, ("before", first), duty.owner, like)
         for point, event in ends.items():
-            happens = {}
+            happens = dict[str, bool]()
             for effect in self.formulas.ground.effects[point]:
                 need(effect.kind in ("add", "delete"), "found a change of a number")
                 if self.settled(effect.when, ("before", point), effect.owner) == TRUE:

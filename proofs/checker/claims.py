@@ -11,8 +11,22 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from .formulas import Formulas, constant, plus, replaced
-from .proofs import Fact, Facts, Rejected, Tape, demand, integer, linear, listed, orders, polyhedron, rational
-from .proofs import refute, refute_all, schedule
+from .proofs import (
+    Fact,
+    Facts,
+    Rejected,
+    Tape,
+    demand,
+    integer,
+    linear,
+    listed,
+    orders,
+    polyhedron,
+    rational,
+    refute,
+    refute_all,
+    schedule,
+)
 from .reader import Ground, Linear, need
 
 SEGMENT = "~"
@@ -221,11 +235,11 @@ def inside(formulas: Formulas, piece: list[Fact]) -> int:
 
 
 def text_of(piece: list[Fact]) -> str:
+    """A polyhedron for people: `x + 2 y > 3 and x <= 5`."""
     sides = []
     for form, strict in piece:
-        terms = " + ".join(f"{factor} {name}" for name, factor in form.items() if name)
-        sides.append(f"{terms} {'>' if strict else '>='} {-form.get('', Fraction(0))}")
+        sign = 1 if next(factor for name, factor in form.items() if name) > 0 else -1
+        terms = (f"{'' if sign * factor == 1 else f'{sign * factor} '}{name}" for name, factor in form.items() if name)
+        relation = (">" if sign > 0 else "<") + ("" if strict else "=")
+        sides.append(f"{' + '.join(terms)} {relation} {-sign * form.get('', Fraction(0))}")
     return f"({' and '.join(sides) or 'everything'})"
-
-
-__all__ = ["Box", "Claim", "Range", "Rejected", "check"]

@@ -336,12 +336,11 @@ class Formulas:
         return self.circuit.all([self.circuit.compare(side, True) for side in sides])
 
     def broken(self, instant: str, duty: Duty) -> int:
-        if duty.where is None:
+        if duty.first is None:
             return -self.truth(duty.condition, ("final", None), None)
-        if type(duty.where) is int:
-            return -self.truth(duty.condition, ("before", duty.where), duty.owner)
-        start, end = duty.where  # type: ignore[misc]
-        return self.circuit.any(list(self.broken_inside(instant, duty.condition, start, end)))
+        if duty.last is None:
+            return -self.truth(duty.condition, ("before", duty.first), duty.owner)
+        return self.circuit.any(list(self.broken_inside(instant, duty.condition, duty.first, duty.last)))
 
     def broken_inside(self, instant: str, condition: Tree, start: int, end: int) -> Iterator[int]:
         """False right after a happening inside, or before any happening or at any instant inside."""
@@ -410,8 +409,8 @@ def mutex(ground: Ground) -> list[tuple[int, int]]:
                 does.setdefault(name, set()).add((point, "read"))
 
     for duty in ground.duties:
-        if type(duty.where) is int:
-            reads(duty.where, duty.condition)
+        if duty.first is not None and duty.last is None:
+            reads(duty.first, duty.condition)
     for point, effects in enumerate(ground.effects):
         for effect in effects:
             does.setdefault(effect.target, set()).add((point, effect.kind))

@@ -174,7 +174,7 @@ def lemma(formulas: Formulas, facts: Facts, clause: tuple[int, ...], multipliers
 
 
 def hinted(formulas: Formulas, clauses: list[tuple[int, ...]], hint: Any) -> tuple[int, ...]:
-    """An earlier clause, or one of those that define a gate: 0 for `gate or not all inputs`, then one for each input."""
+    """An earlier clause, or one that defines a gate: 0 for `gate, or not all inputs`, then one for each input."""
     if type(hint) is int:
         return clauses[integer(hint, len(clauses))]
     gate, which = listed(hint, 2)

@@ -74,7 +74,7 @@ def typed(words: list[Tree]) -> list[tuple[str, list[str]]]:
             kind = next(rest, None)
             kinds = kind[1:] if type(kind) is list and kind[:1] == ["either"] else [kind]
             need(names and kinds and all(type(each) is str for each in kinds), "found a malformed type")
-            found += [(name, kinds) for name in names]
+            found += [(name, list(map(str, kinds))) for name in names]
             names = []
         else:
             need(type(word) is str, "found a malformed list of names")
@@ -93,7 +93,7 @@ def words_of(tree: Tree, least: int = 1, most: int | None = None) -> list[Tree]:
 
 @dataclass(frozen=True)
 class Action:
-    """An action's text: `parameters` with their types, `synth` the parameters of the envelope that each instance has."""
+    """An action's text: `parameters` with their types, and `synth`, the envelope's parameters of each instance."""
 
     durative: bool
     parameters: list[tuple[str, list[str]]]
@@ -217,15 +217,14 @@ class Model:
 
     def fact(self, fact: Tree) -> None:
         words = words_of(fact, 0)
-        if words[0] == "at" and len(words) == 3 and type(words[2]) is list and type(words[1]) is str:
-            if NUMBER.fullmatch(words[1]):
-                time = number(words[1])
-                target, value = self.stated(words[2])
-                need(time >= 0, "found a timed initial literal before zero")
-                need(self.timed.setdefault((time, target), value) == value, f"found two values of {target} at {time}")
-                return
-        target, value = self.stated(fact)
-        need(self.initial.setdefault(target, value) == value, f"found two initial values of {target}")
+        if words[0] == "at" and len(words) == 3 and type(words[2]) is list:
+            time = number(words[1])
+            target, value = self.stated(words[2])
+            need(time >= 0, "found a timed initial literal before zero")
+            need(self.timed.setdefault((time, target), value) == value, f"found two values of {target} at {time}")
+        else:
+            target, value = self.stated(fact)
+            need(self.initial.setdefault(target, value) == value, f"found two initial values of {target}")
 
     def stated(self, fact: Tree) -> tuple[str, bool | Fraction]:
         words = words_of(fact, 0)
@@ -310,9 +309,8 @@ def decided(tree: Tree) -> bool | None:
         inner = decided(tree[1])
         return None if inner is None else not inner
     if tree[0] in ("and", "or"):
-        inner = {decided(each) for each in tree[1:]}
-        strong = tree[0] == "or"
-        return strong if strong in inner else None if None in inner else not strong
+        found, strong = {decided(each) for each in tree[1:]}, tree[0] == "or"
+        return strong if strong in found else None if None in found else not strong
     return None
 
 
@@ -329,15 +327,16 @@ class Effect:
 
 @dataclass(frozen=True)
 class Duty:
-    """A condition and where it has to hold: just before a time point, in the open interval between two, or at last.
+    """A condition that has to hold just before the time point `first`, or all over (`first`, `last`), or at the end.
 
     `owner` are the ends of the action, for `?duration`.
     """
 
     label: str
-    where: int | tuple[int, int] | None
     condition: Tree
-    owner: tuple[int, int] | None
+    first: int | None = None
+    last: int | None = None
+    owner: tuple[int, int] | None = None
 
 
 @dataclass
@@ -390,8 +389,8 @@ class Ground:
         used = set(self.model.synth)
         while place < len(text.rstrip()):
             match = STATEMENT.match(text, place)
-            need(match, f"found {text[place : place + 40].strip()!r}, expected a statement of a plan")
-            assert match is not None
+            if match is None:
+                raise Unsupported(f"found {text[place : place + 40].strip()!r}, expected a statement of a plan")
             place = match.end()
             if match["parameter"]:
                 self.parameter(match["parameter"], match["attributes"].split())
@@ -408,7 +407,7 @@ class Ground:
         self.edges += [(0, point, {}) for point in range(1, len(self.points))]
         goal = self.model.condition(self.model.goal, Scope({}, {f"?{each}": each for each in self.model.synth}))
         for index, part in enumerate(conjuncts(goal)):
-            self.duties.append(Duty(f"goal {index + 1}", None, part, None))
+            self.duties.append(Duty(f"goal {index + 1}", part))
 
     def timed_literals(self, time: Fraction) -> None:
         point = self.point(f"@{time}")
@@ -461,20 +460,19 @@ class Ground:
         if durative:
             ends = (self.point(f"{name}.start"), self.point(f"{name}.end"))
             length = (">=", ("duration",), ("number", Fraction(0)))
-            self.duties.append(Duty(f"{name}: non-negative duration", ends[0], length, ends))
+            self.duties.append(Duty(f"{name}: non-negative duration", length, ends[0], owner=ends))
             self.durations(name, action.parts.get(":duration", []), scope, ends, ends[0])
             self.conditions(name, action.parts.get(":condition", []), scope, ends)
             self.add_effects(action.parts.get(":effect", []), scope, ends, True, None)
         else:
             ends = (self.point(name),) * 2
-            self.state(
-                f"{name}: condition", ends[0], self.model.condition(action.parts.get(":precondition", []), scope), ends
-            )
+            condition = self.model.condition(action.parts.get(":precondition", []), scope)
+            self.state(f"{name}: condition", condition, ends, ends[0])
             self.add_effects(action.parts.get(":effect", []), scope, ends, True, ends[0])
         return set(own.values())
 
-    def state(self, label: str, where: int | tuple[int, int], condition: Tree, ends: tuple[int, int]) -> None:
-        self.duties += [Duty(label, where, part, ends) for part in conjuncts(condition)]
+    def state(self, label: str, condition: Tree, ends: tuple[int, int], first: int, last: int | None = None) -> None:
+        self.duties += [Duty(label, part, first, last, ends) for part in conjuncts(condition)]
 
     def durations(self, name: str, tree: Tree, scope: Scope, ends: tuple[int, int], point: int) -> None:
         if not tree:
@@ -491,7 +489,7 @@ class Ground:
             self.durations(name, rest[1], scope, ends, ends[rest[0] == "end"])
         else:
             need(head in COMPARISONS and rest[:1] == ["?duration"], f"found a malformed duration in {name}")
-            self.state(f"{name}: duration", point, self.model.condition(tree, scope), ends)
+            self.state(f"{name}: duration", self.model.condition(tree, scope), ends, point)
 
     def conditions(self, name: str, tree: Tree, scope: Scope, ends: tuple[int, int]) -> None:
         if not tree:
@@ -510,8 +508,8 @@ class Ground:
                 len(rest) == 2 and words in (("at", "start"), ("at", "end"), ("over", "all")),
                 f"{name}: a condition's time",
             )
-            where = {"start": ends[0], "end": ends[1], "all": ends}[rest[0]]
-            self.state(f"{name}: {head} {rest[0]}", where, self.model.condition(rest[1], scope), ends)
+            place = {"start": (ends[0], None), "end": (ends[1], None), "all": ends}[rest[0]]
+            self.state(f"{name}: {head} {rest[0]}", self.model.condition(rest[1], scope), ends, *place)
 
     def add_effects(self, tree: Tree, scope: Scope, ends: tuple[int, int], when: Tree, point: int | None) -> None:
         """The effects in a tree, if `when` holds; they happen at `point`, which is not known yet at the top."""

@@ -19,7 +19,7 @@ from robust.certify.network import Orders
 from robust.certify.tape import obligation_lines, schedule_lines, sums, texts
 from robust.encode.interface import Encoding
 from robust.encode.variables import Range
-from robust.errors import RefutedError, UnsupportedError
+from robust.errors import UnsupportedError
 from robust.irr.widen import DiscoveredBadSet
 from robust.qe.box import Box, Interval
 from robust.qe.box import Side as End
@@ -178,7 +178,7 @@ _SIGNS = (Fraction(1), Fraction(-1))
 
 
 def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: Point) -> list[int]:
-    """The constraints that are tight at a vertex where strict ones hold by the greatest margin; the last is its bound."""
+    """The constraints that are tight at a vertex with the greatest margin of strict ones, and its bound."""
     place = {name: index for index, name in enumerate(unknowns)}
     tableau = Tableau(len(unknowns) + 1)
 
@@ -238,7 +238,7 @@ def declared_bounds(ground: Ground) -> Box:
     )
 
 
-def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, solver: str, deadline: Deadline) -> list[Line]:
+def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline: Deadline) -> list[Line]:
     """That a region is the whole envelope within the declared bounds: bad polyhedra, and that all else is good.
 
     Raises:
@@ -337,7 +337,10 @@ def face_lines(ground: Ground, encoding: Encoding, box: Box, *, solver: str, dea
             end = interval.end(side)
             if end is None or (interval.is_closed_at(side) and end == bounds[name].end(side)):
                 continue
-            yield from _Face(ground, encoding, box, bad, name, side, end, deadline).lines()
+            face = _Face(
+                ground=ground, encoding=encoding, box=box, bad=bad, name=name, side=side, end=end, deadline=deadline
+            )
+            yield from face.lines()
 
 
 class _Face:
@@ -345,6 +348,7 @@ class _Face:
 
     def __init__(
         self,
+        *,
         ground: Ground,
         encoding: Encoding,
         box: Box,
@@ -454,6 +458,3 @@ def _between(limit: Point, inside: Point, name: str) -> Linear:
 def _box_facts(box: Box) -> Iterator[Fact]:
     for constraint in box.constraints():
         yield from ((plus(constant(h.constant), dict(h.coefficients), -1), h.is_strict) for h in constraint.halves())
-
-
-__all__ = ["BadPiece", "Reasons", "RefutedError", "declared_bounds", "face_lines", "region_lines"]

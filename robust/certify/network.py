@@ -97,7 +97,7 @@ class Orders:
         by how much the path may be longer."""
         edges, numbers = self._ground.edges, dict[tuple[int, int], int]()
         ordered = sorted(self._used, key=lambda pair: (pair[0], self._row(pair[0])[pair[1]][0], self._times[pair[1]]))
-        pending = {pair: None for pair in ordered}
+        pending = dict.fromkeys(ordered)
         while pending:
             source = next(iter(pending))[0]
             batch = [pair for pair in pending if pair[0] == source]

@@ -37,16 +37,11 @@ def header(kind: str, box: Box | None = None) -> Line:
     """The first line of a certificate."""
     if box is None:
         return [FORMAT, kind, None]
-    ends = ((each.lower, each.lower_closed, each.upper, each.upper_closed) for each in box.intervals.values())
-    return [
-        FORMAT,
-        kind,
-        [
-            [None if low is None else str(low), low_closed and low is not None]
-            + [None if high is None else str(high), high_closed and high is not None]
-            for low, low_closed, high, high_closed in ends
-        ],
-    ]
+    ends = []
+    for each in box.intervals.values():
+        low, high = (None if end is None else str(end) for end in (each.lower, each.upper))
+        ends.append([low, each.lower_closed and low is not None, high, each.upper_closed and high is not None])
+    return [FORMAT, kind, ends]
 
 
 def box_facts(box: Box) -> list[Fact]:
