@@ -14,7 +14,6 @@ from .formulas import Formulas, constant, plus, replaced
 from .proofs import (
     Fact,
     Facts,
-    Rejected,
     Tape,
     demand,
     integer,

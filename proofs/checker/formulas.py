@@ -9,6 +9,7 @@ its initial value, and all increases and continuous changes since then. Moments 
 
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
+from functools import cache
 from math import gcd, lcm
 from typing import Any
 
@@ -399,6 +400,7 @@ def names_in(tree: Tree) -> Iterator[str]:
 HARM = {"add": ("read", "delete"), "delete": ("read",), "assign": ("read", "assign", "increase"), "increase": ("read",)}
 
 
+@cache
 def mutex(ground: Ground) -> list[tuple[int, int]]:
     """The pairs of time points that must be apart: no moving targets [PDDL 2.1]. What a text mentions, it reads."""
     does: dict[str, set[tuple[int, str]]] = {}

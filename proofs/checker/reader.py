@@ -358,7 +358,7 @@ STATEMENT = re.compile(
 )
 
 
-@dataclass
+@dataclass(eq=False)
 class Ground:
     """The plan: time points by number (0 is zero), the network, what has to hold, and what happens.
 

@@ -15,7 +15,7 @@ from math import lcm
 from robust.certify.checker.formulas import FALSE, Formulas, constant, plus, replaced
 from robust.certify.checker.reader import Ground, Linear
 from robust.certify.hints import Fact, KnownFacts, Line, Model, Side, implied, model, refutation
-from robust.certify.network import Orders
+from robust.certify.network import Orders, Point, positive_circle
 from robust.certify.tape import obligation_lines, schedule_lines, sums, texts
 from robust.encode.interface import Encoding
 from robust.encode.variables import Range
@@ -29,7 +29,6 @@ from robust.qe.region import Region, outside
 from robust.qe.simplex import Tableau
 from robust.smt.limits import Deadline
 
-Point = Mapping[str, Fraction]
 SEGMENT = "~"
 MARGIN = "margin"
 """By how much strict constraints hold, at least; at most 1."""
@@ -45,34 +44,6 @@ def side_of(form: Linear, strict: bool) -> LinearConstraint:
     """`form ≥ 0`, or `> 0`, as a side of a polyhedron."""
     factors = {name: -factor for name, factor in form.items() if name}
     return LinearConstraint.of(factors, Sense.LESS if strict else Sense.AT_MOST, form.get("", Fraction(0)))
-
-
-def evaluated(form: Linear, point: Point) -> Fraction:
-    return sum((factor * (point[name] if name else 1) for name, factor in form.items()), Fraction(0))
-
-
-def positive_circle(ground: Ground, point: Point) -> list[int] | None:
-    """Constraints in a circle that no times keep at one point of parameter space; None if there is a schedule."""
-    lengths = [evaluated(w, point) for _, _, w in ground.edges]
-    times = [Fraction(0)] * len(ground.points)
-    arrival: dict[int, int] = {}
-    last: int | None = None
-    for _ in range(len(times) + 1):
-        last = None
-        for number, (a, b, _) in enumerate(ground.edges):
-            if times[a] + lengths[number] > times[b]:
-                times[b] = times[a] + lengths[number]
-                arrival[b], last = number, b
-        if last is None:
-            return None
-    place = last or 0
-    for _ in times:
-        place = ground.edges[arrival[place]][0]
-    first, circle = place, list[int]()
-    while not circle or place != first:
-        circle.append(arrival[place])
-        place = ground.edges[arrival[place]][0]
-    return circle[::-1]
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
 
+Point = Mapping[str, Fraction]
+
 
 def least(form: Mapping[str, Fraction], ranges: Mapping[str, Range]) -> Fraction | None:
     """The least value of a form over ranges of its names; None if there is none."""
@@ -208,3 +210,31 @@ def affine_times(
 def placed(formulas: Formulas, times: Mapping[str, Linear]) -> list[Linear]:
     """The slack of each constraint of the network at these times."""
     return [replaced(formulas.slack(edge), times) for edge in formulas.ground.edges]
+
+
+def evaluated(form: Linear, point: Point) -> Fraction:
+    return sum((factor * (point[name] if name else 1) for name, factor in form.items()), Fraction(0))
+
+
+def positive_circle(ground: Ground, point: Point) -> list[int] | None:
+    """Constraints in a circle that no times keep at one point of parameter space; None if there is a schedule."""
+    lengths = [evaluated(w, point) for _, _, w in ground.edges]
+    times = [Fraction(0)] * len(ground.points)
+    arrival: dict[int, int] = {}
+    last: int | None = None
+    for _ in range(len(times) + 1):
+        last = None
+        for number, (a, b, _) in enumerate(ground.edges):
+            if times[a] + lengths[number] > times[b]:
+                times[b] = times[a] + lengths[number]
+                arrival[b], last = number, b
+        if last is None:
+            return None
+    place = last or 0
+    for _ in times:
+        place = ground.edges[arrival[place]][0]
+    first, circle = place, list[int]()
+    while not circle or place != first:
+        circle.append(arrival[place])
+        place = ground.edges[arrival[place]][0]
+    return circle[::-1]

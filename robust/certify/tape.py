@@ -6,12 +6,13 @@ import gzip
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
+from itertools import islice, product
 from pathlib import Path
 
 from robust.certify.checker.formulas import FALSE, Formulas
 from robust.certify.checker.reader import Ground, Linear
 from robust.certify.hints import Fact, KnownFacts, Line, implied, refutation
-from robust.certify.network import Orders, affine_times, constant_times, placed
+from robust.certify.network import Orders, affine_times, constant_times, placed, positive_circle
 from robust.certify.refute import NotRefutedError
 from robust.encode.variables import Range
 from robust.errors import RefutedError, UnsupportedError
@@ -20,6 +21,7 @@ from robust.qe.box import Box
 from robust.smt.limits import Deadline
 
 FORMAT = "robust/certificate/2"
+CORNERS = 1024
 Progress = Callable[[int, int, str], None]
 
 
@@ -82,11 +84,24 @@ def good_lines(
     formulas, region = Formulas(ground, epsilon), box_facts(box)
     times = constant_times(formulas, box.ranges) or affine_times(formulas, region, solver=solver, deadline=deadline)
     if times is None:
+        _require_schedules(ground, box)
         raise UnsupportedError("no schedule that is linear in the parameters suits all of these values; try fewer")
     orders, *refutations = obligation_lines(
         formulas, region, box.ranges, (), deadline=deadline, on_obligation=on_obligation
     )
     return [orders, *schedule_lines(formulas, region, times), *refutations]
+
+
+def _require_schedules(ground: Ground, box: Box) -> None:
+    """RefutedError if a corner of the box leaves no schedule: the values that leave some are convex."""
+    ends = [
+        [end for end in (each.lower, each.upper) if end is not None] or [Fraction(0)] for each in box.intervals.values()
+    ]
+    for corner in islice(product(*map(dict.fromkeys, ends)), CORNERS):
+        values = dict(zip(box.intervals, corner, strict=True))
+        if positive_circle(ground, values) is not None:
+            shown = ", ".join(f"{name} = {value}" for name, value in values.items())
+            raise RefutedError(f"the network allows no schedule for {shown}; expected values for which it does")
 
 
 def schedule_lines(formulas: Formulas, region: Sequence[Fact], times: Mapping[str, Linear]) -> list[Line]:
