@@ -46,10 +46,11 @@ MEDIAN, SLOWEST, COSTLIEST, LARGEST = 0.5, 1.0, 3.0, 100_000
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One certificate: seconds in one process that has started already, seconds of whole processes, and its bytes. `solve` is the
-    shortest way to the verdict without a certificate: checking the plan (`plan`), or widening (`box`, `maximal`).
-    `produce` makes the certificate, the search for the box excluded. `refuted` of the obligations are not constant by
-    what the checker folds. `rejected` is why the checker does not accept the certificate.
+    """One certificate: seconds in one process that has started already, seconds of whole processes, and its bytes.
+
+    `solve` is the shortest way to the verdict without a certificate: checking the plan (`plan`), or widening (`box`,
+    `maximal`). `produce` makes the certificate, the search for the box excluded. `refuted` of the obligations are not
+    constant by what the checker folds. `rejected` is why the checker does not accept the certificate.
     """
 
     instance: str
@@ -112,7 +113,7 @@ def _measure(name: str, files: Files, directory: Path, processes: bool) -> Itera
             refuted=answer.get("refuted", 0),
             rejected=answer.get("reason"),
             solve_process=_process([*COMMAND, verb, *map(str, files), "--quiet"]) if processes else None,
-            check_process=_timed(lambda: verify(path, files, epsilon=EPSILON))[0] if processes else None,
+            check_process=_timed(partial(verify, path, files, epsilon=EPSILON))[0] if processes else None,
         )
 
 
@@ -165,8 +166,9 @@ BY_PLAN: Columns[Sequence[Measured]] = {
 class CertificateReport(Report[Measured]):
     """All plans and boxes of the recorded data, relational encoding (`python -m benchmarks.certificates`).
     *plan*: valid at the nominal values. *box*: all over the box that widening finds. *maximal*: and no valid box
-    contains it. Solving is the shortest way to the same verdict without a certificate: checking the plan, or widening. Solving and checking are timed in one process that has started already, so that no start-up
-    hides what they take; checking includes the reading of the files.
+    contains it. Solving is the shortest way to the same verdict without a certificate: checking the plan, or widening.
+    Solving and checking are timed in one process that has started already, so that no start-up hides what they take;
+    checking includes the reading of the files.
     """
 
     TITLE = "Certificates"
@@ -196,8 +198,8 @@ class CertificateReport(Report[Measured]):
             f"{len(self.rows) - len(rejected)} of {len(self.rows)} certificates of {plans} plans are accepted",
             f"the median of checking / solving is {median(each.ratio for each in self.rows):.2f}; aim: {MEDIAN:g}",
             f"no box takes longer to check than {slowest.check:.2f} s ({slowest.instance}); aim: {SLOWEST:g} s",
-            f"producing takes at most {costliest.cost:.1f} times solving ({costliest.instance}, {costliest.kind}); aim: "
-            f"{COSTLIEST:g} for boxes",
+            f"producing takes at most {costliest.cost:.1f} times solving ({costliest.instance}, {costliest.kind}); "
+            f"aim: {COSTLIEST:g} for boxes",
             f"the largest certificate has {largest.size / 1e3:.1f} kB ({largest.instance}, {largest.kind}); aim: less "
             f"than {LARGEST / 1e3:g} kB",
             *([f"{processes}: {max(whole):.2f} at most, {median(whole):.2f} median"] if whole else []),

@@ -93,8 +93,8 @@ class Facts:
         strict = False
         for number, factor in (listed(each, 2) for each in listed(multiples)):
             fact = self.known[integer(number, below)]
-            size = Fraction(integer(factor)) if type(factor) is int else rational(factor)
-            demand(size > 0, "expected a multiple above zero")
+            size = Fraction(factor) if type(factor) is int else rational(factor)
+            demand(size > 0 and (type(factor) is int or size.denominator > 1), "expected a multiple above zero")
             total, strict = plus(total, fact[0], size), strict or fact[1]
         return total, strict
 

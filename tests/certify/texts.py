@@ -208,9 +208,9 @@ class _Drawing:
                 source, target = self.random.choice([*points]), self.random.choice([*points])
                 lines.append(f"c: {target} - {source} in [-inf, inf]; c: {target} - .zero in [-inf, 9];")
                 lines.append(
-                    f"c: {[*points][0]} - .zero in [0, {name}];"
+                    f"c: {next(iter(points))} - .zero in [0, {name}];"
                     if self.chance(0.5)
-                    else f"c: .zero - {[*points][0]} in [-inf, {name}];"
+                    else f"c: .zero - {next(iter(points))} in [-inf, {name}];"
                 )
         return "\n".join([*heads, *lines]) + "\n"
 
