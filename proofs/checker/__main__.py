@@ -22,11 +22,8 @@ from .reader import Ground, Unsupported, ground, need, number
 
 FORMAT, OLD = "robust/certificate/2", "robust/certificate/1"
 KINDS = {"plan": 1, "box": 2, "maximal": 3, "region": 0, "knowledge": 0}
+MALFORMED = (ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError, ValueError)
 LONGEST_LINE, LARGEST, MEMORY = 64 << 20, 512 << 20, 4 << 30  # bytes
-
-
-class Unreadable(Exception):
-    """A file cannot be read."""
 
 
 class Inputs:
@@ -110,35 +107,17 @@ def report(arguments: Any, inputs: Inputs) -> tuple[int, dict[str, Any]]:
     except (Rejected, OSError, EOFError, zlib.error, UnicodeError, Unsupported) as error:
         code = {Rejected: 1, Unsupported: 4}.get(type(error), 2)
         return code, {"verdict": {1: "rejected", 2: "unreadable", 4: "unsupported"}[code], "reason": str(error)}
-    except (
-        ArithmeticError,
-        AssertionError,
-        AttributeError,
-        LookupError,
-        MemoryError,
-        RecursionError,
-        TypeError,
-        ValueError,
-    ) as error:
+    except MALFORMED as error:
         return 1, {"verdict": "rejected", "reason": f"malformed ({type(error).__name__})"}
-    ends = {
-        name: {"lower": shown(each.lower, "-"), "upper": shown(each.upper, ""), "lower_closed": each.lower_closed}
-        | {"upper_closed": each.upper_closed}
-        for name, each in (claim.box or {}).items()
-    }
-    return 0, {
-        "verdict": "established",
-        "kind": claim.kind,
-        "claim": f"{claim.text}, epsilon = {claim.epsilon}",
-        "epsilon": str(claim.epsilon),
-        "box": None if claim.box is None else ends,
-        "obligations": claim.obligations,
-        "refuted": claim.refuted,
-    }
+    text = f"{claim.text}, epsilon = {claim.epsilon}"
+    answer: dict[str, Any] = {"verdict": "established", "kind": claim.kind, "claim": text, "epsilon": str(epsilon)}
+    box = None if claim.box is None else {name: ends_of(each) for name, each in claim.box.items()}
+    return 0, answer | {"box": box, "obligations": claim.obligations, "refuted": claim.refuted}
 
 
-def shown(end: Fraction | None, sign: str) -> str:
-    return f"{sign}inf" if end is None else str(end)
+def ends_of(each: Range) -> dict[str, Any]:
+    texts = ("-inf" if each.lower is None else str(each.lower), "inf" if each.upper is None else str(each.upper))
+    return dict(zip(("lower", "upper", "lower_closed", "upper_closed"), (*texts, each.lower_closed, each.upper_closed)))
 
 
 def main() -> int:

@@ -74,10 +74,11 @@ class Choices:
         ground = Ground(self.model)
         ground.point("start")
         self.domains = {each["name"]: each["domain"] for each in network["choices"]}
-        events = [*network["events"], *({"name": end} for end in ("e_initial", "e_goal"))]
-        self.guards: dict[str, Guard] = {each["name"]: each.get("guard", {}) for each in reversed(events)}
-        need(len(self.guards) == len({each["name"] for each in network["events"]} | {"e_initial", "e_goal"}), "events")
-        need(len(self.domains) == len(network["choices"]), "found a choice twice")
+        self.guards: dict[str, Guard] = {each["name"]: each.get("guard", {}) for each in network["events"]}
+        for kind, names in (("choices", self.domains), ("events", self.guards)):
+            need(len(names) == len(network[kind]), f"found two {kind} of one name")
+        for end in ("e_initial", "e_goal"):
+            need(self.guards.setdefault(end, {}) == {}, f"found a guard of {end}")
         self.times = {event: {f"@{index}": Fraction(1)} for index, event in enumerate(self.guards, start=1)}
         given: dict[str, Linear] = {}
         for place, activity in enumerate(network["activities"]):
@@ -95,9 +96,7 @@ class Choices:
         }
         self.parts: list[int] = []
         for name, values in self.domains.items():
-            need(
-                type(values) is list and values and len({*values}) == len(values), f"found a malformed domain of {name}"
-            )
+            need(type(values) is list and values and len({*values}) == len(values), f"found {name} without values")
             each = [self.values[name, value] for value in values]
             self.parts.append(self.circuit.any(each))
             self.parts += [-self.circuit.all([a, b]) for i, a in enumerate(each) for b in each[:i]]
@@ -135,6 +134,8 @@ class Choices:
 
     def constrain(self, guard: Guard, a: str, b: str, low: Fraction | None, high: Fraction | None) -> None:
         gap = plus(self.time(b), self.time(a), -1)
+        implied = {*self.guards[a].items(), *self.guards[b].items()}
+        need(type(guard) is dict and implied <= {*guard.items()}, f"found {a} and {b} related where they do not happen")
         if low is not None:
             self.parts.append(self.unless(guard, self.circuit.compare(plus(gap, constant(low), -1))))
         if high is not None:
@@ -189,15 +190,8 @@ class Choices:
             if producer.atom == condition.atom and producer.value == condition.value:
                 begins = self.own(producer, condition) and producer.event == condition.first != condition.last
                 in_time = TRUE if begins else self.before(producer.event, condition.first)
-                away = [
-                    self.unless(
-                        threat.guard,
-                        self.circuit.any(
-                            [self.before(threat.event, producer.event), self.before(condition.last, threat.event)]
-                        ),
-                    )
-                    for threat in threats
-                ]
+                apart = [[self.before(t.event, producer.event), self.before(condition.last, t.event)] for t in threats]
+                away = [self.unless(t.guard, self.circuit.any(each)) for t, each in zip(threats, apart)]
                 supports.append(self.circuit.all([self.holds(producer.guard), in_time, *away]))
         return self.unless(condition.guard, self.circuit.any(supports))
 

@@ -11,22 +11,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from .formulas import Formulas, constant, plus, replaced
-from .proofs import (
-    Fact,
-    Facts,
-    Tape,
-    demand,
-    integer,
-    linear,
-    listed,
-    orders,
-    polyhedron,
-    rational,
-    refute,
-    refute_all,
-    schedule,
-)
-from .reader import Ground, Linear, need
+from .proofs import Facts, Tape, all_hold, demand, linear, listed, orders, rational, refute, schedule, sides, whole
+from .reader import Fact, Ground, Linear, need
 
 SEGMENT = "~"
 """How far along a segment: more than 0, and at most 1."""
@@ -143,7 +129,7 @@ def good(tape: Tape, ground: Ground, claim: Claim, region: list[Fact]) -> None:
     facts = Facts(formulas, region)
     orders(tape, formulas, facts)
     schedule(tape, formulas, facts)
-    obligations, refuted = refute_all(tape, formulas, facts)
+    obligations, refuted = all_hold(tape, formulas, facts)
     claim.obligations += obligations
     claim.refuted += refuted
 
@@ -156,7 +142,7 @@ def bad(tape: Tape, ground: Ground, claim: Claim, region: list[Fact], given: dic
         steps, multiples = listed(rest, 2)
         total, start, place = Linear(), None, None
         for step in listed(steps):
-            a, b, length = ground.edges[integer(step, len(ground.edges))]
+            a, b, length = ground.edges[whole(step, len(ground.edges))]
             demand(place is None or a == place, "the constraints do not form a path")
             total, start, place = plus(total, replaced(length, given)), a if start is None else start, b
         demand(start is not None and start == place, "the constraints do not form a circle")
@@ -166,13 +152,13 @@ def bad(tape: Tape, ground: Ground, claim: Claim, region: list[Fact], given: dic
     times = [linear(text, names) for text in listed(texts, len(ground.points) - 1)]
     given = given | {f"@{point}": time for point, time in enumerate(times, start=1)}
     if instant is not None:
-        given[f"!{integer(number)}"] = linear(instant, names)
+        given[f"!{whole(number)}"] = linear(instant, names)
     formulas = Formulas(ground, claim.epsilon, given)
     facts = Facts(formulas, region, network=False)
     for edge, multiples in zip(ground.edges, listed(proofs, len(ground.edges))):
         facts.imply(formulas.slack(edge), multiples)
     obligations = formulas.obligations()
-    refute(tape, formulas, facts, -obligations[integer(number, len(obligations))][1]())
+    refute(tape, formulas, facts, -obligations[whole(number, len(obligations))][1]())
 
 
 def check_faces(tape: Tape, ground: Ground, claim: Claim, box: Box, name: str) -> None:
@@ -207,7 +193,7 @@ def check_region(tape: Tape, ground: Ground, claim: Claim) -> None:
     bounds = [fact for name in names for fact in declared(ground, name).facts(name)]
     claim.removed, good = [], list(bounds)
     while (line := tape.next("bad", "good"))[0] == "bad":
-        piece = polyhedron(listed(line, 2)[1], names)
+        piece = sides(listed(line, 2)[1], names)
         demand(all(form.keys() - {""} for form, _ in piece), "found a side without parameters")
         bad(tape, ground, claim, [*piece, *bounds], {})
         claim.removed.append(piece)
@@ -218,9 +204,9 @@ def check_region(tape: Tape, ground: Ground, claim: Claim) -> None:
     facts = Facts(formulas, good)
     outside = [-inside(formulas, piece) for piece in claim.removed if len(piece) != 1]
     orders(tape, formulas, facts)
-    claim.obligations, claim.refuted = refute_all(tape, formulas, facts, outside)
+    claim.obligations, claim.refuted = all_hold(tape, formulas, facts, outside)
     while (line := tape.next("piece", "rest"))[0] == "piece":
-        piece = polyhedron(listed(line, 2)[1], names)
+        piece = sides(listed(line, 2)[1], names)
         schedule(tape, formulas, Facts(formulas, [*piece, *good], network=False))
         outside.append(-inside(formulas, piece))
     listed(line, 1)

@@ -12,10 +12,8 @@ from fractions import Fraction
 from typing import Any
 
 from .formulas import FALSE, Formulas, constant, plus, replaced
-from .reader import Linear
+from .reader import Fact, Linear
 
-Fact = tuple[Linear, bool]
-"""`expression >= 0`, or `> 0`."""
 RATIONAL = re.compile("-?[1-9][0-9]{0,999}(?:/[1-9][0-9]{0,999})?|0")
 
 
@@ -28,7 +26,7 @@ def demand(condition: object, message: str) -> None:
         raise Rejected(message)
 
 
-def integer(value: Any, below: int | None = None) -> int:
+def whole(value: Any, below: int | None = None) -> int:
     demand(type(value) is int and (below is None or 0 <= value < below), "expected the number of something")
     return int(value)
 
@@ -54,7 +52,7 @@ def linear(value: Any, names: Iterable[str]) -> Linear:
     return found
 
 
-def polyhedron(value: Any, names: Iterable[str]) -> list[Fact]:
+def sides(value: Any, names: Iterable[str]) -> list[Fact]:
     """Pairs of a linear form and whether it is more than zero, rather than at least."""
     facts = [listed(each, 2) for each in listed(value)]
     demand(all(type(strict) is bool for _, strict in facts), "expected true or false")
@@ -92,7 +90,7 @@ class Facts:
         """The sum and positive multiples of facts, and whether one of these is strict."""
         strict = False
         for number, factor in (listed(each, 2) for each in listed(multiples)):
-            fact = self.known[integer(number, below)]
+            fact = self.known[whole(number, below)]
             size = Fraction(factor) if type(factor) is int else rational(factor)
             demand(size > 0 and (type(factor) is int or size.denominator > 1), "expected a multiple above zero")
             total, strict = plus(total, fact[0], size), strict or fact[1]
@@ -110,16 +108,14 @@ def orders(tape: Tape, formulas: Formulas, facts: Facts) -> None:
     """Order lemmas: t_b - t_a is at least a number, by constraints of the network, or earlier lemmas, from a to b."""
     edges, lemmas = formulas.ground.edges, list[tuple[int, int, Linear]]()
     for a, b, path, text, multiples in (listed(each, 5) for each in tape.next("orders")):
-        place, total = integer(a, len(formulas.ground.points)), Linear()
+        place, total = whole(a, len(formulas.ground.points)), Linear()
         for step in listed(path):
-            number = integer(step, len(edges) + len(lemmas))
+            number = whole(step, len(edges) + len(lemmas))
             source, target, length = edges[number] if number < len(edges) else lemmas[number - len(edges)]
             demand(source == place, "the constraints do not form a path")
             place, total = target, plus(total, length)
         bound = rational(text)
-        demand(
-            place == integer(b) and a != b and (a, b) not in formulas.known, "a path to elsewhere, or an order twice"
-        )
+        demand(place == whole(b) and a != b and (a, b) not in formulas.known, "a path to elsewhere, or an order twice")
         facts.imply(plus(total, constant(bound), -1), multiples)
         formulas.known[a, b] = bound
         lemmas.append((a, b, constant(bound)))
@@ -142,7 +138,7 @@ def refute(tape: Tape, formulas: Formulas, facts: Facts, literal: int, also: Ite
     steps = tape.next("refute")
     for step in steps:
         literals, *proof = listed(step)
-        clause = tuple(integer(each) for each in listed(literals))
+        clause = tuple(whole(each) for each in listed(literals))
         demand(all(0 < abs(each) < len(circuit.nodes) for each in clause), "no such literal")
         if len(proof) == 2:
             lemma(formulas, facts, clause, *proof)
@@ -163,9 +159,7 @@ def lemma(formulas: Formulas, facts: Facts, clause: tuple[int, ...], multipliers
     """Not all literals are false: positive multiples of their negations and of facts add up to a contradiction."""
     total, strict = Linear(), False
     for literal, factor in zip(clause, listed(multipliers, len(clause))):
-        demand(
-            not formulas.circuit.is_gate(abs(literal)) and integer(factor) > 0, "no comparison, or a multiple below 1"
-        )
+        demand(not formulas.circuit.is_gate(abs(literal)) and whole(factor) > 0, "no comparison, or a multiple below 1")
         form, more = formulas.circuit.said(-literal)
         total, strict = plus(total, {name: Fraction(value) for name, value in form.items()}, factor), strict or more
     total, more = facts.add(total, multiples, len(facts.known))
@@ -176,15 +170,15 @@ def lemma(formulas: Formulas, facts: Facts, clause: tuple[int, ...], multipliers
 def hinted(formulas: Formulas, clauses: list[tuple[int, ...]], hint: Any) -> tuple[int, ...]:
     """An earlier clause, or one that defines a gate: 0 for `gate, or not all inputs`, then one for each input."""
     if type(hint) is int:
-        return clauses[integer(hint, len(clauses))]
+        return clauses[whole(hint, len(clauses))]
     gate, which = listed(hint, 2)
-    demand(integer(gate, len(formulas.circuit.nodes)) > 0 and formulas.circuit.is_gate(gate), "no such gate")
+    demand(whole(gate, len(formulas.circuit.nodes)) > 0 and formulas.circuit.is_gate(gate), "no such gate")
     inputs = formulas.circuit.nodes[gate]
-    integer(which, len(inputs) + 1)
+    whole(which, len(inputs) + 1)
     return (-gate, inputs[which - 1]) if which else (gate, *(-each for each in inputs))
 
 
-def refute_all(tape: Tape, formulas: Formulas, facts: Facts, also: Iterable[int] = ()) -> tuple[int, int]:
+def all_hold(tape: Tape, formulas: Formulas, facts: Facts, also: Iterable[int] = ()) -> tuple[int, int]:
     """No obligation can break: how many there are, and how many of them are not constant by what is known."""
     obligations = formulas.obligations()
     asked = 0

@@ -16,6 +16,8 @@ from typing import Any
 Tree = Any
 Linear = dict[str, Fraction]
 """Coefficients by name; that of "" is the constant. No coefficient is zero."""
+Fact = tuple[Linear, bool]
+"""`expression >= 0`, or `> 0`."""
 
 
 class Unsupported(Exception):
@@ -85,9 +87,7 @@ def typed(words: list[Tree]) -> list[tuple[str, list[str]]]:
 def words_of(tree: Tree, least: int = 1, most: int | None = None) -> list[Tree]:
     """A form with as many operands as that."""
     need(type(tree) is list and tree and type(tree[0]) is str, f"found {tree!r}, expected a form")
-    need(
-        least < len(tree) and (most is None or len(tree) <= most + 1), f"found {tree[0]} with too few or many operands"
-    )
+    need(least < len(tree) and (most is None or len(tree) <= most + 1), f"found {tree[0]} with other operands")
     return list(tree)
 
 
@@ -114,7 +114,19 @@ PARTS = {
     ":durative-action": {":parameters", ":duration", ":condition", ":effect", ":synth-parameters"},
     ":action": {":parameters", ":precondition", ":effect", ":synth-parameters"},
 }
-HARMLESS = {":requirements", ":metric", ":length", "domain", "problem"}
+KNOWN = {
+    ":domain",
+    ":types",
+    ":constants",
+    ":objects",
+    ":predicates",
+    ":functions",
+    ":init",
+    ":goal",
+    "domain",
+    "problem",
+}
+KNOWN |= {":synth-parameters", ":requirements", ":metric", ":length"}
 COMPARISONS = {"<", "<=", "=", ">=", ">"}
 RESERVED = {"and", "or", "not", "imply", "forall", "exists", "when", "preference", "increase", "decrease", "assign"}
 RESERVED |= {"scale-up", "scale-down", "either"}
@@ -125,13 +137,9 @@ class Model:
 
     def __init__(self, domain: str, problem: str) -> None:
         self.parents: dict[str, set[str]] = {"object": set()}
-        self.objects: dict[str, set[str]] = {}
-        self.actions: dict[str, Action] = {}
-        self.predicates: dict[str, int] = {}
-        self.functions: dict[str, int] = {}
-        self.synth: list[str] = []
-        self.initial: dict[str, bool | Fraction] = {}
-        self.timed: dict[tuple[Fraction, str], bool | Fraction] = {}
+        self.objects, self.actions = dict[str, set[str]](), dict[str, Action]()
+        self.predicates, self.functions = dict[str, int](), dict[str, int]()  # how many arguments they take
+        self.initial, self.timed = dict[str, bool | Fraction](), dict[tuple[Fraction, str], bool | Fraction]()
         sections = [*parse(domain, "domain"), *parse(problem, "problem")]
         once = [each[0] for each in sections if each[0] not in (*PARTS, ":requirements")]
         twice = {each for each in once if once.count(each) > 1}
@@ -155,11 +163,9 @@ class Model:
         self.synth = self.parameters_in(parts.get(":synth-parameters", []))
         self.goal = parts[":goal"][0]
         for kind, *rest in sections:
+            need(kind in PARTS or kind in KNOWN, f"found {kind}, which is not supported")
             if kind in PARTS:
                 self.action(kind, rest)
-            else:
-                read = (":domain", ":types", ":constants", ":objects", ":predicates", ":functions", ":init", ":goal")
-                need(kind in (*HARMLESS, *read, ":synth-parameters"), f"found {kind}, which is not supported")
         for fact in parts[":init"]:
             self.fact(fact)
 
@@ -182,8 +188,7 @@ class Model:
 
     @staticmethod
     def parameters_in(words: list[Tree]) -> list[str]:
-        words = words[0] if len(words) == 1 and type(words[0]) is list else words
-        names = [name for name, _ in typed(words)]
+        names = [name for name, _ in typed(words[0] if len(words) == 1 and type(words[0]) is list else words)]
         need(len({*names}) == len(names) and all(name[0] == "?" for name in names), "found malformed parameters")
         return [name[1:] for name in names]
 
@@ -200,10 +205,7 @@ class Model:
                 need(keyword and (not parts[keyword] or keyword == ":synth-parameters"), f"found {item!r} in {name}")
                 parts[keyword].append(item)
         synth = self.parameters_in(parts.pop(":synth-parameters", []))
-        need(
-            all(len(part) == 1 and type(part[0]) is list for part in parts.values()),
-            f"found a part of {name} malformed",
-        )
+        need(all(len(part) == 1 and type(part[0]) is list for part in parts.values()), f"found {name} malformed")
         parameters = typed(parts.get(":parameters", [[]])[0])
         names = [variable for variable, _ in parameters]
         every = [*names, *(f"?{each}" for each in (*synth, *self.synth))]
@@ -212,8 +214,6 @@ class Model:
         need(kind == ":action" or ":duration" in parts, f"found no :duration in {name}")
         texts = {keyword: part[0] for keyword, part in parts.items()}
         self.actions[name] = Action(kind == ":durative-action", parameters, synth, texts)
-
-    # -- the initial state ---------------------------------------------------------------------------------------------
 
     def fact(self, fact: Tree) -> None:
         words = words_of(fact, 0)
@@ -235,8 +235,6 @@ class Model:
             return self.ground(words_of(fact, 1, 1)[1], {}, self.predicates), False
         return self.ground(fact, {}, self.predicates), True
 
-    # -- terms, expressions, conditions --------------------------------------------------------------------------------
-
     def ground(self, term: Tree, bound: Mapping[str, str], table: Mapping[str, int]) -> str:
         """A ground atom or fluent, as text."""
         name, *arguments = words_of([term] if type(term) is str and table is self.functions else term, 0)
@@ -252,9 +250,7 @@ class Model:
         names = [name for name, _ in listed]
         taken = {"?duration", *scope.synth}
         need(len({*names}) == len(names) and not taken & {*names}, "found a variable twice")
-        need(
-            all(kind in self.parents and name[0] == "?" for name, kinds in listed for kind in kinds), "an unknown type"
-        )
+        need(all(kind in self.parents and name[0] == "?" for name, kinds in listed for kind in kinds), "unknown type")
         for chosen in product(*([one for one in self.objects if self.fits(one, kinds)] for _, kinds in listed)):
             yield Scope({**scope.bound, **dict(zip(names, chosen))}, scope.synth, scope.durative)
 
@@ -302,16 +298,13 @@ class Model:
 
 
 def decided(tree: Tree) -> bool | None:
-    """Whether a condition is true or false by what it says of objects and constants alone."""
-    if type(tree) is bool:
-        return tree
+    """Whether a condition is true or false by what it says of objects alone."""
+    if type(tree) is bool or tree[0] not in ("not", "and", "or"):
+        return tree if type(tree) is bool else None
+    found, strong = {decided(each) for each in tree[1:]}, tree[0] == "or"
     if tree[0] == "not":
-        inner = decided(tree[1])
-        return None if inner is None else not inner
-    if tree[0] in ("and", "or"):
-        found, strong = {decided(each) for each in tree[1:]}, tree[0] == "or"
-        return strong if strong in found else None if None in found else not strong
-    return None
+        return None if None in found else False in found
+    return strong if strong in found else None if None in found else not strong
 
 
 @dataclass(frozen=True)
@@ -346,7 +339,7 @@ class Parameter:
     upper: Fraction | None = None
 
 
-BLANK, NAME, IDENTIFIER = r"\s*", r"[A-Za-z_](?:[A-Za-z0-9_.-]*[A-Za-z0-9_])?", r"[A-Za-z0-9_]+(?:-+[A-Za-z0-9_]+)*"
+NAME, IDENTIFIER = r"[A-Za-z_](?:[A-Za-z0-9_.-]*[A-Za-z0-9_])?", r"[A-Za-z0-9_]+(?:-+[A-Za-z0-9_]+)*"
 POINT, BOUND = rf"(?>\.zero\b|{IDENTIFIER}(?:\.[A-Za-z0-9_]+)?)", r"[^\s\[\](),;:#]+"
 STATEMENT = re.compile(
     rf"""\s*(?:
@@ -395,9 +388,8 @@ class Ground:
             if match["parameter"]:
                 self.parameter(match["parameter"], match["attributes"].split())
             elif match["kind"]:
-                used |= self.instance(
-                    match["instance"], match["kind"] == "durative-action", match["call"].lower().split()
-                )
+                durative = match["kind"] == "durative-action"
+                used |= self.instance(match["instance"], durative, match["call"].lower().split())
             else:
                 self.constraint(match["target"], match["source"], match["low"], match["high"])
         need(len(self.points) > 1, "found no action in the plan")
@@ -421,9 +413,7 @@ class Ground:
     def parameter(self, name: str, words: list[str]) -> None:
         values = dict(zip(words[::2], words[1::2]))
         need(values.keys() <= {"weight", "default", "lb", "ub"} and len(values) * 2 == len(words), f"parameter {name}")
-        need(
-            name not in self.parameters and name.lower() not in ("inf", "infinity", "nan", "zero"), f"parameter {name}"
-        )
+        need(not {name, name.lower()} & {*self.parameters, "inf", "infinity", "nan", "zero"}, f"parameter {name}")
         low, high, nominal = values.get("lb", "-inf"), values.get("ub", "inf"), values.get("default")
         self.parameters[name] = Parameter(
             None if nominal is None else number(nominal),
@@ -444,8 +434,6 @@ class Ground:
             return {text: Fraction(1)}
         value = number(text)
         return {"": value} if value else {}
-
-    # -- instances -----------------------------------------------------------------------------------------------------
 
     def instance(self, name: str, durative: bool, call: list[str]) -> set[str]:
         """Ground one action; the parameters that it has of its own."""
@@ -474,83 +462,60 @@ class Ground:
     def state(self, label: str, condition: Tree, ends: tuple[int, int], first: int, last: int | None = None) -> None:
         self.duties += [Duty(label, part, first, last, ends) for part in conjuncts(condition)]
 
+    def spread(self, tree: Tree, scope: Scope) -> Iterator[tuple[str, list[Tree], Scope]]:
+        """The parts of conjunctions, those of `forall` object by object: head, operands, and what variables mean."""
+        if tree:
+            head, *rest = words_of(tree, 0)
+            if head == "and":
+                for each in rest:
+                    yield from self.spread(each, scope)
+            elif head == "forall":
+                words_of(tree, 2, 2)
+                for inner in self.model.bindings(rest[0], scope):
+                    yield from self.spread(rest[1], inner)
+            else:
+                yield head, rest, scope
+
     def durations(self, name: str, tree: Tree, scope: Scope, ends: tuple[int, int], point: int) -> None:
-        if not tree:
-            return
-        head, *rest = words_of(tree, 0)
-        if head == "and":
-            for each in rest:
-                self.durations(name, each, scope, ends, point)
-        elif head == "at":
-            need(
-                len(rest) == 2 and rest[0] in ("start", "end") and point == ends[0],
-                f"found a malformed duration in {name}",
-            )
-            self.durations(name, rest[1], scope, ends, ends[rest[0] == "end"])
-        else:
-            need(head in COMPARISONS and rest[:1] == ["?duration"], f"found a malformed duration in {name}")
-            self.state(f"{name}: duration", self.model.condition(tree, scope), ends, point)
+        for head, rest, inner in self.spread(tree, scope):
+            if head == "at":
+                need(len(rest) == 2 and rest[0] in ("start", "end") and point == ends[0], f"{name}: a duration's time")
+                self.durations(name, rest[1], inner, ends, ends[rest[0] == "end"])
+            else:
+                need(head in COMPARISONS and rest[:1] == ["?duration"], f"found a malformed duration in {name}")
+                self.state(f"{name}: duration", self.model.condition([head, *rest], inner), ends, point)
 
     def conditions(self, name: str, tree: Tree, scope: Scope, ends: tuple[int, int]) -> None:
-        if not tree:
-            return
-        head, *rest = words_of(tree, 0)
-        if head == "and":
-            for each in rest:
-                self.conditions(name, each, scope, ends)
-        elif head == "forall":
-            words_of(tree, 2, 2)
-            for inner in self.model.bindings(rest[0], scope):
-                self.conditions(name, rest[1], inner, ends)
-        else:
+        where = {("at", "start"): (ends[0], None), ("at", "end"): (ends[1], None), ("over", "all"): ends}
+        for head, rest, inner in self.spread(tree, scope):
             words = (head, *rest[:1])
-            need(
-                len(rest) == 2 and words in (("at", "start"), ("at", "end"), ("over", "all")),
-                f"{name}: a condition's time",
-            )
-            place = {"start": (ends[0], None), "end": (ends[1], None), "all": ends}[rest[0]]
-            self.state(f"{name}: {head} {rest[0]}", self.model.condition(rest[1], scope), ends, *place)
+            need(len(rest) == 2 and type(rest[0]) is str and words in where, f"{name}: a condition without a time")
+            self.state(f"{name}: {' '.join(words)}", self.model.condition(rest[1], inner), ends, *where[words])
 
     def add_effects(self, tree: Tree, scope: Scope, ends: tuple[int, int], when: Tree, point: int | None) -> None:
         """The effects in a tree, if `when` holds; they happen at `point`, which is not known yet at the top."""
-        if not tree:
-            return
-        head, *rest = words_of(tree, 0)
-        if head == "and":
-            for each in rest:
-                self.add_effects(each, scope, ends, when, point)
-        elif head == "forall":
-            words_of(tree, 2, 2)
-            for inner in self.model.bindings(rest[0], scope):
-                self.add_effects(rest[1], inner, ends, when, point)
-        elif head == "at" and len(rest) == 2 and rest[0] in ("start", "end") and type(rest[1]) is list:
-            need(point is None, "found an effect with two times")
-            self.add_effects(rest[1], scope, ends, when, ends[rest[0] == "end"])
-        elif head == "when":
-            condition, effect = words_of(tree, 2, 2)[1:]
-            if point is None:
-                need(type(condition) is type(effect) is list and condition[:2] == effect[:2], "an effect between times")
-                need(
-                    condition[:1] == ["at"] and len(condition) == len(effect) == 3,
-                    "found a conditional effect malformed",
-                )
-                condition = condition[2]
-            guard = ("and", when, self.model.condition(condition, scope))
-            if decided(guard) is not False:
-                self.add_effects(effect, scope, ends, guard, point)
-        elif point is None:
-            words_of(tree, 2, 2)
-            rate = rest[1]
-            need(head in ("increase", "decrease") and when is True, "found an effect without a time")
-            need(
-                type(rate) is list and rate[:1] == ["*"] and len(rate) == 3 and rate[1:].count("#t") == 1,
-                "found a rate",
-            )
-            slope = self.model.expression(rate[2] if rate[1] == "#t" else rate[1], Scope(scope.bound, scope.synth))
-            slope = slope if head == "increase" else ("-", slope)
-            self.flows.append((*ends, self.model.ground(rest[0], scope.bound, self.model.functions), slope))
-        else:
-            self.effects[point].append(Effect(*self.effect(tree, scope), when, ends))
+        for head, rest, inner in self.spread(tree, scope):
+            if head == "at" and len(rest) == 2 and rest[0] in ("start", "end") and type(rest[1]) is list:
+                need(point is None, "found an effect with two times")
+                self.add_effects(rest[1], inner, ends, when, ends[rest[0] == "end"])
+            elif head == "when":
+                condition, effect = words_of([head, *rest], 2, 2)[1:]
+                if point is None:
+                    need(len(words_of(condition, 2, 2)) == len(words_of(effect, 2, 2)) == 3, "found a malformed effect")
+                    need(condition[0] == "at" and condition[:2] == effect[:2], "found an effect between two times")
+                    condition = condition[2]
+                guard = ("and", when, self.model.condition(condition, inner))
+                if decided(guard) is not False:
+                    self.add_effects(effect, inner, ends, guard, point)
+            elif point is not None:
+                self.effects[point].append(Effect(*self.effect([head, *rest], inner), when, ends))
+            else:
+                rate = words_of([head, *rest], 2, 2)[2]
+                need(head in ("increase", "decrease") and when is True, "found an effect without a time")
+                need(type(rate) is list and len(rate) == 3 and rate[0] == "*" and rate[1:].count("#t") == 1, "a rate")
+                slope = self.model.expression(rate[2] if rate[1] == "#t" else rate[1], Scope(inner.bound, inner.synth))
+                slope = slope if head == "increase" else ("-", slope)
+                self.flows.append((*ends, self.model.ground(rest[0], inner.bound, self.model.functions), slope))
 
     def effect(self, tree: Tree, scope: Scope) -> tuple[str, str, Tree]:
         head, *rest = words_of(tree, 0)
