@@ -66,7 +66,9 @@ class _Drawing:
         pick = self.random.choice
         return pick([f"(p {pick(objects)})", "(q)", f"(r {pick(objects)} {pick(objects)})"])
 
-    def condition(self, objects: list[str], *, duration: bool = False, depth: int = 0) -> str:
+    def condition(  # noqa: PLR0911 - one return for each way
+        self, objects: list[str], *, duration: bool = False, depth: int = 0
+    ) -> str:
         kind = self.random.randrange(12 if depth < 2 else 7)
         inner = [self.condition(objects, duration=duration, depth=depth + 1) for _ in range(2)] if kind > 6 else []
         if kind < 3:
