@@ -31,6 +31,8 @@ from robust.smt.limits import Deadline
 
 SEGMENT = "~"
 MARGIN = "margin"
+HALVINGS = 64
+"""How often the way beyond a face is shortened in search of bad values near to it."""
 """By how much strict constraints hold, at least; at most 1."""
 
 
@@ -335,7 +337,8 @@ class _Face:
 
     def lines(self) -> Iterator[Line]:
         reach = self._end + self._side.sign
-        while True:
+        for _ in range(HALVINGS):
+            found = None
             beyond = self._beyond(reach)
             piece = self._bad.piece_in(beyond, self._deadline)
             if piece is None:
@@ -356,6 +359,7 @@ class _Face:
                         return
             nearest = found[0][self._name] if found is not None else reach
             reach = (self._end + nearest) / 2 if nearest != self._end else (self._end + reach) / 2
+        raise UnsupportedError(f"no reason was found why the {self._side.value} end of {self._name} cannot be moved")
 
     def _beyond(self, reach: Fraction) -> Box:
         """What the box grows by if the face moves as far as `reach`, or if its end becomes part of it."""

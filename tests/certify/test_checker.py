@@ -187,13 +187,14 @@ def test_roots_cannot_be_smuggled_in(box, ground):
 def test_true_is_not_one(box, ground):
     """Each integer as a truth value, each truth value as an integer, and other twins."""
     count = 0
-    for index, line in enumerate(box[1]):
-        for path, value in leaves(line):
-            for twin in twins(value):
-                forged = [*box[1][:index], replaced(line, path, twin), *box[1][index + 1 :]]
-                claim = tools.judged(forged, ground)
-                assert isinstance(claim, str), (index, path, twin)
-                count += 1
+    for lines in (box[1], tools.made(tools.NAVIGATION, "region")):
+        for index, line in enumerate(lines):
+            for path, value in leaves(line):
+                for twin in twins(value):
+                    forged = [*lines[:index], replaced(line, path, twin), *lines[index + 1 :]]
+                    claim = tools.judged(forged, ground)
+                    assert isinstance(claim, str), (index, path, twin)
+                    count += 1
     assert count > 100
 
 
@@ -218,6 +219,29 @@ def replaced(value, path, new):
     if not path:
         return new
     return [replaced(each, path[1:], new) if index == path[0] else each for index, each in enumerate(value)]
+
+
+def test_names_are_those_of_the_plan(ground):
+    """Sums with other names, a name twice, or a coefficient of zero."""
+    region = tools.made(tools.NAVIGATION, "region")
+    for more in (["z", "1"], ["to_ridge", "1"], ["to_crater", "0"], ["@1", "1"], ["", "0"], [1, "1"]):
+        for kind in ("bad", "piece", "schedule", "broken"):
+            for index, line in enumerate(region):
+                forged = added(line, more)
+                if line[0] == kind and forged != line:
+                    assert isinstance(tools.judged([*region[:index], forged, *region[index + 1 :]], ground), str)
+
+
+def added(value, more):
+    """The line with a term more in its first sum."""
+    if isinstance(value, list):
+        if value and all(isinstance(each, list) and len(each) == 2 and isinstance(each[0], str) for each in value):
+            return [*value, more]
+        for index, each in enumerate(value):
+            new = added(each, more)
+            if new != each:
+                return [*value[:index], new, *value[index + 1 :]]
+    return value
 
 
 @pytest.mark.parametrize("change", [("36", "37"), ("25", "24"), ("46", "1000"), ("35", "0")])
