@@ -26,7 +26,7 @@ from robust.api import check, envelope, region
 from robust.certify.bad import face_lines, region_lines
 from robust.certify.checker import choices, proofs, reader
 from robust.certify.checker.claims import Claim
-from robust.certify.checker.formulas import Formulas
+from robust.certify.checker.formulas import FALSE, Formulas, plus
 from robust.certify.hints import KnownFacts, Line, implied, model, refutation
 from robust.certify.network import Orders, constant_times
 from robust.certify.refute import NotRefutedError
@@ -86,16 +86,36 @@ def lying(random: Random) -> Iterator[None]:
             return [(number, Fraction(1)) for number in numbers if random.random() < 0.5]
 
     def longer(orders: Orders, pair: tuple[int, int], default: Any = None) -> Any:
-        found = honest_order(orders, pair, default)
-        if found is not default and by:
-            found = orders._used[pair] = found + by
-        return found
+        if not by:
+            return honest_order(orders, pair, default)
+        if pair not in asked:
+            asked[pair] = by if random.random() < 0.6 else None
+        if asked[pair] is None:
+            return default
+        orders._used[pair] = by
+        return by
 
     def some_times(formulas: Formulas, ranges: Any) -> dict[str, dict[str, Fraction]]:
         found = constant_times(formulas, ranges)
         return {point: {} for point in formulas.free()} if found is None else found
 
-    honest_order = Orders.get
+    def strayed(orders: Orders) -> Iterator[Any]:
+        """Paths of constraints that do not follow each other, but are long enough."""
+        ground = orders._ground
+        longest = max(range(len(ground.edges)), key=lambda number: ground.edges[number][2].get("", Fraction(0)))
+        if not by:
+            yield from honest_lemmas(orders)
+            return
+        for (a, b), bound in orders._used.items():
+            enters = [number for number, edge in enumerate(ground.edges) if edge[1] == b]
+            steps = [longest] * random.randint(1, 6) + [random.choice(enters)]
+            total: dict[str, Fraction] = {"": -bound}
+            for number in steps:
+                total = plus(total, ground.edges[number][2])
+            yield a, b, steps, bound, total
+
+    asked: dict[tuple[int, int], Fraction | None] = {}
+    honest_order, honest_lemmas = Orders.get, Orders.lemmas
     by = random.choice([Fraction(0), Fraction(0), Fraction(1, 1000), Fraction(5)])
     with (
         patch("robust.certify.tape.refutation", refuted),
@@ -104,6 +124,7 @@ def lying(random: Random) -> Iterator[None]:
         patch("robust.certify.bad.implied", multiples),
         patch("robust.certify.tape.constant_times", some_times),
         patch.object(Orders, "get", longer),
+        patch.object(Orders, "lemmas", strayed),
     ):
         yield
 
@@ -151,6 +172,20 @@ def lies(plan: ParametrizedPlan, ground: reader.Ground, box: Box | None, random:
                     yield [header("region"), *lines]
             except (RobustError, NotRefutedError, reader.Unsupported, ValueError, KeyError):
                 continue
+
+
+def nothing_is_good(ground: reader.Ground, random: Random) -> Iterator[list[Line]]:
+    """That the envelope is empty: by circles of constraints that are none."""
+    formulas = Formulas(ground, tools.EPSILON)
+    literals = [broken() for _, broken in formulas.obligations()]
+    lines = [["refute", [[], [len(formulas.roots(each)), [1, 0]]]] for each in literals if each != FALSE]
+    for number, (_, _, length) in enumerate(ground.edges):
+        if length.keys() == {""} and length[""] > 0:
+            steps = [number] * random.randint(1, 2) + random.choice([[], [random.randrange(len(ground.edges))]])
+            yield [
+                header("region"), ["bad", []], ["cycle", steps, []], ["good"], ["orders"], *lines, ["rest"],
+                ["refute", [[], [0, [1, 0]]]],
+            ]  # fmt: skip
 
 
 # -- what is false -----------------------------------------------------------------------------------------------------
@@ -221,7 +256,9 @@ def plan_cases(seed: int) -> Iterator[Case]:
     wrong = claims + boxes[:1] if header("plan") in false else []
     told = [lines for box in wrong for lines in lies(plan, ground, box, random)]
     told = [[header("plan"), *lines[1:]] if header("box", boxes[0]) == lines[0] else lines for lines in told]
-    told += lies(plan, ground, None, random) if whole is not None else []
+    if whole is not None:
+        told += lies(plan, ground, None, random)
+        told += nothing_is_good(ground, random) if not whole.is_empty else ()
     if false:
         yield Case(f"plan {seed}", lambda lines: tools.judged(lines, ground), false, honest, is_true, told)
 
