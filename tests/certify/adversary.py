@@ -136,6 +136,9 @@ def made_up(formulas: Formulas, facts: int, roots: list[int], random: Random) ->
     some = [[number, random.randint(1, 3)] for number in range(facts) if random.random() < 0.3]
     one = random.choice(compared) * random.choice([1, -1]) if compared else 1
     gate = abs(roots[0])
+    wide = max(
+        (each for each in nodes if each not in compared), key=lambda n: len(formulas.circuit.nodes[n]), default=1
+    )
     return [
         "refute",
         *random.choice(
@@ -145,6 +148,7 @@ def made_up(formulas: Formulas, facts: int, roots: list[int], random: Random) ->
                 [[[one], [1], some], [[-one], [1], some], [[], [len(roots), len(roots) + 1]]],
                 [[[one, -one], [1, 1], []], [[], [len(roots)]]],
                 [[[one, -one], [1, 1], []]],
+                [[[], [[wide, 0], [wide, 1]]]],
                 [[[], [0, [random.choice([gate, -gate, one, -gate - 1, -2]), random.randrange(3)]]]],
                 [[[], [0]]],
                 [[[], [0, 0]]],

@@ -9,7 +9,6 @@ import os
 import shutil
 import subprocess
 import sys
-from fractions import Fraction
 
 import pytest
 
@@ -296,15 +295,31 @@ def test_boxes_that_hold_nothing(box, ground):
     assert tools.judged([outside, *box[1][1:]], ground) == "an infinite end is closed"
 
 
-def test_a_box_within_another_is_not_maximal(ground):
-    plan = load_plan(*tools.NAVIGATION)
-    widest = envelope(plan).box
-    small = widest.replace("to_ridge", Interval(Fraction(26), Fraction(36)))
-    honest = tools.made(tools.NAVIGATION, "box", box=small)
+@pytest.mark.parametrize("name", ["to_ridge", "to_crater"])
+@pytest.mark.parametrize("way", ["lower", "upper", "open"])
+def test_a_box_within_another_is_not_maximal(ground, name, way):
+    """Its faces are shown to be bad where the faces of the other one are, or where its own end would be good."""
+    widest = envelope(load_plan(*tools.NAVIGATION)).box
+    each = widest[name]
+    smaller = {
+        "lower": Interval(each.lower + 1, each.upper),
+        "upper": Interval(each.lower, each.upper - 1),
+        "open": Interval(each.lower, each.upper, upper_closed=False),
+    }[way]
+    honest = tools.made(tools.NAVIGATION, "box", box=widest.replace(name, smaller))
     assert not isinstance(tools.judged(honest, ground), str)
     faces = tools.made(tools.NAVIGATION, "maximal")
-    forged = [[honest[0][0], "maximal", honest[0][2]], *honest[1:], *faces[place_of(faces, "face") :]]
-    assert isinstance(tools.judged(forged, ground), str)
+    faces = faces[place_of(faces, "face") :]
+    inner = str((smaller.lower + smaller.upper) / 2)
+    for moved in (lambda limit, beyond: (limit, beyond), lambda limit, beyond: (inner, inner)):
+        lines = [[honest[0][0], "maximal", honest[0][2]], *honest[1:]]
+        at = list(widest.intervals).index(name)
+        for line in faces:
+            lines.append(line)
+            if line[0] == "face" and line[1][at] == line[2][at]:  # a face of the other parameter
+                ends = moved(line[1][at], line[2][at])
+                lines[-1] = ["face", *(replaced(point, (at,), end) for point, end in zip(line[1:], ends, strict=True))]
+        assert isinstance(tools.judged(lines, ground), str)
 
 
 def test_numbers_are_canonical(box, ground):

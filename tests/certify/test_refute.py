@@ -172,3 +172,24 @@ def test_refutations_agree_with_a_solver_and_are_accepted(seed):
     other = formulas.circuit.compare({"other": Fraction(1)})
     with pytest.raises((proofs.Rejected, *tools.MALFORMED)):
         proofs.refute(proofs.Tape([line]), formulas, facts, other)
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [[[], [["g", 0], ["g", 1]]]],  # the first hint leaves several literals open
+        [[[], [0, ["g", 1]]]],  # no conflict
+        [[[], [["g", 0]]]],
+        [[[-2], [["g", 1], 0]], [[], [0, 1]]],  # a hint after the conflict, or none
+        [[[2, -2], [1, 1], []]],  # true, but not the end
+        [[["g"], [1], []], [[], [0]]],  # a gate is no comparison
+        [],
+    ],
+)
+def test_what_is_no_refutation(steps):
+    formulas = Formulas(EMPTY, Fraction(0))
+    circuit = formulas.circuit
+    literal = circuit.all([circuit.compare({name: Fraction(1)}) for name in "xyz"])
+    line = json.loads(json.dumps(["refute", *steps]).replace('"g"', str(literal)))
+    with pytest.raises((proofs.Rejected, *tools.MALFORMED)):
+        proofs.refute(proofs.Tape([json.dumps(line)]), formulas, proofs.Facts(formulas, [], network=False), literal)
