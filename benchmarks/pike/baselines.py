@@ -449,7 +449,7 @@ class Kirk:
         yield Replanned(now, tuple(event for event in executed if event not in kept), abandoned, duration)
 
     def _executive(self, plan: model.TeamPlan) -> PlanExecutive:
-        return PlanExecutive(plan, self._reasoner, ranking=self._ranking, deadline=self._deadline)
+        return PlanExecutive(plan, self._reasoner, ranking=self._ranking, patience=None, deadline=self._deadline)
 
     def _resume(self, kept: Mapping[str, Fraction]) -> None:
         """Tell a new candidate what has happened before."""

@@ -102,7 +102,7 @@ def measure_latency(index: int, *, seed: int = 0, backend: str = SMT, deadline: 
     timed: Timed[Decision] | None = None
     started = time.perf_counter()
     try:
-        executive = PlanExecutive(plan, make, deadline=deadline)
+        executive = PlanExecutive(plan, make, patience=None, deadline=deadline)
         executive.prepare()
         preparation = time.perf_counter() - started
         timed = Timed(executive)

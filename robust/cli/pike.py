@@ -108,6 +108,18 @@ def _deciding_backend(name: str, place: Location) -> str:
     return name
 
 
+def _margin(value: Number, place: Location) -> Fraction | None:
+    """How long before the last moment waiting ends; None for `eager`."""
+    if value == EAGER:
+        return None
+    try:
+        return not_negative(value, place)
+    except InputError:
+        expected = f"{EAGER}, or a number of at least 0"
+        raise InputError(f"found {shorten(str(value))}, expected {expected}", place) from None
+
+
+EAGER = "eager"
 _SIMULATED = ("human", "pace", "outcome", "disturb", "delay", "seed", "infer", "plot")
 _SERVED = ("journal", "clock", "rate")
 
@@ -143,6 +155,13 @@ class PikeRunCommand(PikeOptions):
     clock: str = option("given", "as a service: the time that messages give, or real time", choices=("given", "real"))
     rate: Number | None = option(
         None, "in real time: seconds that a unit of time lasts, else 1", metavar="S", read=positive
+    )
+    patience: Fraction | None = option(
+        "0",
+        "how long before the last moment to stop waiting for what people may still choose; "
+        f"{EAGER}: do not wait, act as soon as possible",
+        metavar=f"{EAGER}|MARGIN",
+        read=_margin,
     )
     infer: bool = option(True, "find out which values open choices may still have")
     explain: bool = option(False, "say why, below each decision and inference")
@@ -338,7 +357,13 @@ def run(options: PikeRunCommand, run: Run) -> int:
 
         rate = Fraction(options.rate or 1) if options.clock == "real" else None
         return serve(
-            run, options.load, backend=options.backend, solver=options.solver, journal=options.journal, rate=rate
+            run,
+            options.load,
+            backend=options.backend,
+            solver=options.solver,
+            journal=options.journal,
+            rate=rate,
+            patience=options.patience,
         )
     from robust.pike_bridge.online.world import Rehearsal
     from robust.show import pike
@@ -358,6 +383,7 @@ def run(options: PikeRunCommand, run: Run) -> int:
             explain=options.explain,
             solver=options.solver,
             backend=options.backend,
+            patience=options.patience,
             deadline=Deadline.after(run.remaining),
         )
 

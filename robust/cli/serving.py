@@ -33,20 +33,28 @@ _LOOK = 0.05
 
 
 def serve(
-    run: Run, load: Callable[[], TeamPlan], *, backend: str, solver: str, journal: Path | None, rate: Fraction | None
+    run: Run,
+    load: Callable[[], TeamPlan],
+    *,
+    backend: str,
+    solver: str,
+    journal: Path | None,
+    rate: Fraction | None,
+    patience: Fraction | None,
 ) -> int:
     """Serve until the input ends; the exit code says how the execution ended.
 
     Args:
         load: reads the plan.
         rate: seconds that a unit of time lasts, in real time; None: messages give the time.
+        patience: how long before the last moment waiting ends; None: nothing is waited for.
 
     Raises:
         RobustError: wrong options or files, or a journal that does not fit or cannot be written.
         GivenUpError: if interrupted or out of time before the plan was read.
     """
     server = _Server(run, rate)
-    run.only(lambda: server.prepare(load, backend, solver, journal))
+    run.only(lambda: server.prepare(load, backend, solver, journal, patience))
     try:
         return server.serve()
     finally:
@@ -59,7 +67,14 @@ class _Server:
         self._rate = rate
         self._deadline = Deadline.after(run.remaining)
 
-    def prepare(self, load: Callable[[], TeamPlan], backend: str, solver: str, journal: Path | None) -> None:
+    def prepare(
+        self,
+        load: Callable[[], TeamPlan],
+        backend: str,
+        solver: str,
+        journal: Path | None,
+        patience: Fraction | None,
+    ) -> None:
         """Read the plan and the journal, and make what decides."""
         from robust.pike_bridge.online.executive import PlanExecutive
         from robust.pike_bridge.online.journal import Journal
@@ -75,7 +90,7 @@ class _Server:
         self._journal = None if journal is None else Journal(journal, plan)
         reasoner = make_reasoner(backend, solver=solver, deadline=self._deadline)
         self._service = Service(
-            PlanExecutive(plan, reasoner, deadline=self._deadline),
+            PlanExecutive(plan, reasoner, patience=patience, solver=solver, deadline=self._deadline),
             self._journal,
             solver=solver,
             deadline=self._deadline,

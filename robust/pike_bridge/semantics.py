@@ -53,6 +53,7 @@ class Semantics(Propositions):
     def __init__(self, plan: TeamPlan, terms: Terms | None = None) -> None:
         super().__init__(plan.network.domains, terms)
         self._events = plan.network.guards
+        self._epsilon = plan.epsilon
         self._orders: dict[tuple[str, str], Formula] = {}
         self._effects: dict[Literal, list[Effect]] = {}
         for effect in plan.effects:
@@ -111,9 +112,12 @@ class Semantics(Propositions):
         return self.terms.conjunction((self.guard(producer.guard), in_time, *away))
 
     def _before(self, earlier: str, later: str) -> Formula:
+        """That an event is at least ε before another; if ε is 0, that it is strictly before."""
         order = (earlier, later)
         if order not in self._orders:
-            self._orders[order] = self.terms.greater(self._time(later) - self._time(earlier))
+            difference = self._time(later) - self._time(earlier)
+            apart = self.terms.at_least(difference - self._epsilon) if self._epsilon else self.terms.greater(difference)
+            self._orders[order] = apart
         return self._orders[order]
 
 

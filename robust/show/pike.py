@@ -330,6 +330,8 @@ def _told(decision: said.Decision) -> tuple[str, str]:  # noqa: PLR0911 - one fo
             return "begin", f"{f'{agent}: ' if agent else ''}{action}, {limits}"
         case said.Chosen(choice, value, _, observed):
             return "observed" if observed else "chosen", f"{choice} = {value}"
+        case said.Excluded(_, _, lost, _, reason):
+            return "excluded", f"{' and '.join(lost)}: {reason}"
         case said.Violated(atom, expected, producer, consumers, _):
             state, needed = "false" if expected else "true", ", ".join(consumers)
             since = f"since {producer} should have made it otherwise"
@@ -428,6 +430,8 @@ def run_chart(plan: TeamPlan, record: ExecutionRecord) -> Chart:
                 case said.Chosen(choice, value, time, observed):
                     kind = "observed choice" if observed else "choice of the executive"
                     marks.append(Mark(time, "choices", f"{choice} = {value}", kind))
+                case said.Excluded(_, time, lost, _, _):
+                    marks.append(Mark(time, "choices", f"not {' or '.join(lost)}", "exclusion"))
                 case said.Violated(atom, _, _, _, time):
                     marks.append(Mark(time, None, f"{atom} broken", "violation"))
                 case said.Failed(time, _):

@@ -11,6 +11,7 @@ from fractions import Fraction
 from typing import assert_never
 
 from robust.pike_bridge.model import Assignment, TeamPlan
+from robust.pike_bridge.online.patience import Act, Patience
 from robust.pike_bridge.online.progress import (
     Chosen,
     Completion,
@@ -27,6 +28,7 @@ from robust.pike_bridge.online.progress import (
     Succeeded,
 )
 from robust.pike_bridge.online.reasoner import Reasoner
+from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.smt.limits import NEVER, Deadline
 
 Ranking = Callable[[Sequence[str]], Sequence[str]]
@@ -61,6 +63,9 @@ class PlanExecutive:
         reasoner: makes the reasoning for the progress that it is given.
         ranking: in which order events are tried, and values of choices; the first that may be is taken.
         monitor: whether state estimates are compared with what later activities need.
+        patience: how long before the last moment the executive ceases to keep all that people may still decide, as
+            :mod:`~robust.pike_bridge.online.patience` says; None: it acts as soon as it can [PIKE §3].
+        solver: `z3` or `cvc5`, which is asked about patience where the reasoner asks none itself.
 
     After each step `progress` holds what has been executed; `wake` and `ended` are for those who drive it.
     """
@@ -72,6 +77,8 @@ class PlanExecutive:
         *,
         ranking: Ranking = as_written,
         monitor: bool = True,
+        patience: Fraction | None = Fraction(0),
+        solver: str = "z3",
         deadline: Deadline = NEVER,
     ) -> None:
         self.plan = plan
@@ -82,6 +89,12 @@ class PlanExecutive:
         self.outcome: Failed | Succeeded | None = None
         self._monitor = Monitor(self.progress) if monitor else None
         self._ranking = ranking
+        self._patience: Patience | None = None
+        if patience is not None:
+            shared = self.reasoner if isinstance(self.reasoner, SemanticReasoner) else None
+            self._patience = Patience(self.progress, patience, reasoner=shared, solver=solver, deadline=deadline)
+        self._values: Mapping[str, str] = {}
+        """Of the choices that are made at the event that is being executed, as far as they are decided."""
         self._deadline = deadline
         self._wake: Fraction | None = None
         self._wake_known = False
@@ -103,9 +116,27 @@ class PlanExecutive:
         if self.ended:
             return None
         if not self._wake_known:
-            self._wake = self.reasoner.next_time(self._deadline)
+            self._wake = self._next_time()
             self._wake_known = True
         return self._wake
+
+    @property
+    def withheld(self) -> frozenset[str]:
+        """Events that could be executed now but would exclude what people may still decide."""
+        return frozenset() if self._patience is None or self.ended else self._patience.withheld
+
+    @property
+    def withheld_until(self) -> Fraction | None:
+        """When that is thought over if nothing happens before; None if nothing is withheld, or any time is early
+        enough.
+        """
+        return self._patience.alarm if self._patience is not None and self.withheld else None
+
+    def _next_time(self) -> Fraction | None:
+        if self._patience is None or not self._patience.withheld:
+            return self.reasoner.next_time(self._deadline)
+        moments = (self._patience.alarm, self._patience.opening())
+        return min((each for each in moments if each is not None), default=None)
 
     def prepare(self) -> bool:
         """Find out whether the plan admits a correct execution at all, before the first step.
@@ -129,6 +160,8 @@ class PlanExecutive:
         self._advance(now, decisions)
         for message in messages:
             decisions += self._take(message)
+        if messages and self._patience is not None:
+            self._patience.told()
         if self._changed and not self.reasoner.possible(self._deadline):
             self.outcome = Failed(self.progress.now, "no correct execution is left")
             return [*decisions, self.outcome]
@@ -233,11 +266,23 @@ class PlanExecutive:
         """[PIKE, Algorithm 1, lines 10 to 18]: events are executed as long as there are executable ones."""
         refused: set[str] = set()
         while True:
-            event = next(self._executable(refused), None)
-            if event is None:
+            act = self._next_act(self._executable(refused))
+            if act is None:
                 return
+            if act.excluded is not None:
+                yield act.excluded
             # What was refused stays so: executing something leaves no more continuations than there were.
-            yield from self._mark(event)
+            self._values = dict(act.values)
+            yield from self._mark(act.event)
+            self._values = {}
+
+    def _next_act(self, executable: Iterator[str]) -> Act | None:
+        if self._patience is None:
+            event = next(executable, None)
+            return None if event is None else Act(event)
+        domains = self.plan.network.domains
+        alternatives = {name: self._ranking(values) for name, values in domains.items()}
+        return self._patience.decide(executable, alternatives)
 
     def _executable(self, refused: set[str]) -> Iterator[str]:
         for event in self._ranking(list(self.progress.frontier)):
@@ -277,6 +322,8 @@ class PlanExecutive:
         """The first value that could be committed to; None if the execution has failed already."""
         if self._recorded is not None:
             return self._recorded.get(choice)
+        if choice in self._values:
+            return self._values[choice]
         return next(self._possible(choice, self._ranking(self.plan.network.domains[choice])), None)
 
     def _choose(self, choice: str, value: str) -> None:

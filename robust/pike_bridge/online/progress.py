@@ -25,6 +25,7 @@ from robust.pike_bridge.model import (
     Literal,
     TeamPlan,
     may_produce,
+    reachable,
 )
 from robust.plan.model import Atom
 
@@ -100,6 +101,20 @@ class Chosen(Tagged):
 
 
 @dataclass(frozen=True, slots=True)
+class Excluded(Tagged):
+    """What is executed next leaves some values of open choices impossible that are not the executive's to make."""
+
+    event: str
+    time: Fraction
+    lost: tuple[str, ...]
+    """The values, as `x = 1` or, of several that are impossible together only, `x = 1, y = 2`."""
+    spared: tuple[str, ...]
+    """What waiting would make impossible instead, in the same form."""
+    reason: str
+    """Why it could not wait."""
+
+
+@dataclass(frozen=True, slots=True)
 class Violated(Tagged):
     """Something that later activities rely on is not so any more: causal links are broken.
 
@@ -142,7 +157,7 @@ class Succeeded(Tagged):
     """What was chosen, by whomever."""
 
 
-Decision: TypeAlias = Executed | Dispatched | Chosen | Violated | Rejected | Failed | Succeeded
+Decision: TypeAlias = Executed | Dispatched | Chosen | Excluded | Violated | Rejected | Failed | Succeeded
 
 
 def parse_atom(text: str, location: Location | None = None) -> Atom:
@@ -299,6 +314,10 @@ class Structure:
         self.grid: Fraction = _grid(plan)
         """What ε and all bounds are multiples of, and so all times at which anything becomes possible or impossible, as
         long as the reported ones are."""
+
+    def preceding(self, event: str) -> set[str]:
+        """The event, and all that are executed no later than it, whenever it is."""
+        return reachable(self.not_before, event)
 
     def _earlier(self, event: str, *, above: bool) -> Iterator[str]:
         """Events that are put before an event, or at its time unless `above`, by single constraints, whenever it is."""

@@ -101,7 +101,7 @@ class WitnessedReasoner(Reasoner):
         witness, now = self._witness, self.progress.now
         if witness is not None and (
             news.void
-            or not _agrees(news.chosen, witness.scenario)
+            or not agrees(news.chosen, witness.scenario)
             or any(witness.schedule.get(event) != time for event, time in news.times.items())
             or (news.later and any(time < now for _, time in self._ahead(witness)))
         ):
@@ -113,7 +113,7 @@ class WitnessedReasoner(Reasoner):
 
     def could(self, environment: Guard, deadline: Deadline) -> bool:
         self.catch_up()
-        if self._witness is not None and _agrees(environment, self._witness.scenario):
+        if self._witness is not None and agrees(environment, self._witness.scenario):
             return True
         return self.progress.compatible(environment) and self._find_continuation(environment, deadline)
 
@@ -158,5 +158,6 @@ class WitnessedReasoner(Reasoner):
         return [(name, time) for name, time in witness.schedule.items() if name in self.progress.pending]
 
 
-def _agrees(environment: Guard, scenario: Mapping[str, str]) -> bool:
+def agrees(environment: Guard, scenario: Mapping[str, str]) -> bool:
+    """Whether a scenario, in which choices may be missing, has all assignments of an environment."""
     return all(scenario.get(variable) == value for variable, value in environment)

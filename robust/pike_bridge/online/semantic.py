@@ -6,8 +6,10 @@ knowledge base, so that it is also what executives with those are held against.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from fractions import Fraction
+
+import networkx
 
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import ALWAYS, Condition, Effect, Guard
@@ -20,16 +22,17 @@ from robust.smt.session import Session
 from robust.smt.terms import Formula, Terms
 
 _FIRST = "first time"
+_ORIGIN = 0
+"""Time 0 among events, which have names."""
 _BISECTION = 3
 """After so many improvements that were not the best, the rest of the interval is bisected."""
 
 
 class OnlineSemantics(Semantics):
-    """The semantics of executions in which links can break and "before" means by ε, as in augmented plans."""
+    """The semantics of executions in which links can break."""
 
     def __init__(self, progress: Progress, terms: Terms | None = None) -> None:
         self._progress = progress
-        self._epsilon = progress.plan.epsilon
         self._void: dict[tuple[Effect, Condition], Formula] = {}
         super().__init__(progress.plan, terms)
 
@@ -43,6 +46,11 @@ class OnlineSemantics(Semantics):
         guard = self._progress.structure.guards[event] | environment
         return self.unless(guard, self.terms.at_least(self._time(event) - moment))
 
+    def later(self, event: str, moment: Polynomial[str]) -> Formula:
+        """That the event, if it is activated, is after a moment."""
+        guard = self._progress.structure.guards[event]
+        return self.unless(guard, self.terms.greater(self._time(event) - moment))
+
     def not_ours_before(self, event: str, moment: Polynomial[str]) -> list[Formula]:
         """That the event, wherever it is not the executive's to execute, is at a moment or later."""
         return [self.not_earlier(event, moment, label) for label in self._progress.external(event)]
@@ -54,6 +62,30 @@ class OnlineSemantics(Semantics):
         coming = [name for name in progress.pending if holds(progress.structure.guards[name], scenario)]
         values = session.values(self.times(coming))
         return Execution(scenario, {**progress.times, **{name: self.time(name, values) for name in coming}})
+
+    def latest(self, execution: Execution, events: Iterable[str]) -> Fraction | None:
+        """The greatest time at which none of the events, of those that an execution has, need have happened.
+
+        It counts executions with the same choices and the same facts that keep every order on which conditions may
+        rest. None if there is no such time.
+        """
+        schedule, times = execution.schedule, self._progress.times
+        graph = networkx.MultiDiGraph()
+        graph.add_nodes_from((_ORIGIN, *schedule))
+        for event, time in times.items():
+            graph.add_edge(_ORIGIN, event, weight=time)
+            graph.add_edge(event, _ORIGIN, weight=-time)
+        for each in self._progress.plan.network.temporal_constraints:
+            if holds(each.guard, execution.scenario):
+                if each.upper is not None:
+                    graph.add_edge(each.source, each.target, weight=each.upper)
+                if each.lower is not None:
+                    graph.add_edge(each.target, each.source, weight=-each.lower)
+        for earlier, later in self._orders:
+            if earlier in schedule and later in schedule and schedule[later] - schedule[earlier] >= self._epsilon:
+                graph.add_edge(later, earlier, weight=-self._epsilon)
+        bounds = networkx.single_source_bellman_ford_path_length(graph, _ORIGIN)
+        return min((bounds[event] for event in events if event in schedule and event in bounds), default=None)
 
     def void(self, effect: Effect, condition: Condition) -> Formula:
         """That the effect does not support the condition."""
@@ -67,12 +99,6 @@ class OnlineSemantics(Semantics):
         broken = self._void[producer, condition] = self.terms.fresh_boolean(f"broken {len(self._void)} ")
         intact = self.terms.negation(broken)
         return self.terms.conjunction((intact, super()._support(producer, threats, condition)))
-
-    def _before(self, earlier: str, later: str) -> Formula:
-        order = (earlier, later)
-        if order not in self._orders:
-            self._orders[order] = self.terms.at_least(self._time(later) - self._time(earlier) - self._epsilon)
-        return self._orders[order]
 
 
 class SemanticReasoner(WitnessedReasoner):
@@ -96,6 +122,8 @@ class SemanticReasoner(WitnessedReasoner):
         self._epsilon = progress.plan.epsilon
         self._grid = progress.grid
         self._first = Polynomial.variable(_FIRST)
+        self._later: tuple[object, list[Formula]] = (None, [])
+        """What was said last of events that are not the executive's to execute, and at which moment."""
 
     def _learn(self, news: News) -> None:
         super()._learn(news)
@@ -135,6 +163,67 @@ class SemanticReasoner(WitnessedReasoner):
             greatest = self._best(horizon, deadline, sign=-1)
         return least, None if greatest == horizon else greatest
 
+    # -- patience ----------------------------------------------------------------------------------------------------
+
+    def continuation(self, environment: Guard, event: str | None, deadline: Deadline) -> Execution | None:
+        """A continuation in the environment in which what is not the executive's to execute comes after now.
+
+        The event, if given, is executed by the executive now.
+        """
+        self.catch_up()
+        if not self.progress.compatible(environment):
+            return None
+        asked = [self._semantics.guard(environment), *self._unreported()]
+        if event is not None:
+            asked += [self._semantics.ours(event), self._semantics.at(event, self.progress.now)]
+        return self._witness if self._ask(asked, deadline) else None
+
+    def comes_before(self, event: str, others: Collection[str], deadline: Deadline) -> bool:
+        """Whether the event may happen before each of the others: in some continuation it does, or it does now.
+
+        Now it may happen before what happens at the same moment, unless the plan puts that first.
+        """
+        self.catch_up()
+        moment = self._semantics.time_of(event)
+        activated = self._semantics.guard(self.progress.structure.guards[event])
+        with self._session.frame(activated, *(self._semantics.later(each, moment) for each in others)):
+            if self._check(deadline):
+                return True
+        if not self.progress.structure.preceding(event).isdisjoint(others):
+            return False
+        with self._session.frame(activated, self._semantics.at(event, self.progress.now)):
+            return self._check(deadline)
+
+    def all_later(self, environment: Guard, events: Iterable[str], moment: Fraction, deadline: Deadline) -> bool:
+        """Whether a continuation in the environment has those of the events that it has after a moment."""
+        self.catch_up()
+        bound = Polynomial.constant(moment)
+        later = (self._semantics.later(each, bound) for each in sorted(events))
+        return self._ask([self._semantics.guard(environment), *later], deadline)
+
+    def latest(self, environment: Guard, events: Collection[str], deadline: Deadline) -> Fraction | None:
+        """The greatest time before which none of the events need be executed in some continuation in the environment.
+
+        None if there is none, or no such continuation.
+        """
+        self.catch_up()
+        latest: Fraction | None = self.progress.now
+        found = self.could(environment, deadline)
+        with self._session.frame(self._semantics.guard(environment)):
+            while found and self._witness is not None:
+                latest = self._semantics.latest(self._witness, events)
+                if latest is None:
+                    break
+                bound = Polynomial.constant(latest)
+                found = self._ask([self._semantics.later(each, bound) for each in sorted(events)], deadline)
+        return latest
+
+    def next_execution(self, withheld: Collection[str], deadline: Deadline) -> Fraction | None:
+        """A time from which on an event is executable that is not withheld; None: never without a message."""
+        self.catch_up()
+        earliest = self._earliest_execution(deadline, withheld)
+        return None if earliest is None else self._opening(earliest)
+
     def _from(self, moment: Fraction, environment: Guard) -> Iterator[Formula]:
         yield self._semantics.guard(environment)
         for event in self.progress.frontier:
@@ -144,12 +233,10 @@ class SemanticReasoner(WitnessedReasoner):
         return self._ask([self._semantics.guard(environment)], deadline)
 
     def _find_execution(self, event: str, deadline: Deadline) -> bool:
-        now = Polynomial.constant(self.progress.now)
         ours = self._semantics.ours(event)
         if ours is self._terms.false:
             return False
-        later = self._externals_after(now)
-        return self._ask([ours, self._semantics.at(event, self.progress.now), *later], deadline)
+        return self._ask([ours, self._semantics.at(event, self.progress.now), *self._unreported()], deadline)
 
     def _ask(self, hypothesis: Iterable[Formula], deadline: Deadline) -> bool:
         with self._session.frame(*hypothesis):
@@ -161,6 +248,14 @@ class SemanticReasoner(WitnessedReasoner):
     def _check(self, deadline: Deadline) -> bool:
         return satisfiable(self._session, "a continuation", deadline)
 
+    def _unreported(self) -> list[Formula]:
+        """That what is not the executive's to execute is later than now; the same for many questions."""
+        progress = self.progress
+        moment = (progress.now, len(progress.times), len(progress.chosen))
+        if self._later[0] != moment:
+            self._later = (moment, list(self._externals_after(Polynomial.constant(progress.now))))
+        return self._later[1]
+
     def _externals_after(self, moment: Polynomial[str]) -> Iterator[Formula]:
         """That what is not the executive's to execute is later than a moment before which nothing pending is."""
         pending, before = self.progress.pending, self.progress.structure.before
@@ -168,9 +263,9 @@ class SemanticReasoner(WitnessedReasoner):
             if not any(earlier in pending for earlier in before[event]):
                 yield from self._semantics.not_ours_before(event, moment + self._epsilon)
 
-    def _earliest_execution(self, deadline: Deadline) -> Fraction | None:
+    def _earliest_execution(self, deadline: Deadline, withheld: Collection[str] = ()) -> Fraction | None:
         progress = self.progress
-        candidates = [event for event in progress.frontier if progress.ours(event)]
+        candidates = [event for event in progress.frontier if progress.ours(event) and event not in withheld]
         if not candidates:
             return None
         soonest = progress.now + progress.grid

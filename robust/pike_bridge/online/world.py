@@ -293,6 +293,7 @@ class Rehearsal:
         backend: who decides what is executed, of :func:`robust.pike_bridge.online.reasoners.reasoner_names`.
         on_step: called after each step.
         explain: whether the reasons of each step are found out, after it was taken.
+        patience: as of :class:`~robust.pike_bridge.online.executive.PlanExecutive`.
     """
 
     plan: TeamPlan
@@ -304,6 +305,7 @@ class Rehearsal:
     deadline: Deadline = NEVER
     on_step: Callable[[ExecutionStep], None] | None = None
     explain: bool = False
+    patience: Fraction | None = Fraction(0)
     _steps: list[ExecutionStep] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -318,7 +320,13 @@ class Rehearsal:
             SolverError: if the solver is unknown, or an execution that ended well is not correct.
         """
         deciding = make_reasoner(self.backend, solver=self.solver, deadline=self.deadline)
-        self._executive = PlanExecutive(self.plan, partial(self._reasoner, deciding), deadline=self.deadline)
+        self._executive = PlanExecutive(
+            self.plan,
+            partial(self._reasoner, deciding),
+            patience=self.patience,
+            solver=self.solver,
+            deadline=self.deadline,
+        )
         world = SimulatedTeam(self.plan, self._executive, self._judge, self.story, seed=self.seed)
         try:
             run_in_world(self, world)

@@ -67,10 +67,10 @@ class Abridged(SemanticReasoner):
 
     whole = False
 
-    def _earliest_execution(self, deadline):
-        found = super()._earliest_execution(deadline)
+    def _earliest_execution(self, deadline, withheld=()):
+        found = super()._earliest_execution(deadline, withheld)
         self.whole = True
-        assert super()._earliest_execution(deadline) == found
+        assert super()._earliest_execution(deadline, withheld) == found
         self.whole = False
         return found
 

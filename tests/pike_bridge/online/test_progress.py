@@ -36,6 +36,7 @@ DECISIONS = st.one_of(
     st.builds(said.Executed, NAMES, TIMES, st.booleans()),
     st.builds(said.Dispatched, NAMES, st.none() | NAMES, TIMES, NAMES, TIMES, st.none() | TIMES),
     st.builds(said.Chosen, NAMES, NAMES, TIMES, st.booleans()),
+    st.builds(said.Excluded, NAMES, TIMES, st.lists(NAMES).map(tuple), st.lists(NAMES).map(tuple), NAMES),
     st.builds(said.Violated, ATOMS, st.booleans(), NAMES, st.lists(NAMES).map(tuple), TIMES),
     st.builds(said.Rejected, NAMES, NAMES, TIMES),
     st.builds(said.Failed, TIMES, NAMES),

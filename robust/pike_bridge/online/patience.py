@@ -1,0 +1,407 @@
+"""Patience: nothing that people may still decide is excluded before the last moment at which all of it can be kept.
+
+PIKE makes its own choices as soon as it can [PIKE §3], and may restrict people by that [PIKE §2.2]. A patient executive
+does what excludes nothing; an act that does not is withheld. What decides when it is not any longer:
+
+- *Open* are the choices of others that are not known and may still come up. An *intent* assigns values to them, with
+  the guards of the events at which they are made: jointly as far as these agree with each other, and singly where no
+  joint one is left. It is *kept* as long as some continuation has it in which everything that is not the executive's is
+  later than now.
+- An act, an executable event with values of the choices that the executive makes there, *excludes* a kept intent if no
+  such continuation does the act now. X are the events of which every act excludes one.
+- A choice that no continuation makes before all of X is not waited for: whoever makes it waits for the executive.
+- L(i), for an intent, is the greatest time at which neither its choices nor X need have happened. At the least of them
+  one intent is lost by waiting. If that would be so without X, it lapses by itself. Otherwise acts are compared with
+  waiting by how many intents are kept; if none keeps more, the executive waits.
+
+L supposes that nobody hesitates later on; with a margin the executive stops waiting that much earlier.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import chain, product
+from math import prod
+from typing import NamedTuple
+
+from robust.numbers import format_number
+from robust.pike_bridge.model import ALWAYS, Assignment, Guard, contradicts, guard_text
+from robust.pike_bridge.online.progress import Excluded, Progress
+from robust.pike_bridge.online.reasoner import agrees
+from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.semantics import Execution
+from robust.smt.limits import NEVER, Deadline
+
+JOINT = 64
+"""Of so many intents at most every joint one is kept; beyond that, every single value."""
+_REMEMBERED = 256
+"""Continuations."""
+_NAMED = 3
+"""So many intents are named in a message."""
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """An event that is to be executed now, with values of the choices made there; what that excludes, if anything."""
+
+    event: str
+    values: Guard = ALWAYS
+    excluded: Excluded | None = None
+
+
+class Opening(NamedTuple):
+    """A choice that is open and not the executive's, and the event at which it is made."""
+
+    name: str
+    domain: tuple[str, ...]
+    event: str
+
+
+@dataclass(frozen=True, slots=True)
+class Intent:
+    """Values of open choices, and the events at which they are made; `guard` has what activates these as well."""
+
+    values: Guard
+    events: frozenset[str]
+    guard: Guard
+
+
+class Patience:
+    """What a patient executive does next, or how long it waits.
+
+    Args:
+        progress: what has happened, which others keep up to date.
+        margin: how long before the last moment waiting ends.
+        reasoner: is asked; if not given, one is made when there is something to ask.
+        solver: of that reasoner.
+        deadline: questions raise OutOfTimeError if it passes.
+
+    After :meth:`decide` has found nothing to do, `withheld` are the events that could be executed but are not, and
+    `alarm` is when that is to be thought over if nothing happens before (None: never).
+    """
+
+    def __init__(
+        self,
+        progress: Progress,
+        margin: Fraction,
+        *,
+        reasoner: SemanticReasoner | None = None,
+        solver: str = "z3",
+        deadline: Deadline = NEVER,
+    ) -> None:
+        self.margin = margin
+        self.withheld: frozenset[str] = frozenset()
+        self.alarm: Fraction | None = None
+        self._progress = progress
+        self._reasoner = reasoner
+        self._solver = solver
+        self._deadline = deadline
+        self._found: list[Execution] = []
+        """Continuations in which everything that is not the executive's is later than now."""
+        self._refuted: set[Guard] = set()
+        """Intents that are not kept; that stays so as long as nothing is reported."""
+        self._excluding: tuple[Fraction, set[tuple[Guard, str]]] = (progress.now, set())
+        """Acts of this moment, with intents that they exclude; that stays so, too."""
+        self._ceiling: tuple[object, Fraction | None] = (None, None)
+        """The least L, and of what."""
+
+    def told(self) -> None:
+        """Take note that something was reported: what is not the executive's may have become so."""
+        self._refuted.clear()
+        self._excluding[1].clear()
+        self._ceiling = (None, None)
+
+    def decide(self, executable: Iterable[str], alternatives: Mapping[str, Sequence[str]]) -> Act | None:
+        """What to do now; None: nothing.
+
+        Args:
+            executable: events in the order in which they are tried, found one by one.
+            alternatives: the values of each choice, in the order in which they are tried.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        self.withheld, self.alarm = frozenset(), None
+        candidates = iter(executable)
+        first = next(candidates, None)
+        if first is None:
+            return None
+        waiting = self._open()
+        if not waiting:
+            return Act(first)
+        self._forget()
+        everything = kept = self._kept(waiting)
+        acts: dict[str, list[Guard]] = {}
+        for event in chain((first,), candidates):
+            acts[event] = list(self._values(event, alternatives))
+            values = self._free(event, acts[event], kept)
+            if values is not None:
+                return Act(event, values)
+        while True:
+            reached = [each for each in waiting if self._asked.comes_before(each.event, acts, self._deadline)]
+            if len(reached) == len(waiting):
+                return self._at_last(acts, kept, everything)
+            waiting, kept = reached, self._kept(reached)
+            for event, environments in acts.items():
+                values = self._free(event, environments, kept)
+                if values is not None:
+                    reason = f"nobody decides {self._undecided(everything, waiting)} while this is withheld"
+                    return self._announced((event, values), everything, (), reason)
+
+    def opening(self) -> Fraction | None:
+        """When something that is not withheld is executable, if nothing happens before.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        return self._asked.next_execution(self.withheld, self._deadline)
+
+    # -- intents -----------------------------------------------------------------------------------------------------
+
+    def _open(self) -> list[Opening]:
+        progress = self._progress
+        return [
+            Opening(each.name, each.domain, each.event)
+            for each in progress.plan.network.choices
+            if not each.controllable
+            and each.name not in progress.chosen
+            and each.event is not None
+            and each.event in progress.pending
+        ]
+
+    def _kept(self, choices: Sequence[Opening]) -> list[Intent]:
+        """Joint intents that are kept, and single values that are in none of them but are kept by themselves."""
+        kept: list[Intent] = []
+        for each in chain(intents(choices, self._progress), values_of(choices, self._progress)):
+            if any(each.values <= other.values for other in kept) or each.guard in self._refuted:
+                continue
+            if self._shown(each.guard, None) or self._find(each.guard, None):
+                kept.append(each)
+            else:
+                self._refuted.add(each.guard)
+        return kept
+
+    # -- acts --------------------------------------------------------------------------------------------------------
+
+    def _values(self, event: str, alternatives: Mapping[str, Sequence[str]]) -> Iterator[Guard]:
+        """The values of the executive's choices that are made at an event."""
+        progress = self._progress
+        controllable = {each.name for each in progress.plan.network.choices if each.controllable}
+        names = [
+            name
+            for name in progress.structure.made_at.get(event, ())
+            if name in controllable and name not in progress.chosen
+        ]
+        for values in product(*(alternatives[name] for name in names)):
+            yield frozenset(map(Assignment, names, values))
+
+    def _free(self, event: str, environments: Iterable[Guard], kept: Sequence[Intent]) -> Guard | None:
+        """Values with which the event excludes nothing that is kept; None if there are none."""
+        guards = [each.guard for each in kept] or [ALWAYS]
+        return next(
+            (values for values in environments if all(self._keeps(each, event, values) for each in guards)), None
+        )
+
+    def _keeps(self, intent: Guard, event: str, values: Guard) -> bool:
+        """Whether an act leaves a continuation with an intent."""
+        asked = intent | values
+        if contradicts(intent, values) or (asked, event) in self._excluding[1]:
+            return False
+        if self._shown(asked, event) or self._find(asked, event):
+            return True
+        self._excluding[1].add((asked, event))
+        return False
+
+    def _shown(self, environment: Guard, event: str | None) -> bool:
+        """Whether a known continuation answers :meth:`_find`."""
+        progress = self._progress
+        return any(
+            agrees(environment, each.scenario)
+            and (
+                event is None
+                or (
+                    each.schedule.get(event) == progress.now
+                    and not any(agrees(label, each.scenario) for label in progress.external(event))
+                )
+            )
+            for each in self._found
+        )
+
+    def _find(self, environment: Guard, event: str | None) -> bool:
+        """Look for a continuation in an environment that does an event, if given, now."""
+        found = self._asked.continuation(environment, event, self._deadline)
+        if found is not None:
+            self._found.append(found)
+        return found is not None
+
+    # -- waiting -----------------------------------------------------------------------------------------------------
+
+    def _at_last(self, acts: Mapping[str, list[Guard]], kept: list[Intent], everything: list[Intent]) -> Act | None:
+        """Wait, unless that loses more than an act does."""
+        now, progress, withheld = self._progress.now, self._progress, frozenset(acts)
+        moment = (withheld, frozenset(kept), len(progress.times), len(progress.chosen))
+        known, least = self._ceiling
+        if known == moment and (least is None or least - self.margin > now):
+            self.withheld, self.alarm = withheld, None if least is None else least - self.margin
+            return None
+        staying = [each for each in kept if self._after(each, withheld, now + self.margin)]
+        if len(staying) == len(kept):
+            least = self._least(kept, withheld)
+            self._ceiling = (moment, least)
+            self.withheld, self.alarm = withheld, None if least is None else least - self.margin
+            return None
+        due = {each: self._latest(each, withheld) or now for each in kept if each not in staying}
+        contested = [each for each, last in due.items() if self._after(each, frozenset(), last)]
+        over = min(due.values())
+        act = self._best(acts, [*staying, *contested], len(staying))
+        if act is None:
+            self.withheld, self.alarm = withheld, self._over(withheld, staying, over)
+            return None
+        spared = [each.values for each in contested if self._keeps(each.guard, *act)]
+        return self._announced(act, everything, spared, _hurry(spared, over))
+
+    def _best(
+        self, acts: Mapping[str, list[Guard]], intents: Sequence[Intent], staying: int
+    ) -> tuple[str, Guard] | None:
+        """The act that keeps most intents; None if waiting keeps as many, and does not lose everything."""
+
+        def worth(act: tuple[str, Guard]) -> tuple[bool, int]:
+            number = sum(self._keeps(each.guard, *act) for each in intents)
+            return number > 0 or self._keeps(ALWAYS, *act), number
+
+        best = max(((event, values) for event, several in acts.items() for values in several), key=worth)
+        if worth(best)[1] > staying:
+            return best
+        possible = staying or self._asked.all_later(ALWAYS, acts.keys(), self._progress.now, self._deadline)
+        return None if possible else best
+
+    def _after(self, intent: Intent, others: frozenset[str], moment: Fraction) -> bool:
+        """Whether an intent and other events may all come after a moment."""
+        return self._asked.all_later(intent.guard, intent.events | others, moment, self._deadline)
+
+    def _latest(self, intent: Intent, others: frozenset[str]) -> Fraction | None:
+        """L of an intent; None if it can wait forever."""
+        return self._asked.latest(intent.guard, intent.events | others, self._deadline)
+
+    def _least(self, kept: Sequence[Intent], withheld: frozenset[str]) -> Fraction | None:
+        """The least L of intents; None if all can wait forever."""
+        least: Fraction | None = None
+        for each in kept:
+            if least is None or not self._after(each, withheld, least):
+                found = self._latest(each, withheld)
+                least = found if least is None or found is None else min(least, found)
+        return least
+
+    def _over(self, withheld: frozenset[str], staying: Sequence[Intent], over: Fraction) -> Fraction:
+        """Just after a moment at which intents lapse, unless it is time for the others before."""
+        alarm = over + self._progress.grid
+        least = self._least(staying, withheld) if self.margin else None
+        return alarm if least is None else min(alarm, least - self.margin)
+
+    # -- words -------------------------------------------------------------------------------------------------------
+
+    def _announced(
+        self, act: tuple[str, Guard], everything: Sequence[Intent], spared: Sequence[Guard], reason: str
+    ) -> Act:
+        """An act with what it excludes, and what is spared by it."""
+        event, values = act
+        lost = [each for each in everything if not self._keeps(each.guard, event, values)]
+        left = [each.values for each in everything if each not in lost]
+        told = tuple(guard_text(each) for each in _simplest([each.values for each in lost], left))
+        kept = tuple(guard_text(each) for each in spared)
+        return Act(event, values, Excluded(event, self._progress.now, told, kept, reason) if told else None)
+
+    def _undecided(self, everything: Sequence[Intent], waiting: Sequence[Opening]) -> str:
+        names = {each.variable for intent in everything for each in intent.values} - {each.name for each in waiting}
+        return " or ".join(sorted(names)) or "anything"
+
+    # -- helpers -----------------------------------------------------------------------------------------------------
+
+    @property
+    def _asked(self) -> SemanticReasoner:
+        if self._reasoner is None:
+            self._reasoner = SemanticReasoner(self._progress, solver=self._solver)
+        return self._reasoner
+
+    def _forget(self) -> None:
+        """Leave out what the present has overtaken."""
+        progress = self._progress
+        if self._excluding[0] != progress.now:
+            self._excluding = (progress.now, set())
+        self._found = [each for each in self._found[-_REMEMBERED:] if self._continues(each)]
+
+    def _continues(self, execution: Execution) -> bool:
+        progress = self._progress
+        later = progress.now + progress.plan.epsilon
+        return (
+            not progress.void
+            and all(execution.scenario[name] == value for name, value in progress.chosen.items())
+            and all(execution.schedule.get(event) == time for event, time in progress.times.items())
+            and all(
+                time >= later
+                or (
+                    time >= progress.now
+                    and not any(agrees(label, execution.scenario) for label in progress.external(event))
+                )
+                for event, time in execution.schedule.items()
+                if event in progress.pending
+            )
+        )
+
+
+def intents(choices: Sequence[Opening], progress: Progress) -> list[Intent]:
+    """What people may mean: joint values of choices, as many as can be made together, so that each value is in one.
+
+    Choices that are not made together, because of the guards of their events, are in different intents. If there are
+    more than :data:`JOINT`, each value is an intent of its own.
+    """
+    single = values_of(choices, progress)
+    if prod(len(choice.domain) for choice in choices) > JOINT:
+        return single
+    found: dict[Intent, None] = {}
+    for start in single:
+        if not any(start.values <= each.values for each in found):
+            joint = [start]
+            for choice in choices:
+                joint = [more for each in joint for more in _extended(each, choice, progress)]
+            found.update(dict.fromkeys(joint))
+    return list(found)
+
+
+def values_of(choices: Iterable[Opening], progress: Progress) -> list[Intent]:
+    """Each value of each choice, where the choice may still come up."""
+    nothing = Intent(ALWAYS, frozenset(), ALWAYS)
+    found = (each for choice in choices for each in _extended(nothing, choice, progress) if each != nothing)
+    return [each for each in found if progress.compatible(each.guard)]
+
+
+def _extended(intent: Intent, choice: Opening, progress: Progress) -> list[Intent]:
+    """An intent with each value of one more choice; the intent itself if it has one, or the two exclude each other."""
+    found = []
+    if choice.name not in dict(intent.values):
+        for value in choice.domain:
+            values = frozenset({Assignment(choice.name, value)})
+            label = values | progress.structure.guards[choice.event]
+            if not contradicts(values, label) and not contradicts(intent.guard, label):
+                found.append(Intent(intent.values | values, intent.events | {choice.event}, intent.guard | label))
+    return found or [intent]
+
+
+def _simplest(lost: Sequence[Guard], left: Sequence[Guard]) -> list[Guard]:
+    """Single values that none of those left has, and of the others of those lost the whole."""
+    remaining = frozenset[Assignment]().union(*left)
+    single = sorted({each for values in lost for each in values} - remaining)
+    joint = [values for values in lost if not values & frozenset(single)]
+    return [*(frozenset({each}) for each in single), *dict.fromkeys(joint)]
+
+
+def _hurry(spared: Sequence[Guard], over: Fraction) -> str:
+    """Why an act cannot be put off beyond a moment."""
+    moment = format_number(over)
+    if not spared:
+        return f"nothing correct would be left after {moment}"
+    named = [guard_text(each) for each in spared[:_NAMED]]
+    more = [f"{len(spared) - _NAMED} more"] if len(spared) > _NAMED else []
+    return f"after {moment} it would be too late for {' and for '.join([*named, *more])}"
