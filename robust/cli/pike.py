@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from robust.pike_bridge.compile import PikeCheck, Sizes
     from robust.pike_bridge.cross_check import Crossed
     from robust.pike_bridge.model import Guard, TeamPlan
+    from robust.pike_bridge.online.moments import Moments
     from robust.pike_bridge.online.world import Disturbance, ExecutionRecord, Story
     from robust.show.pike import PikePlot
 
@@ -79,6 +80,9 @@ class PikeCheckCommand(PikeOptions):
     assume: tuple[str, ...] = _ASSUME
     all_scenarios: bool = option(False, "find every team scenario that admits a correct execution")
     cross: bool = option(False, "ask all back ends and the oracle the same questions, and compare")
+    patience: bool = option(
+        False, "find out until when people can make each choice, with each value, if all else suits it"
+    )
     witness: Path | None = option(
         None,
         "with --cross: where to write a small plan on which they differ",
@@ -88,6 +92,11 @@ class PikeCheckCommand(PikeOptions):
     )
     seed: int = option(0, "with --cross: which sets of choices are tried", metavar="N")
     temporal: str = _TEMPORAL
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        for name in ("cross", "backend", "all_scenarios", "temporal") if self.patience else ():
+            if name in given:
+                raise InputError("found together with --patience, expected without", place_of(name))
 
 
 class PikeCompileCommand(PikeOptions):
@@ -228,6 +237,8 @@ def check(options: PikeCheckCommand, run: Run) -> int:
     """Is there a correct execution of a plan with choices, given some of the choices? If so, show one."""
     if options.cross:
         return _cross(options, run)
+    if options.patience:
+        return _patience(options, run)
     from robust.pike_bridge.compile import Checking, Temporal
     from robust.show import pike
 
@@ -272,6 +283,22 @@ def _cross(options: PikeCheckCommand, run: Run) -> int:
         begin, pike.cross_document, lambda out, found: pike.print_cross(out, found, quiet=options.quiet)
     )
     return 1 if crossed.outcome is not None and not crossed.outcome.agree else CODES[crossed.status]
+
+
+def _patience(options: PikeCheckCommand, run: Run) -> int:
+    from robust.pike_bridge.online.moments import LatestMoments
+    from robust.show import pike
+
+    def begin() -> Search[Moments]:
+        plan = options.load()
+        return LatestMoments(
+            plan, assumed(plan, options.assume), options.solver, deadline=Deadline.after(run.remaining)
+        )
+
+    found = run.reply(
+        begin, pike.patience_document, lambda out, each: pike.print_patience(out, each, quiet=options.quiet)
+    )
+    return 1 if found.feasible is False else CODES[found.status]
 
 
 @action(PikeCompileCommand)

@@ -12,13 +12,14 @@ from msgspec import UNSET, Meta, UnsetType
 from rich.console import Console
 from rich.text import Text
 
-from robust.codec import Count, JsonObject, Seconds, like, one_of
+from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, format_number, plural, readable
 from robust.pike_bridge.compile import PikeCheck, Sizes
 from robust.pike_bridge.cross_check import CrossCheck, Crossed
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.inquiry import Reason, WhyChosen, WhyExecuted, WhyNot, answer
+from robust.pike_bridge.online.inquiry import Reason, WhyChosen, WhyExcluded, WhyExecuted, WhyNot, answer
+from robust.pike_bridge.online.moments import Moments
 from robust.pike_bridge.online.world import ExecutionRecord, ExecutionStep
 from robust.pike_bridge.semantics import Execution
 from robust.show.documents import Document, Ended, Rationals, Verdict, document
@@ -100,6 +101,26 @@ class PikeCross(JsonObject, tag_field="schema", tag="robust/pike-cross/1"):
     witness: str | None
 
 
+class LatestMoment(JsonObject):
+    choice: str
+    value: str
+    possible: bool
+    latest: Rational | None
+
+
+class PikePatience(JsonObject, tag_field="schema", tag="robust/pike-patience/1"):
+    """what `robust pike check --patience --json` prints
+
+    Attributes:
+        feasible: whether a correct execution exists under the assumptions
+        moments: of each value that a choice of others may have: until when it can be chosen; null if that is any time
+    """
+
+    status: Ended
+    feasible: bool | None
+    moments: list[LatestMoment]
+
+
 class PikePlot(JsonObject, tag_field="schema", tag="robust/pike-plot/1"):
     """what `robust pike plot --json` prints"""
 
@@ -110,7 +131,7 @@ class PikePlot(JsonObject, tag_field="schema", tag="robust/pike-plot/1"):
     links: Count | None
 
 
-DOCUMENTS: tuple[type[JsonObject], ...] = (PikeChecked, PikeCompile, PikeCross, PikePlot)
+DOCUMENTS: tuple[type[JsonObject], ...] = (PikeChecked, PikeCompile, PikeCross, PikePatience, PikePlot)
 """As in :mod:`robust.show.documents`."""
 STAGES = ("precedence", "links", "conflicts", "knowledge")
 _STYLES = {"succeeded": "green", "failed": "bold red"}
@@ -270,6 +291,30 @@ def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
         out.print(f"The smallest plan found that shows it: {crossed.written}")
 
 
+# -- patience ----------------------------------------------------------------------------------------------------------
+
+
+def patience_document(found: Moments) -> Document:
+    """`robust/pike-patience/1`."""
+    return document(like(PikePatience, found, moments=[LatestMoment(*each) for each in found.moments]))
+
+
+def print_patience(out: Console, found: Moments, *, quiet: bool) -> None:
+    """Whether there is a correct execution; unless `quiet` also until when each value can be chosen."""
+    if found.feasible is None:
+        out.print("Undecided: out of time.")
+        return
+    out.print("A correct execution exists." if found.feasible else "No correct execution exists.")
+    if quiet:
+        return
+    width = max((len(f"{each.choice} = {each.value}") for each in found.moments), default=0)
+    for each in found.moments:
+        until = "at any time" if each.latest is None else f"until {readable(each.latest)}"
+        out.print(f"  {f'{each.choice} = {each.value}':<{width}}  {until if each.possible else 'never'}")
+    if found.cut_short:
+        out.print("Out of time before all were found." if found.status == "timeout" else "Interrupted.")
+
+
 # -- plot --------------------------------------------------------------------------------------------------------------
 
 
@@ -401,7 +446,7 @@ class _Reasons:
                 new = "; ".join(self._new(reason.parts))
                 if new:
                     yield new
-            case WhyNot():
+            case WhyNot() | WhyExcluded():
                 yield from reason.lines
 
     def of_inference(self, choice: str, reason: Reason | None) -> Iterator[str]:

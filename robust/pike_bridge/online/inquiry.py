@@ -16,7 +16,7 @@ from robust.numbers import format_number
 from robust.pike_bridge.model import Activity, Assignment, may_produce, starts_with
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import OF_PLAN, About, Fact, Situation, durations, listed
-from robust.pike_bridge.online.progress import Chosen, Decision, Dispatched, Executed, Failed
+from robust.pike_bridge.online.progress import Chosen, Decision, Dispatched, Excluded, Executed, Failed
 from robust.pike_bridge.semantics import Execution, holds
 from robust.smt.limits import NEVER, Deadline
 
@@ -178,6 +178,32 @@ class WhyChosen(Reason):
         return "\n".join((*self.excluding, "; ".join(self.parts)) if self.parts else self.excluding)
 
 
+@dataclass(frozen=True, slots=True)
+class WhyExcluded(Reason):
+    """What values of open choices an act leaves impossible, each with what contradicts it then.
+
+    Attributes:
+        event: what was executed.
+        reason: why it could not wait.
+        impossible: by the values.
+    """
+
+    KIND = "exclusion"
+    SHOWN = ("event", "text", "reason", "impossible")
+
+    event: str
+    reason: str
+    impossible: Mapping[str, Clash]
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        return tuple(line for values, clash in self.impossible.items() for line in clash.under(f"not {values}"))
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
+
+
 class Obstacle(Enum):
     """Why something is not done, or cannot be."""
 
@@ -186,6 +212,7 @@ class Obstacle(Enum):
     EXCLUDED = "excluded"
     AWAITED = "awaited"
     EARLY = "early"
+    WITHHELD = "withheld"
     CONFLICT = "conflict"
     ENDED = "ended"
 
@@ -288,6 +315,8 @@ def why_not(executive: PlanExecutive, question: Question, *, solver: str = "z3",
         return inquiry.failed()
     if isinstance(question, Assignment):
         return inquiry.why_not_assignment(question)
+    if question in executive.withheld:
+        return inquiry.withheld(question, executive.withheld_until)
     return inquiry.why_not_event(question)
 
 
@@ -425,10 +454,35 @@ class Inquiry(Situation):
                     reason = self.chosen(Assignment(choice, value))
                 case Failed():
                     reason = self.failed()
+                case Excluded():
+                    reason = self.excluded(decision)
                 case _:
                     pass
             reasons.append(reason)
         return StepReasons(self.continuation, tuple(reasons), self.inferred(inferred))
+
+    def excluded(self, excluded: Excluded) -> WhyExcluded:
+        """Why an act excludes values of open choices: what contradicts them if it is done, as things were then."""
+        progress, event = self.progress, excluded.event
+        earlier = dict(takewhile(lambda each: each[0] != event, progress.times.items()))
+        later = progress.times.keys() - earlier.keys()
+        choices = self._plan.network.choices
+        undecided = {each.name for each in choices if each.controllable and each.event in later}
+        chosen = {name: value for name, value in progress.chosen.items() if name not in undecided}
+        then = Inquiry(progress.rewound(excluded.time, earlier, chosen), solver=self.solver, deadline=self.deadline)
+        ours = [Assignment(name, progress.chosen[name]) for name in undecided if name in progress.chosen]
+        made = [each for each in ours if each.variable in progress.structure.made_at.get(event, ())]
+        done = [*then.assignments(About.CHOICE, made), then.executed_now(event), *then.unreported()]
+        clashes = {values: then._told(then.conflict([*then.meaning(values), *done])) for values in excluded.lost}
+        impossible = {values: clash for values, clash in clashes.items() if clash is not None}
+        return WhyExcluded(event, excluded.reason, impossible)
+
+    def meaning(self, values: str) -> list[Fact]:
+        """That open choices have values, `x = 1, y = 2`, and come up."""
+        named = [Assignment(*each.split(" = ", 1)) for each in values.split(", ")]
+        events = {each.name: each.event for each in self._plan.network.choices}
+        guards = (self.progress.structure.guards[events[each.variable] or ""] for each in named)
+        return self.assignments(About.ASSUMPTION, sorted(frozenset(named).union(*guards)))
 
     # -- why not -----------------------------------------------------------------------------------------------------
 
@@ -456,6 +510,13 @@ class Inquiry(Situation):
             return WhyNot(name, Obstacle.CONFLICT, f"{name} is impossible at {now}", conflict=conflict)
         found = self.continued(hypotheses)
         return WhyNot(name, Obstacle.NONE, f"{name} is possible at {now}", continuation=found)
+
+    def withheld(self, event: str, until: Fraction | None) -> WhyNot:
+        """Why an event waits that could be executed."""
+        limit = "" if until is None else f" until {format_number(until)}"
+        name = self.wording.event(event)
+        text = f"{name} waits{limit}: it would exclude what others may still choose"
+        return WhyNot(name, Obstacle.WITHHELD, text, earliest=until, continuation=self.continuation)
 
     def failed(self) -> WhyNot:
         """Why no correct execution is left."""

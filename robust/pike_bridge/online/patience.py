@@ -128,7 +128,7 @@ class Patience:
         first = next(candidates, None)
         if first is None:
             return None
-        waiting = self._open()
+        waiting = openings(self._progress)
         if not waiting:
             return Act(first)
         self._forget()
@@ -159,17 +159,6 @@ class Patience:
         return self._asked.next_execution(self.withheld, self._deadline)
 
     # -- intents -----------------------------------------------------------------------------------------------------
-
-    def _open(self) -> list[Opening]:
-        progress = self._progress
-        return [
-            Opening(each.name, each.domain, each.event)
-            for each in progress.plan.network.choices
-            if not each.controllable
-            and each.name not in progress.chosen
-            and each.event is not None
-            and each.event in progress.pending
-        ]
 
     def _kept(self, choices: Sequence[Opening]) -> list[Intent]:
         """Joint intents that are kept, and single values that are in none of them but are kept by themselves."""
@@ -349,6 +338,18 @@ class Patience:
                 if event in progress.pending
             )
         )
+
+
+def openings(progress: Progress) -> list[Opening]:
+    """The choices that are open and not the executive's."""
+    return [
+        Opening(each.name, each.domain, each.event)
+        for each in progress.plan.network.choices
+        if not each.controllable
+        and each.name not in progress.chosen
+        and each.event is not None
+        and each.event in progress.pending
+    ]
 
 
 def intents(choices: Sequence[Opening], progress: Progress) -> list[Intent]:

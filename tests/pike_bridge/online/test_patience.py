@@ -8,12 +8,14 @@ import pytest
 
 from robust.pike_bridge.model import Assignment, Choice, Constraint, Event, TeamPlan, Tpnu, guard
 from robust.pike_bridge.online.executive import PlanExecutive
+from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, why_not
+from robust.pike_bridge.online.moments import LatestMoments
 from robust.pike_bridge.online.patience import JOINT, intents
 from robust.pike_bridge.online.progress import Chosen, Excluded, Executed, Failed, Outcome, Progress, Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Pace
-from robust.pike_bridge.semantics import Execution, faults, holds
+from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults, holds
 from tests.pike_bridge import stories
 from tests.pike_bridge.online.delays import Continuations, execute, joint_values, possible_intents
 from tests.pike_bridge.online.examples import SOLVABLE, confirming, drawn
@@ -164,6 +166,46 @@ def test_what_makes_a_choice_possible_is_preferred_but_nobody_waits_for_it():
 @pytest.mark.parametrize("backend", ["bdd", "pitms"])
 def test_every_back_end_is_as_patient(backend):
     assert left_alone(asking(), reasoner=make_reasoner(backend)) == left_alone(asking())
+
+
+# -- words -------------------------------------------------------------------------------------------------------------
+
+
+def test_what_is_withheld_and_what_is_excluded_is_explained():
+    executive = PlanExecutive(asking(), SemanticReasoner)
+    executive.step(ZERO)
+    waits = why_not(executive, "act")
+    assert waits.obstacle is Obstacle.WITHHELD
+    assert waits.text == "the choice of r waits until 10: it would exclude what others may still choose"
+    told = executive.step(Fraction(10))
+    reasons = Inquiry(executive.progress).step(told, {})
+    [(decision, reason)] = [pair for pair in zip(told, reasons.decisions, strict=True) if isinstance(pair[0], Excluded)]
+    assert reason.reason == decision.reason
+    assert reason.lines[0] == "not u = 2, as r = 1:"
+    assert "at least 100 from the beginning (begin) to the end (end) (r = 1, u = 2)" in reason.text
+
+
+def test_until_when_people_can_choose():
+    found = LatestMoments(asking(bound("begin", "ask", upper=5, u="1"))).run()
+    assert (found.feasible, found.status) == (True, "complete")
+    assert found.moments == [("u", "1", True, 5), ("u", "2", True, 20)]
+    decided = LatestMoments(asking(), assume=guard({"r": "1"})).run()
+    assert decided.moments == [("u", "1", True, 20), ("u", "2", False, None)]
+    impossible = LatestMoments(asking(bound("begin", "end", 51))).run()
+    assert impossible.feasible is False
+
+
+@pytest.mark.parametrize("name", ["kitchen", "wing"])
+def test_the_latest_moments_are_those_of_the_oracle(name):
+    """There is a correct execution with the choice at that time, and none later."""
+    plan = getattr(stories, name)().plan()
+    oracle, events = Oracle(plan), {each.name: each.event for each in plan.network.choices}
+    begin = {"e_initial": ZERO, "e1": plan.epsilon}
+    for choice, value, possible, latest in LatestMoments(plan).run().moments:
+        assert possible
+        made = guard({choice: value})
+        for moment, verdict in ((latest, Existence.EXISTS), (latest + plan.epsilon, Existence.NONE)):
+            assert oracle.decide(made, {**begin, events[choice]: moment}).verdict is verdict
 
 
 # -- stories -----------------------------------------------------------------------------------------------------------
