@@ -25,7 +25,6 @@ from robust.options import (
     place_of,
     plot_file,
     positive,
-    separation,
 )
 from robust.smt.limits import Deadline
 
@@ -42,10 +41,9 @@ if TYPE_CHECKING:
 
 
 class TeamPlanFile(Separation):
-    """Where the plan is, and ε, which its knowledge bases need above 0."""
+    """Where the plan is, and ε: how much earlier is "before"."""
 
     file: Path = argument(..., "a plan with choices, .tpnu.json", "FILE")
-    epsilon: Number = separation(positive)
 
     def load(self) -> TeamPlan:
         """The plan."""
@@ -358,7 +356,7 @@ def _draw(options: PikePlotCommand, run: Run) -> PikePlot:
         from robust.pike_bridge.temporal.structural import StructuralPrecedence
 
         run.display.say("links")
-        links = augment(plan, StructuralPrecedence(plan.network)).links
+        links = augment(plan, StructuralPrecedence(plan.network, epsilon=plan.separation)).links
     run.display.say("drawing")
     from robust.show.network import Link, plot_network
 

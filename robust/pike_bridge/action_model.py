@@ -202,8 +202,8 @@ def team_plan(
         InputError: if network, domain or problem are wrong or do not fit together.
         UnsupportedError: if the actions or the goal need more than conjunctions of literals.
     """
-    if epsilon <= 0:
-        raise InputError(f"found ε = {format_number(epsilon)}, expected a number above 0")
+    if epsilon < 0:
+        raise InputError(f"found ε = {format_number(epsilon)}, expected a number of at least 0")
     validate(network, places)
     return _Joining(network, domain, problem, places, epsilon).plan()
 
@@ -406,7 +406,7 @@ def load_team_plan(path: str | os.PathLike[str], *, epsilon: Fraction = EPSILON)
     """Read a `.tpnu.json` file, its domain and its problem.
 
     Args:
-        epsilon: how far apart a producer, its consumer and what threatens them are kept.
+        epsilon: how much earlier is "before", for producers, consumers and threats; 0: strictly.
 
     Raises:
         InputError: with the place, if a file cannot be read, is wrong, or does not fit the others.

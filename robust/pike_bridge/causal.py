@@ -275,7 +275,7 @@ class _Augmentation:
             self._order(last, threat.event, context | {Assignment(variable, AFTER)})
 
     def _order(self, earlier: str, later: str, context: Guard) -> None:
-        self.constraints.append(Constraint(earlier, later, self.plan.epsilon, None, context))
+        self.constraints.append(Constraint(earlier, later, self.plan.separation, None, context))
 
     def _variable(self, name: str, context: Guard, domain: tuple[str, ...]) -> str:
         """A new controllable choice variable, named apart from all others by its guard if need be."""

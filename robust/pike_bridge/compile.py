@@ -135,9 +135,9 @@ class Compiling:
     def _precedence(self) -> Precedence:
         match self.temporal:
             case Temporal.APSP:
-                return LabeledDistances(self.plan.network, self.deadline)
+                return LabeledDistances(self.plan.network, self.deadline, epsilon=self.plan.separation)
             case Temporal.LAZY:
-                return StructuralPrecedence(self.plan.network, self.deadline)
+                return StructuralPrecedence(self.plan.network, self.deadline, epsilon=self.plan.separation)
 
     def _conflicts(self, augmented: AugmentedPlan) -> tuple[tuple[Guard, ...], LabeledDistances | None]:
         match self.temporal:

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
+from math import gcd, lcm
 from operator import or_
 from typing import Final, NamedTuple, TypeAlias
 
@@ -20,7 +21,7 @@ INITIAL = "e_initial"
 GOAL = "e_goal"
 """The event at which the goal must hold; every other event is earlier."""
 EPSILON = Fraction(1, 1000)
-"""How far apart a producer, its consumer and what threatens them are kept."""
+"""How much earlier is "before", for a producer, its consumer and what threatens them, unless it is given."""
 
 
 class Assignment(NamedTuple):
@@ -121,6 +122,13 @@ class Tpnu:
         return self.constraints + tuple(activity.duration for activity in self.activities)
 
     @property
+    def grid(self) -> Fraction:
+        """The greatest number that all bounds are multiples of; 1 if there are none."""
+        bounds = [bound for each in self.temporal_constraints for bound in (each.lower, each.upper) if bound]
+        denominator = lcm(*(bound.denominator for bound in bounds))
+        return Fraction(gcd(*(int(each * denominator) for each in bounds)) or denominator, denominator)
+
+    @property
     def domains(self) -> dict[str, tuple[str, ...]]:
         """The values of each choice variable."""
         return {choice.name: choice.domain for choice in self.choices}
@@ -177,10 +185,11 @@ class Effect:
 class TeamPlan:
     """A TPNU with what its activities need and do; the initial state and the goal are effects and conditions, too.
 
-    A condition is met if some activated effect with its literal, the producer, is strictly before `first`, and no
-    activated effect with the opposite literal, a threat, lies in the closed interval from the producer to `last`
-    [PIKE §4.3]. Two things do not threaten a condition: effects of the same activity at the event `last`; and, for a
-    condition over all, the effects that the same activity has at `first` may also be its producer.
+    A condition is met if some activated effect with its literal, the producer, is before `first`, and each activated
+    effect with the opposite literal, a threat, is before the producer or after `last` [PIKE §4.3]. Before is at least ε
+    before or, if ε is 0, strictly before. Two things do not threaten a condition: effects of the same activity at the
+    event `last`; and, for a condition over all, the effects that the same activity has at `first` may also be its
+    producer.
     """
 
     network: Tpnu
@@ -191,6 +200,17 @@ class TeamPlan:
     @property
     def name(self) -> str:
         return self.network.name
+
+    @property
+    def separation(self) -> Fraction:
+        """ε or, if that is 0, so little that just those scenarios have executions which are separated by it.
+
+        All bounds are multiples of some number g. A cycle of bounds and orders visits each event once at most, so that
+        its orders are possible, strictly, if and only if its bounds leave g, which is more than all orders need.
+        """
+        if self.epsilon:
+            return self.epsilon
+        return self.network.grid / (len(self.network.events) + 1)
 
 
 def may_produce(effect: Effect, condition: Condition) -> bool:

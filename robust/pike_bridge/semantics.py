@@ -6,7 +6,7 @@ by simulating it, and confirms every execution that a solver or a knowledge base
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -46,14 +46,16 @@ class Semantics(Propositions):
     Args:
         terms: where formulas are built; plans that share them, and have events of the same names, share formulas.
 
+        epsilon: how much earlier is "before", 0: strictly; that of the plan if not given.
+
     Raises:
         InputError: if a guard, a constraint, a condition or an effect mentions an unknown choice, value or event.
     """
 
-    def __init__(self, plan: TeamPlan, terms: Terms | None = None) -> None:
+    def __init__(self, plan: TeamPlan, terms: Terms | None = None, *, epsilon: Fraction | None = None) -> None:
         super().__init__(plan.network.domains, terms)
         self._events = plan.network.guards
-        self._epsilon = plan.epsilon
+        self._epsilon = plan.epsilon if epsilon is None else epsilon
         self._orders: dict[tuple[str, str], Formula] = {}
         self._effects: dict[Literal, list[Effect]] = {}
         for effect in plan.effects:
@@ -306,17 +308,19 @@ class UnmetCondition:
 Fault: TypeAlias = BrokenConstraint | UnmetCondition
 
 
-def faults(plan: TeamPlan, execution: Execution) -> tuple[Fault, ...]:
+def faults(plan: TeamPlan, execution: Execution, *, reported: Collection[str] = ()) -> tuple[Fault, ...]:
     """All that is wrong with an execution; it is correct if and only if there is nothing.
 
-    Each constraint and each condition appears at most once.
+    Each constraint and each condition appears at most once. Events that were reported come after whatever has an
+    earlier time, even by less than ε.
 
     Raises:
         InputError: if the scenario does not give each choice a value of its domain, or the schedule does not give a
             time to exactly the activated events.
     """
     _validate(plan.network, execution)
-    return (*_broken(plan.network, execution), *_Simulation(plan, execution).run())
+    unmet = _Simulation(plan, execution, frozenset(reported)).run()
+    return (*_broken(plan.network, execution), *sorted(unmet, key=lambda each: each.time))
 
 
 def confirmed(plan: TeamPlan, execution: Execution, source: str) -> Execution:
@@ -359,57 +363,49 @@ def _broken(network: Tpnu, execution: Execution) -> Iterator[BrokenConstraint]:
 
 
 class _Simulation:
-    """The state of the world and the conditions that are being watched, at the current moment of an execution.
+    """The effects and the conditions of an execution, with who comes before whom."""
 
-    An atom's state is the literals asserted at the latest moment at which any was. Two opposite ones leave the atom
-    neither true nor false, which is what a closed interval from a producer to its consumer demands of threats at the
-    very moment of the producer.
-    """
-
-    def __init__(self, plan: TeamPlan, execution: Execution) -> None:
+    def __init__(self, plan: TeamPlan, execution: Execution, reported: frozenset[str]) -> None:
         self._plan = plan
         self._time = execution.schedule
+        self._reported = reported
         self._conditions = [each for each in plan.conditions if holds(each.guard, execution.scenario)]
-        self._effects: dict[Fraction, list[Effect]] = {}
-        for effect in plan.effects:
+        self._effects: dict[Atom, list[Effect]] = {}
+        """By atom, in the order of time."""
+        for effect in sorted(plan.effects, key=lambda each: self._time.get(each.event, Fraction(0))):
             if holds(effect.guard, execution.scenario):
-                self._effects.setdefault(self._time[effect.event], []).append(effect)
-        self._state: dict[Atom, dict[Literal, Effect]] = {}
-        self._watched: list[Condition] = []
+                self._effects.setdefault(effect.literal.atom, []).append(effect)
 
     def run(self) -> Iterator[UnmetCondition]:
-        for now in sorted(set(self._time.values())):
-            happening = self._effects.get(now, [])
-            yield from self._open(now, happening)
-            yield from self._watch(now, happening)
-            self._apply(happening)
-            self._watched = [each for each in self._watched if self._time[each.last] > now]
-
-    def _open(self, now: Fraction, happening: list[Effect]) -> Iterator[UnmetCondition]:
-        """Look at the state just before now, for the conditions that begin now."""
         for condition in self._conditions:
-            if self._time[condition.first] != now:
-                continue
-            state = self._state.get(condition.literal.atom, {})
-            own = any(may_produce(each, condition) and starts_with(each, condition) for each in happening)
-            if own or set(state) == {condition.literal}:
-                self._watched.append(condition)
-            else:
-                yield self._unmet(condition, now, state.get(condition.literal.negation))
+            fault = self._fault(condition)
+            if fault is not None:
+                yield fault
 
-    def _watch(self, now: Fraction, happening: list[Effect]) -> Iterator[UnmetCondition]:
-        """Drop the watched conditions that an effect of this moment contradicts."""
-        for condition in list(self._watched):
-            culprit = next((effect for effect in happening if may_threaten(effect, condition)), None)
-            if culprit is not None:
-                self._watched.remove(condition)
-                yield self._unmet(condition, now, culprit)
+    def _fault(self, condition: Condition) -> UnmetCondition | None:
+        """The latest producer that is early enough decides: what would threaten it would threaten all before it."""
+        first = condition.first
+        producer: Effect | None = None
+        undone: Effect | None = None
+        for effect in self._effects.get(condition.literal.atom, ()):
+            if effect.literal == condition.literal:
+                if starts_with(effect, condition) or (
+                    may_produce(effect, condition) and self._before(effect.event, first)
+                ):
+                    producer = effect
+            elif self._time[effect.event] < self._time[first]:
+                undone = effect
+        if producer is None:
+            return self._unmet(condition, self._time[first], undone)
+        for threat in self._effects[condition.literal.atom]:
+            away = self._before(threat.event, producer.event) or self._before(condition.last, threat.event)
+            if may_threaten(threat, condition) and not away:
+                return self._unmet(condition, max(self._time[first], self._time[threat.event]), threat)
+        return None
 
-    def _apply(self, happening: list[Effect]) -> None:
-        changed: dict[Atom, dict[Literal, Effect]] = {}
-        for effect in happening:
-            changed.setdefault(effect.literal.atom, {})[effect.literal] = effect
-        self._state.update(changed)
+    def _before(self, earlier: str, later: str) -> bool:
+        difference = self._time[later] - self._time[earlier]
+        return difference > 0 and (difference >= self._plan.epsilon or later in self._reported)
 
     def _unmet(self, condition: Condition, now: Fraction, culprit: Effect | None) -> UnmetCondition:
         activities = self._plan.network.activities

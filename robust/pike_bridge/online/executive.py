@@ -297,6 +297,8 @@ class PlanExecutive:
         """ExecuteEvent [PIKE, Algorithm 3]."""
         now = self.progress.now
         self.progress.times[event] = now
+        if reported:
+            self.progress.reported.add(event)
         del self.progress.pending[event]
         self._changed = True
         for assignment in sorted(self.progress.structure.guards[event]):

@@ -274,7 +274,7 @@ class Situation:
 
     def unreported(self) -> list[Fact]:
         """That what is for others to report comes later than now."""
-        later = Polynomial.constant(self.progress.now + self._plan.epsilon)
+        later = Polynomial.constant(self.progress.now + self._plan.separation)
         return [
             Fact(About.REPORT, f"{self.wording.event(event)} is not reported yet", self._terms.conjunction(formulas))
             for event in self.progress.pending
@@ -399,7 +399,7 @@ class Situation:
         return Fact(About.ORDER, "the order of the plan", self._terms.conjunction(orders))
 
     def _merely_orders(self, lower: Fraction) -> bool:
-        return 0 <= lower <= self._plan.epsilon
+        return 0 <= lower <= self._plan.separation
 
     def _apart(self, constraint: Constraint, bound: Fraction, *, least: bool) -> Formula:
         """That the events are at least, or at most, so far apart."""

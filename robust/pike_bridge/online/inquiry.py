@@ -605,19 +605,22 @@ class Inquiry(Situation):
         for condition in self._plan.conditions:
             if not holds(condition.guard, execution.scenario):
                 continue
-            first = execution.schedule[condition.first]
             producers = [
                 effect
                 for effect in self._plan.effects
                 if holds(effect.guard, execution.scenario)
                 and may_produce(effect, condition)
                 and (effect, condition) not in self.progress.void
-                and (starts_with(effect, condition) or execution.schedule[effect.event] < first)
+                and (starts_with(effect, condition) or self._precedes(execution, effect.event, condition.first))
             ]
             effect = max(producers, key=lambda each: execution.schedule[each.event])
             by, whom = self.wording.producer(effect), self.wording.consumer(condition)
             support = Support(str(effect.literal), by, whom, execution.schedule[effect.event])
             yield effect.activity, condition.activity, support
+
+    def _precedes(self, execution: Execution, earlier: str, later: str) -> bool:
+        difference = execution.schedule[later] - execution.schedule[earlier]
+        return difference >= self._plan.separation or self.progress.settled(earlier, later)
 
     def _served_by(self, assignment: Assignment, execution: Execution) -> Iterator[Support]:
         """What activities that the assignment activates establish for activities that it does not."""

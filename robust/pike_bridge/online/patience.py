@@ -323,7 +323,7 @@ class Patience:
 
     def _continues(self, execution: Execution) -> bool:
         progress = self._progress
-        later = progress.now + progress.plan.epsilon
+        later = progress.now + progress.plan.separation
         return (
             not progress.void
             and all(execution.scenario[name] == value for name, value in progress.chosen.items())

@@ -192,6 +192,9 @@ class Progress:
     """Choices that were made or observed."""
     void: set[tuple[Effect, Condition]] = field(default_factory=set)
     """Effects that do not support conditions any more: broken causal links."""
+    reported: set[str] = field(default_factory=set)
+    """Events that the world has decided. What has an earlier time is before them, even by less than ε, because it is
+    known which came first; ε is for what is still to come."""
     pending: dict[str, None] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -207,7 +210,19 @@ class Progress:
 
     def rewound(self, now: Fraction, times: Mapping[str, Fraction], chosen: Mapping[str, str]) -> Progress:
         """As if only some of it had happened by now; broken links stay broken."""
-        return Progress(self.plan, now, dict(times), dict(chosen), set(self.void))
+        return Progress(self.plan, now, dict(times), dict(chosen), set(self.void), set(self.reported))
+
+    def settled(self, earlier: str, later: str) -> bool:
+        """Whether an event was before a reported one, by however little."""
+        times = self.times
+        return later in self.reported and earlier in times and later in times and times[earlier] < times[later]
+
+    def close(self, events: Iterable[str]) -> bool:
+        """Whether one of the events was reported less than ε after another one."""
+        epsilon, times = self.plan.separation, self.times
+        return any(
+            0 < times[event] - time < epsilon for event in events if event in self.reported for time in times.values()
+        )
 
     @property
     def grid(self) -> Fraction:
@@ -340,10 +355,10 @@ class Structure:
 
 
 def _grid(plan: TeamPlan) -> Fraction:
-    """The greatest number that ε and all bounds are multiples of."""
+    """The greatest number that ε, if it is not 0, and all bounds are multiples of."""
     bounds = [bound for each in plan.network.temporal_constraints for bound in (each.lower, each.upper) if bound]
-    denominator = lcm(plan.epsilon.denominator, *(bound.denominator for bound in bounds))
-    return Fraction(gcd(*(int(each * denominator) for each in (plan.epsilon, *bounds))), denominator)
+    denominator = lcm(plan.separation.denominator, *(bound.denominator for bound in bounds))
+    return Fraction(gcd(*(int(each * denominator) for each in (plan.separation, *bounds))), denominator)
 
 
 def _reversed(constraint: Constraint) -> Constraint:

@@ -147,7 +147,7 @@ class WitnessedReasoner(Reasoner):
         witness, progress = self._witness, self.progress
         if witness is None or witness.schedule.get(event) != moment:
             return False
-        later = moment + progress.plan.epsilon
+        later = moment + progress.plan.separation
         return not any(
             time < moment or any(holds(label, witness.scenario) for label in progress.external(name))
             for name, time in self._ahead(witness)

@@ -191,7 +191,7 @@ class WindowReasoner(Reasoner):
         distances = compilation.distances or LabeledDistances(network, deadline)
         self._facts = ExecutionFacts(compilation, progress)
         self._windows = LabeledWindows(network, distances, deadline)
-        self._epsilon = progress.plan.epsilon
+        self._epsilon = progress.plan.separation
 
     def _learn(self, news: News) -> None:
         facts, windows = self._facts, self._windows
@@ -313,11 +313,14 @@ class ScenarioTimes:
         self._graph = distance_graph(network)
         self._progress = progress
         self._places = self._graph.places
+        self._names = list(self._places)
+        self._orders = range(len(progress.plan.network.constraints), len(network.constraints))
+        """The constraints that conditions have added."""
         self._scale = self._graph.scale
         self._edges: list[DistanceEdge] = list(self._graph.edges)
         self._origin = len(self._places)
         self._first = self._origin + 1
-        self._refine(progress.plan.epsilon)
+        self._refine(progress.plan.separation)
 
     def earliest(self, scenario: Environment, assumed: Hypothesis) -> dict[str, Fraction] | Cycle:
         """The earliest times of all activated events under an assumption, or a contradiction that the scenario entails.
@@ -348,10 +351,18 @@ class ScenarioTimes:
 
     def _holding(self, scenario: Environment) -> Iterator[DistanceEdge]:
         """The constraints that hold, and the times of executed events."""
-        yield from (edge for edge in self._edges if entails(scenario, edge.label))
+        for edge in self._edges:
+            if entails(scenario, edge.label) and not self._settled(edge):
+                yield edge
         for event, moment in self._progress.times.items():
             yield DistanceEdge(self._origin, self._places[event], self._scaled(moment), 0, _FACT)
             yield DistanceEdge(self._places[event], self._origin, -self._scaled(moment), 0, _FACT)
+
+    def _settled(self, edge: DistanceEdge) -> bool:
+        """Whether it is an order that an observation has settled, by less than ε."""
+        if edge.constraint not in self._orders or not self._progress.reported:
+            return False
+        return self._progress.settled(self._names[edge.target], self._names[edge.source])
 
     def _pending(self, scenario: Environment) -> Iterator[tuple[int, Environment]]:
         for event, place in self._places.items():
@@ -368,7 +379,7 @@ class ScenarioTimes:
     def _assumed(self, scenario: Environment, assumed: Hypothesis) -> Iterator[DistanceEdge]:
         if assumed.event is None:
             return
-        place, first, epsilon = self._places[assumed.event], self._first, self._scaled(self._progress.plan.epsilon)
+        place, first, epsilon = self._places[assumed.event], self._first, self._scaled(self._progress.plan.separation)
         yield DistanceEdge(place, first, 0, self._graph.guards[place], _ASSUMED)
         yield DistanceEdge(first, place, 0, self._graph.guards[place], _ASSUMED)
         yield DistanceEdge(first, self._origin, -self._scaled(assumed.soonest), 0, _ASSUMED)

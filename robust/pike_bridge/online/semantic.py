@@ -12,7 +12,7 @@ from fractions import Fraction
 import networkx
 
 from robust.pike_bridge.knowledge.sat import satisfiable
-from robust.pike_bridge.model import ALWAYS, Condition, Effect, Guard
+from robust.pike_bridge.model import ALWAYS, Condition, Effect, Guard, guard
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoner import News, WitnessedReasoner
 from robust.pike_bridge.semantics import Execution, Semantics, holds
@@ -34,7 +34,7 @@ class OnlineSemantics(Semantics):
     def __init__(self, progress: Progress, terms: Terms | None = None) -> None:
         self._progress = progress
         self._void: dict[tuple[Effect, Condition], Formula] = {}
-        super().__init__(progress.plan, terms)
+        super().__init__(progress.plan, terms, epsilon=progress.plan.separation)
 
     def ours(self, event: str) -> Formula:
         """That the event is activated, and the executive's to execute."""
@@ -62,6 +62,9 @@ class OnlineSemantics(Semantics):
         coming = [name for name in progress.pending if holds(progress.structure.guards[name], scenario)]
         values = session.values(self.times(coming))
         return Execution(scenario, {**progress.times, **{name: self.time(name, values) for name in coming}})
+
+    def _before(self, earlier: str, later: str) -> Formula:
+        return self.terms.true if self._progress.settled(earlier, later) else super()._before(earlier, later)
 
     def latest(self, execution: Execution, events: Iterable[str]) -> Fraction | None:
         """The greatest time at which none of the events, of those that an execution has, need have happened.
@@ -115,18 +118,26 @@ class SemanticReasoner(WitnessedReasoner):
 
     def __init__(self, progress: Progress, *, solver: str = "z3", terms: Terms | None = None) -> None:
         super().__init__(progress)
-        self._semantics = OnlineSemantics(progress, terms)
-        self._terms = self._semantics.terms
-        self._session = Session(self._terms, solver=solver)
-        self._session.add(*self._semantics.formulas)
-        self._epsilon = progress.plan.epsilon
+        self._terms = terms or Terms()
+        self._solver = solver
+        self._begin()
+        self._epsilon = progress.plan.separation
         self._grid = progress.grid
         self._first = Polynomial.variable(_FIRST)
         self._later: tuple[object, list[Formula]] = (None, [])
         """What was said last of events that are not the executive's to execute, and at which moment."""
 
+    def _begin(self) -> None:
+        self._semantics = OnlineSemantics(self.progress, self._terms)
+        self._session = Session(self._terms, solver=self._solver)
+        self._session.add(*self._semantics.formulas)
+
     def _learn(self, news: News) -> None:
         super()._learn(news)
+        if self.progress.close(news.times):  # what was open about their order is known now
+            self._begin()
+            everything = guard(self.progress.chosen)
+            news = News(everything, dict(self.progress.times), set(self.progress.void), later=True)
         semantics, guards = self._semantics, self.progress.structure.guards
         self._session.add(semantics.guard(news.chosen), *(semantics.void(*each) for each in news.void))
         for event, time in news.times.items():

@@ -399,6 +399,6 @@ class Rehearsal:
         activated = {name for name, guard in progress.structure.guards.items() if holds(guard, scenario)}
         if activated != progress.times.keys():
             return  # a choice that was never made decides about events of its own
-        found = faults(self.plan, Execution(scenario, progress.times))
+        found = faults(self.plan, Execution(scenario, progress.times), reported=progress.reported)
         if found:
             raise SolverError(f"the execution is not correct: {found[0]}; please report this")

@@ -31,7 +31,7 @@ class Precedence(Protocol):
 
     def precedes(self, first: str, second: str, context: Environment) -> bool:
         """first ≺ second in the context: in every temporally consistent execution in which both events and the context
-        hold, `first` is strictly before `second`. The guards of both events are added to the context here."""
+        hold, `first` is before `second`, by ε at least where ε is given. The guards of both events are added here."""
 
     def conflicting(self, environment: Environment) -> bool:
         """Whether the environment is known to be a temporal conflict: no scenario in it has a schedule."""

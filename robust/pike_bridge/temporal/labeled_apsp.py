@@ -184,8 +184,16 @@ class LabeledDistances:
         OutOfTimeError: if the deadline passes, now or when a row is first asked for.
     """
 
-    def __init__(self, network: Tpnu, deadline: Deadline = NEVER, *, completions: bool = True) -> None:
+    def __init__(
+        self,
+        network: Tpnu,
+        deadline: Deadline = NEVER,
+        *,
+        completions: bool = True,
+        epsilon: Fraction = Fraction(0),
+    ) -> None:
         graph = distance_graph(network)
+        self._least = epsilon * graph.scale
         self.vocabulary = graph.vocabulary
         self._graph = graph
         self._places = graph.places
@@ -241,14 +249,17 @@ class LabeledDistances:
         return tuple((Fraction(value, self._graph.scale), label) for value, label in entry)
 
     def precedes(self, first: str, second: str, context: Environment) -> bool:
-        """first ≺ second in the context [PIKE, Definition 4.2]; False if the context is impossible with the events."""
+        """first ≺ second in the context, by ε at least [PIKE, Definition 4.2].
+
+        False if the context is impossible with the events.
+        """
         before, after = self._places[first], self._places[second]
         both = self._both(before, after)
         whole = context | both
         if not self.vocabulary.consistent(whole) or self.conflicting(whole):
             return False
         found = self._distances(after, before).query(context & ~both)
-        return found is not None and found < 0
+        return found is not None and 0 < -found >= self._least
 
     def _both(self, first: int, second: int) -> Environment:
         return self._graph.guards[first] | self._graph.guards[second]

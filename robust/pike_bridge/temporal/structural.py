@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from fractions import Fraction
 from math import inf
 from typing import TypeAlias
 
@@ -29,8 +30,9 @@ class StructuralPrecedence:
     Contexts only tell what is impossible: what counts are the guards of the two events. All is computed when asked.
     """
 
-    def __init__(self, network: Tpnu, deadline: Deadline = NEVER) -> None:
+    def __init__(self, network: Tpnu, deadline: Deadline = NEVER, *, epsilon: Fraction = Fraction(0)) -> None:
         graph = distance_graph(network)
+        self._least = epsilon * graph.scale
         self.vocabulary: Vocabulary = graph.vocabulary
         self._guards = graph.guards
         self._places = graph.places
@@ -44,7 +46,7 @@ class StructuralPrecedence:
         self._rows: dict[int, list[float]] = {}
 
     def precedes(self, first: str, second: str, context: Environment) -> bool:
-        """first ≺ second, by a positive lower bound that holds whenever both events and the context do.
+        """first ≺ second, by a positive lower bound, of at least ε, that holds whenever both events and the context do.
 
         False if the context is impossible with the events.
 
@@ -58,7 +60,7 @@ class StructuralPrecedence:
         if before not in self._rows:
             self._deadline.enforce()
             self._rows[before] = self._longest(before)
-        return self._rows[before][after] > 0
+        return 0 < self._rows[before][after] >= self._least
 
     def conflicting(self, environment: Environment) -> bool:
         """Whether the environment contradicts itself: conflicts of times are not looked for."""
