@@ -76,6 +76,11 @@ class CrossCheck:
     def agree(self) -> bool:
         return not self.disagreements
 
+    @property
+    def smallest(self) -> Disagreement | None:
+        """The one that takes least to tell: most others follow from it."""
+        return min(self.disagreements, key=lambda each: len(str(each)), default=None)
+
 
 @dataclass(frozen=True, slots=True)
 class Subject:

@@ -280,9 +280,9 @@ def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
     if outcome.agree:
         out.print(f"All agree: {plural(outcome.scenarios, 'team scenario')}, {plural(asked, 'question')}.")
     else:
-        out.print(f"{plural(len(outcome.disagreements), 'disagreement')} with the oracle:")
-        for one in outcome.disagreements:
-            out.print(f"  {one}")
+        several = len(outcome.disagreements) > 1
+        out.print(f"{plural(len(outcome.disagreements), 'disagreement')} with the oracle{', the smallest' * several}:")
+        out.print(f"  {outcome.smallest}")
     if not quiet:
         for name, count in outcome.questions.items():
             late = "; out of time" if name in outcome.out_of_time else ""

@@ -1,9 +1,13 @@
 """`robust pike`: what follows from the kitchen, large plans, and errors that name the place; the rest is recorded."""
 
 import re
+from io import StringIO
 
 import pytest
+from rich.console import Console
 
+from robust.pike_bridge.cross_check import CrossCheck, Crossed, Disagreement
+from robust.show.pike import print_cross
 from tests.cli.running import EXAMPLES, answer_of, command
 from tests.pike_bridge.satisfiability import sat_plan
 from tests.pike_bridge.stories import figure_23
@@ -33,6 +37,26 @@ def test_cross(tmp_path):
     assert (ended.code, answer["agree"], answer["scenarios"], answer["disagreements"]) == (0, True, 2, [])
     assert len(answer["questions"]) == 8
     assert command("pike", "check", file, "--cross").out.startswith("All agree: 2 team scenarios, ")
+
+
+def test_one_disagreement_stands_for_all():
+    found = [
+        Disagreement("bdd (lazy)", f"could commit to {what}", "True", "False") for what in ("x = 1; y = 2", "x = 1")
+    ]
+    out = Console(file=StringIO())
+    print_cross(out, Crossed(CrossCheck(2, {"bdd (lazy)": 7}, disagreements=found)), quiet=True)
+    assert out.file.getvalue().splitlines() == [
+        "2 disagreements with the oracle, the smallest:",
+        "  bdd (lazy): could commit to x = 1: expected True, found False",
+    ]
+
+
+def test_until_when_people_can_choose():
+    answer = answer_of(command("pike", "check", KITCHEN, "--patience", "--json"), "robust/pike-patience/1")
+    latest = {(each["choice"], each["value"]): each["latest"] for each in answer["moments"]}
+    assert latest["xA1", "mug"] == "1143/500"
+    assert latest["xA4", "cereal"] == "6499/1000"
+    assert command("pike", "check", KITCHEN, "--patience", "--assume", "xA1=mug", "--assume", "xA2=juice").code == 1
 
 
 def swap(text, old, new):
