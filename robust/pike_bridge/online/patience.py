@@ -296,9 +296,15 @@ class Patience:
     ) -> Act:
         """An act with what it excludes, and what is spared by it."""
         event, values = act
-        lost = [each for each in everything if not self._keeps(each.guard, event, values)]
-        left = [each.values for each in everything if each not in lost]
-        told = tuple(guard_text(each) for each in _simplest([each.values for each in lost], left))
+        lost = [each.values for each in everything if not self._keeps(each.guard, event, values)]
+        named = frozenset[Assignment]().union(*lost)
+        single = [
+            each.values
+            for each in values_of(openings(self._progress), self._progress)
+            if each.values <= named and not self._keeps(each.guard, event, values)
+        ]
+        joint = [each for each in lost if not any(one <= each for one in single)]
+        told = tuple(guard_text(each) for each in (*single, *dict.fromkeys(joint)))
         kept = tuple(guard_text(each) for each in spared)
         return Act(event, values, Excluded(event, self._progress.now, told, kept, reason) if told else None)
 
@@ -388,14 +394,6 @@ def _extended(intent: Intent, choice: Opening, progress: Progress) -> list[Inten
             if not contradicts(values, label) and not contradicts(intent.guard, label):
                 found.append(Intent(intent.values | values, intent.events | {choice.event}, intent.guard | label))
     return found or [intent]
-
-
-def _simplest(lost: Sequence[Guard], left: Sequence[Guard]) -> list[Guard]:
-    """Single values that none of those left has, and of the others of those lost the whole."""
-    remaining = frozenset[Assignment]().union(*left)
-    single = sorted({each for values in lost for each in values} - remaining)
-    joint = [values for values in lost if not values & frozenset(single)]
-    return [*(frozenset({each}) for each in single), *dict.fromkeys(joint)]
 
 
 def _hurry(spared: Sequence[Guard], over: Fraction) -> str:
