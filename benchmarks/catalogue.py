@@ -164,6 +164,15 @@ class ConversionOptions(LongOptions):
     limit: float | None = _limit("60", "seconds to convert a plan, and as many to judge it")
 
 
+class LogsOptions(RecordedOptions):
+    """Convert and check what planners printed, as whole processes, beside VAL.
+
+    Logs of planners: time and memory over the number of steps.
+    """
+
+    validator: Path | None = _file(None, "VAL's program Validate, which is left out without it", "FILE")
+
+
 class TableOptions(LongOptions):
     """Execute delivery plans: coverage and re-plans, and the paper's."""
 
@@ -297,6 +306,7 @@ EXPERIMENTS = {
         Entry("encodings", "irr.growth", EncodingsOptions),
         Entry("figure4", "irr.figure4", Figure4Options),
         Entry("conversions", "irr.conversions", ConversionOptions),
+        Entry("logs", "irr.logs", LogsOptions),
         Entry("table1", "irr.tables", Table1Options),
         Entry("table2", "irr.tables", Table2Options),
         Entry("figure20a", "pike.figure20a_21", Figure20aOptions),

@@ -48,6 +48,7 @@ FILES = {
     "figure18": "4-k-intents.md",
     **dict.fromkeys(("table1", "table2", "conversions", "figure4"), "5-execution.md"),
     "certificates": "6-certificates.md",
+    "logs": "7-logs.md",
 }
 """Where the parts of the page are."""
 

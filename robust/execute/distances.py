@@ -24,6 +24,9 @@ from robust.plan.stn import InstanceDeclaration, STNConstraint
 from robust.plan.timed import TimedPlan, TimedStep
 from robust.plan.timeline import Execution, State
 
+COARSEST = Fraction(1)
+"""No planner rounds more than to whole numbers: what is further away than that is wrong, not rounded."""
+
 
 @dataclass(frozen=True, slots=True)
 class Edge:
@@ -254,7 +257,8 @@ def snapped(
     try:
         return snap(plan, complete, tolerances, mutex_pairs(plan), epsilon)
     except TooFarError as error:
-        remedy = "" if error.shift is None else f"; --tolerance {format_number(error.shift)} would do"
+        near = error.shift is not None and error.shift <= COARSEST
+        remedy = f"; --tolerance {format_number(error.shift or Fraction(0))} would do" if near else ""
         validated(plan, error.times, epsilon, file, f"; {error}{remedy}")
         raise InvalidPlanError(f"invalid plan: {error}{remedy}", Location(file), ()) from None
 
@@ -280,6 +284,9 @@ def validated(
 
 
 def _place(instances: Sequence[ActionInstance], violation: Violation, file: str) -> Location:
-    """The line of the step whose obligation breaks; the file for separations and goals."""
-    owner = next((one for one in instances if violation.obligation.startswith(f"{one.identifier} ")), None)
-    return owner.location if owner is not None and owner.location is not None else Location(file)
+    """The line of the step whose obligation breaks, of the later one for a separation; the file for goals."""
+    pair = violation.obligation.removeprefix("separation: ")
+    is_pair = pair != violation.obligation
+    names = {point.split(".")[0] for point in pair.split(", ")} if is_pair else {violation.obligation.split(" ")[0]}
+    places = [one.location for one in instances if one.identifier in names and one.location is not None]
+    return places[-1] if places else Location(file)

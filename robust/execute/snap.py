@@ -253,18 +253,28 @@ class _Snapping:
     def _placed(
         self, network: list[Bound], wished: list[int], near: list[int], scale: int, demands: Demands
     ) -> list[int]:
-        """As near as all can be, or else each within its own tolerance."""
+        """As near as all can be, each within its own tolerance."""
         shift = least_shift(network, wished)
         if shift is None:
             raise TooFarError(_CONTRADICTION, self._with_durations(demands))
-        reach = [0, *([shift] * (len(near) - 1) if shift <= min(near[1:], default=0) else near[1:])]
-        low = [wish - one for wish, one in zip(wished, reach, strict=True)]
-        windows = Windows(network, low, [wish + one for wish, one in zip(wished, reach, strict=True)])
-        if not windows.possible:
+
+        def windows(reach: int) -> Windows:
+            low = [max(wish - reach, wish - own) for wish, own in zip(wished, near, strict=True)]
+            return Windows(
+                network, low, [min(wish + reach, wish + own) for wish, own in zip(wished, near, strict=True)]
+            )
+
+        greatest = max(near)
+        if not windows(greatest).possible:
             needed = Fraction(shift, scale)
             wrong = f"starts would have to move by up to {format_number(needed)}"
             raise TooFarError(wrong, self._with_durations(demands), needed)
-        return windows.place(wished)
+        # Where some may move less than that, the others have to make up for it.
+        reach = shift if windows(shift).possible else greatest
+        while shift < reach:
+            middle = (shift + reach) // 2
+            shift, reach = (shift, middle) if windows(middle).possible else (middle + 1, reach)
+        return windows(reach).place(wished)
 
     def _bounds(self, demands: Demands) -> Iterator[tuple[TimePoint, TimePoint, Fraction]]:
         for instance in self._plan.instances:

@@ -155,7 +155,7 @@ def specifications(
     given = parse_specs(texts)
     if file is not None:
         return (*read_parameter_file(file), *given), None
-    beside = None if plan is None else Path(plan).with_suffix(".toml")
+    beside = None if plan is None or not Path(plan).name else Path(plan).with_suffix(".toml")
     if beside is None or not beside.is_file() or "parameters" not in _toml(read_text(beside), str(beside)):
         return given, None
     said = {(one.target, one.subject) for one in given}

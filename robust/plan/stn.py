@@ -37,6 +37,8 @@ RESERVED_NAMES = frozenset({"inf", "infinity", "nan", "zero"})
 
 
 _TELLTALE = re.compile(r"^\s*(?:(?:durative-)?action\s+instance\s|c\s*:)", re.IGNORECASE | re.MULTILINE)
+_STEP = re.compile(r"^\s*\d[\d.]*\s*:\s*\(.*", re.MULTILINE)
+"""A line of a time-triggered plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +92,13 @@ class STNPlan:
 
 def parse_stn(text: str, file: str = "<plan>") -> STNPlan:
     """The plan that a text describes; InputError with line and column for anything that is not a plan."""
+    if not _TELLTALE.search(text) and (step := _STEP.search(text)):
+        line = text.count("\n", 0, step.start() + len(step[0]) - len(step[0].lstrip())) + 1
+        raise InputError(
+            f"found a step, {shorten(step[0].strip())}, expected a plan with a network because of the name .stn; "
+            "rename the file if it is what a planner printed",
+            Location(file, line),
+        )
     return _Parser(_Scanner(text, file)).plan()
 
 

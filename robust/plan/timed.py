@@ -26,6 +26,7 @@ from os import PathLike
 from robust.errors import InputError, Location
 from robust.numbers import format_number, is_number, parse_number, plural, shorten
 from robust.plan.pddl.forms import read_text
+from robust.plan.stn import is_network
 
 _DURATION = r"(?:\s*\[(?P<duration>[^\[\]]*)\])?"
 _TIMED = r"(?P<time>[^\s:()]+)\s*:\s*"
@@ -44,8 +45,12 @@ _COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 _LEADING = r"[-+]?[\d.][\d.eE/+-]*"
 _DAMAGED = re.compile(rf"{_LEADING}\s*:\s*(?:\(|[A-Za-z][\w-]*\s*\()")
 """What is meant for a step, wherever it stands."""
-_SUSPICIOUS = re.compile(rf"(?:{_LEADING}\s*)?\(\s*[A-Za-z][^|]*|{_LEADING}\s*:\s*[A-Za-z(].*")
+_SUSPICIOUS = re.compile(
+    rf"(?:{_LEADING}\s*)?\(\s*[A-Za-z][^|]*|{_LEADING}\s*:\s*[A-Za-z({{].*|{_TIMED}\([^|]*\)\s*\[[D:\s]*\d[^|]*\]"
+)
 """What is meant for a step if it stands next to one."""
+_DEFINITION = re.compile(r"^\s*\(\s*define\b", re.IGNORECASE | re.MULTILINE)
+"""What begins a domain or a problem."""
 _SYMBOL = re.compile(r"[A-Za-z0-9_-]+")
 _LABELLED = re.compile(r"\s*D\s*:\s*(?P<duration>[^;]*?)\s*;.*")
 _EXPECTED = "a step such as '12.001: (goto r1 a b) [5.0]', or a comment after ';'"
@@ -101,7 +106,7 @@ def parse_timed_plan(text: str, file: str = "<plan>", number: int | None = None)
     log = _Log(file)
     log.read(text)
     if not log.plans:
-        raise InputError(f"empty plan: found no step, expected {_EXPECTED}", Location(file, text.count("\n") + 1))
+        raise _no_plan(text, file)
     if number is not None and not 1 <= number <= len(log.plans):
         raise InputError(f"found {plural(len(log.plans), 'plan')}, expected one with number {number}", Location(file))
     picked = len(log.plans) if number is None else number
@@ -203,6 +208,15 @@ class _Log:
                 self._strange = content, place
             self.skipped += 1
         self.is_open = False
+
+
+def _no_plan(text: str, file: str) -> InputError:
+    """There is no step; the message says what there is if that is known."""
+    if is_network(text):
+        message = f"found a plan that has a network already, expected {_EXPECTED}; `robust check` takes it as it is"
+        return InputError(message, Location(file))
+    hint = "; are the files in the right order?" if _DEFINITION.search(text) else ""
+    return InputError(f"empty plan: found no step, expected {_EXPECTED}{hint}", Location(file, text.count("\n") + 1))
 
 
 def _no_step(content: str, place: Location) -> InputError:

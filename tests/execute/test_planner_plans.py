@@ -1,0 +1,65 @@
+"""What planners print for domains like those of the competitions: read, converted and proved, as VAL says."""
+
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+from random import Random
+
+import pytest
+
+from robust.encode.interface import EPSILON
+from robust.execute.convert import Conversion, check_plan, convert
+from robust.irr.check import Answer
+from robust.plan.load import assemble
+from robust.plan.model import ParametrizedPlan, TemporalConstraint
+from robust.plan.pddl.reader import parse_domain, parse_problem
+from robust.plan.stn import parse_stn, write_stn
+from robust.plan.timed import parse_timed_plan, write_timed_plan
+from robust.smt.limits import NEVER
+from tests.execute.planner_plans import PLANS
+from tests.pddl_text import PddlText
+from tests.val import run_val
+
+
+@cache
+def converted(name: str) -> Conversion:
+    printed = PLANS[name]
+    domain = parse_domain(printed.domain)
+    return convert(domain, parse_problem(printed.problem, domain), parse_timed_plan(printed.log))
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_read_converted_and_proved(name):
+    printed, found = PLANS[name], converted(name)
+    assert len(found.plan.instances) == printed.steps
+    assert found.check.answer is Answer.PROVED
+    assert found.snapped.shift <= Fraction(1, 1000)
+    domain = parse_domain(printed.domain)
+    again = assemble(domain, parse_problem(printed.problem, domain), parse_stn(write_stn(found.stn)))
+    assert check_plan(again, EPSILON, "z3", NEVER).answer is Answer.PROVED
+
+
+@pytest.mark.parametrize("name", [name for name, printed in PLANS.items() if printed.val])
+def test_val_agrees(name):
+    printed = PLANS[name]
+    steps = write_timed_plan(parse_timed_plan(printed.log))
+    verdict = run_val(PddlText(printed.domain, printed.problem, steps), tolerance=Fraction(1, 1000))
+    assert verdict.valid, verdict.report
+
+
+def bounds(plan: ParametrizedPlan) -> list[TemporalConstraint]:
+    """Each side of each constraint by itself."""
+    sides = [side for one in plan.constraints for side in (replace(one, upper=None), replace(one, lower=None))]
+    return [one for one in sides if one.lower is not None or one.upper is not None]
+
+
+def test_no_bound_can_be_left_out():
+    """Without any of them there is a schedule that breaks something, as the simulator confirms."""
+    every = [(name, one) for name in PLANS for one in bounds(converted(name).plan)]
+    for name, one in Random(14).sample(every, 20):  # noqa: S311 (not for secrets)
+        plan = converted(name).plan
+        rest = tuple(other for other in bounds(plan) if other != one)
+        result = check_plan(replace(plan, constraints=rest), EPSILON, "z3", NEVER)
+        assert result.answer is Answer.REFUTED, (name, one)
+        for broken in result.counterexamples.values():
+            assert broken.obligation in {violation.obligation for violation in broken.simulation.violations}
