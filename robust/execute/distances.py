@@ -16,7 +16,7 @@ from math import lcm
 from robust.encode.paths import Bound, Paths
 from robust.errors import InputError, Location, RefutedError
 from robust.execute.snap import Snapped, TooFarError, snap
-from robust.numbers import format_number
+from robust.numbers import format_number, round_up
 from robust.plan.model import ZERO, ActionInstance, Atom, ParametrizedPlan, TimePoint
 from robust.plan.pddl.syntax import Domain
 from robust.plan.simulate import Violation, mutex_pairs, simulate
@@ -258,7 +258,7 @@ def snapped(
         return snap(plan, complete, tolerances, mutex_pairs(plan), epsilon)
     except TooFarError as error:
         near = error.shift is not None and error.shift <= COARSEST
-        remedy = f"; --tolerance {format_number(error.shift or Fraction(0))} would do" if near else ""
+        remedy = f", which --tolerance {format_number(round_up(error.shift or Fraction(0)))} allows" if near else ""
         validated(plan, error.times, epsilon, file, f"; {error}{remedy}")
         raise InvalidPlanError(f"invalid plan: {error}{remedy}", Location(file), ()) from None
 
@@ -276,7 +276,7 @@ def validated(
     violations = simulate(plan, plan.nominal, complete, epsilon=epsilon).violations
     if violations:
         first = min(violations, key=lambda violation: violation.time)
-        others = f" (and {len(violations) - 1} more)" if len(violations) > 1 else ""
+        others = f" (and {len(violations) - 1} more: robust validate names all)" if len(violations) > 1 else ""
         broken = f"{first.obligation!r} broken at time {format_number(first.time)}: {first.detail}{others}"
         message = f"invalid plan: found {broken}, expected a plan that breaks nothing{remedy}"
         raise InvalidPlanError(message, _place(plan.instances, first, file), violations)

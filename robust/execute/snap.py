@@ -18,7 +18,7 @@ from math import lcm
 from robust.encode.effects import names_in
 from robust.encode.paths import Bound
 from robust.errors import RefutedError
-from robust.numbers import format_number, plural
+from robust.numbers import format_number, plural, round_up
 from robust.plan.model import (
     ZERO,
     ActionInstance,
@@ -151,7 +151,7 @@ class Snapped:
     def __str__(self) -> str:
         """What moved, in words; empty if nothing did."""
         moved = [plural(count, what) for count, what in ((self.durations, "duration"), (self.starts, "start")) if count]
-        return f"{' and '.join(moved)} moved, by at most {format_number(self.shift)}" if moved else ""
+        return f"{' and '.join(moved)} moved, by at most {format_number(round_up(self.shift))}" if moved else ""
 
 
 Demands = Mapping[str, tuple[Fraction, Fraction | None]]
@@ -162,7 +162,8 @@ _CONTRADICTION = "durations and separations contradict each other in the printed
 class TooFarError(RefutedError):
     """No schedule near enough to the printed times does what the domain demands.
 
-    `times` are the printed starts with exact durations, which show what breaks. `shift` is near enough, if any is.
+    `times` are the printed starts, with exact durations where these are near enough: they show what breaks. `shift` is
+    near enough, if any is.
     """
 
     def __init__(self, message: str, times: Mapping[TimePoint, Fraction], shift: Fraction | None = None) -> None:
@@ -267,7 +268,7 @@ class _Snapping:
         greatest = max(near)
         if not windows(greatest).possible:
             needed = Fraction(shift, scale)
-            wrong = f"starts would have to move by up to {format_number(needed)}"
+            wrong = f"starts would have to move by up to {format_number(round_up(needed))}"
             raise TooFarError(wrong, self._with_durations(demands), needed)
         # Where some may move less than that, the others have to make up for it.
         reach = shift if windows(shift).possible else greatest
@@ -333,21 +334,29 @@ class _Snapping:
 
     def _check_durations(self, demands: Demands) -> None:
         """That what is demanded is what was printed, but for rounding."""
+        too_far = [(away, instance) for instance, away in self._changes(demands) if abs(away) > self._reach(instance)]
+        if too_far:
+            away, instance = max(too_far, key=lambda one: abs(one[0]))
+            wrong = f"the duration of {instance} would have to change by {format_number(round_up(abs(away)))}"
+            raise TooFarError(wrong, self._with_durations(demands), abs(away))
+
+    def _changes(self, demands: Demands) -> Iterator[tuple[ActionInstance, Fraction]]:
+        """How much longer the durations that the domain demands are than the printed ones."""
         for instance in self._plan.instances:
             if instance.durative:
                 printed = self._printed[instance.end] - self._printed[instance.start]
-                away = abs(_nearest(printed, *demands[instance.identifier]) - printed)
-                if away > self._tolerances.get(instance.end, Fraction(0)):
-                    wrong = f"the duration of {instance} would have to change by {format_number(away)}"
-                    raise TooFarError(wrong, self._printed, away)
+                yield instance, _nearest(printed, *demands[instance.identifier]) - printed
+
+    def _reach(self, instance: ActionInstance) -> Fraction:
+        """How far the duration may be from the printed one."""
+        return self._tolerances.get(instance.end, Fraction(0))
 
     def _with_durations(self, demands: Demands) -> dict[TimePoint, Fraction]:
-        """The printed starts, and ends by exact durations."""
+        """The printed starts, and ends by exact durations where these are near enough."""
         times = dict(self._printed)
-        for instance in self._plan.instances:
-            if instance.durative:
-                printed = times[instance.end] - times[instance.start]
-                times[instance.end] = times[instance.start] + _nearest(printed, *demands[instance.identifier])
+        for instance, change in self._changes(demands):
+            if abs(change) <= self._reach(instance):
+                times[instance.end] += change
         return times
 
     def _spread(self) -> dict[TimePoint, Fraction]:

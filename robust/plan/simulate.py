@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import combinations, pairwise
+from itertools import combinations, islice, pairwise
 from typing import assert_never
 
 from robust.errors import InputError, did_you_mean
+from robust.numbers import format_number
 from robust.plan.model import (
     ZERO,
     ActionInstance,
@@ -21,6 +22,7 @@ from robust.plan.model import (
     Atom,
     Comparison,
     Condition,
+    Duration,
     DurationConstraint,
     Expression,
     Fluent,
@@ -144,11 +146,15 @@ _VIOLATED = {Relation.AT_LEAST: "<", Relation.GREATER: "<=", Relation.EQUAL: "!=
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """An obligation that the schedule breaks: its label, a time at which it is broken, and why, with actual values."""
+    """An obligation that the schedule breaks: its label, a time at which it is broken, and why, with actual values.
+
+    `amount` is how far a number is from what is demanded; None where no single number decides.
+    """
 
     obligation: str
     time: Fraction
     detail: str
+    amount: Fraction | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,18 +233,19 @@ def _network_violations(execution: Execution) -> Iterator[str]:
     """Why the schedule and the parameter values are not among those that the plan allows."""
     times = execution.times
     if times[ZERO] != 0:
-        yield f"{ZERO} = {times[ZERO]}, expected 0"
+        yield f"{ZERO} = {format_number(times[ZERO])}, expected 0"
     for point in execution.plan.time_points:
         if times[point] < 0:
-            yield f"{point} = {times[point]} < 0"
+            yield f"{point} = {format_number(times[point])} < 0"
         if point.time is not None and times[point] != point.time:
-            yield f"{point} = {times[point]}, expected {point.time}"
+            yield f"{point} = {format_number(times[point])}, expected {format_number(point.time)}"
     for parameter in execution.plan.parameters:
         value = execution.parameters[parameter.name]
+        found = f"parameter {parameter.name} = {format_number(value)}"
         if parameter.lower is not None and value < parameter.lower:
-            yield f"parameter {parameter.name} = {value} < lower bound {parameter.lower}"
+            yield f"{found} < lower bound {format_number(parameter.lower)}"
         if parameter.upper is not None and value > parameter.upper:
-            yield f"parameter {parameter.name} = {value} > upper bound {parameter.upper}"
+            yield f"{found} > upper bound {format_number(parameter.upper)}"
     reading = execution.reading(State(frozenset(), {}))
     for constraint in execution.plan.constraints:
         yield from _constraint_violations(constraint, times, reading)
@@ -248,7 +255,7 @@ def _constraint_violations(
     constraint: TemporalConstraint, times: Mapping[TimePoint, Fraction], reading: Reading
 ) -> Iterator[str]:
     distance = times[constraint.target] - times[constraint.source]
-    found = f"{constraint.target} - {constraint.source} = {distance}"
+    found = f"{constraint.target} - {constraint.source} = {format_number(distance)}"
     if constraint.lower is not None and distance < reading.expression(constraint.lower):
         yield f"{found} < {_side(constraint.lower, reading)}"
     if constraint.upper is not None and distance > reading.expression(constraint.upper):
@@ -260,25 +267,45 @@ def _instance_violations(execution: Execution, instance: ActionInstance) -> Iter
     duration = execution.duration(instance)
     if duration < 0:
         label = f"{instance.identifier} {instance.action}: non-negative duration"
-        yield Violation(label, execution.times[instance.end], f"?duration = {duration} < 0")
-    parts: tuple[DurationConstraint | TimedCondition, ...] = (*instance.durations, *instance.conditions)
-    for part in parts:
-        if isinstance(part, TimedCondition) and part.timing is Timing.OVER_ALL:
+        detail = f"?duration = {format_number(duration)} < 0"
+        yield Violation(label, execution.times[instance.end], detail, -duration)
+    for constraint in instance.durations:
+        yield from _duration_violation(execution, instance, constraint)
+    for part in instance.conditions:
+        if part.timing is Timing.OVER_ALL:
             yield from _over_all_violation(execution, instance, part)
-            continue
-        point = instance.at(part.timing)
-        failure = _failure(part.condition, execution.reading(execution.before(point), instance))
-        if failure:
-            yield Violation(instance.label(part), execution.times[point], failure)
+        else:
+            point = instance.at(part.timing)
+            reading = execution.reading(execution.before(point), instance)
+            yield from _violation(instance.label(part), execution.times[point], part.condition, reading)
+
+
+def _duration_violation(
+    execution: Execution, instance: ActionInstance, part: DurationConstraint
+) -> Iterator[Violation]:
+    """The duration, and on the other side of the comparison what bounds it."""
+    point = instance.at(part.timing)
+    reading = execution.reading(execution.before(point), instance)
+    expression, relation = part.condition.expression, part.condition.relation
+    value = reading.expression(expression)
+    if not relation.holds(value):
+        duration: Expression = Polynomial.variable(Duration())
+        factor = expression.terms[(Duration(),)]
+        bound, violated = duration - expression.scaled(1 / factor), _VIOLATED[relation]
+        violated = violated if factor > 0 else violated.replace("<", ">")
+        detail = f"{_side(duration, reading)} {violated} {_side(bound, reading)}"
+        yield Violation(instance.label(part), execution.times[point], detail, abs(value / factor))
 
 
 def _over_all_violation(execution: Execution, instance: ActionInstance, part: TimedCondition) -> Iterator[Violation]:
     """The first tested instant of the open interval (start, end) at which the condition does not hold, if any."""
-    for time, state in _instants(execution, instance, part.condition):
-        failure = _failure(part.condition, execution.reading(state, instance))
-        if failure:
-            yield Violation(instance.label(part), time, failure)
-            return
+    label = instance.label(part)
+    violations = (
+        violation
+        for time, state in _instants(execution, instance, part.condition)
+        for violation in _violation(label, time, part.condition, execution.reading(state, instance))
+    )
+    yield from islice(violations, 1)
 
 
 def _instants(execution: Execution, instance: ActionInstance, condition: Condition) -> Iterator[tuple[Fraction, State]]:
@@ -334,21 +361,30 @@ def _separation_violations(
                 near.append((rank[a], rank[b], a, b))
     for _, _, a, b in sorted(near):
         distance = abs(times[a] - times[b])
-        detail = f"{a} = {times[a]} and {b} = {times[b]} are {distance} apart, less than {epsilon}"
-        yield Violation(f"separation: {a}, {b}", max(times[a], times[b]), detail)
+        found = f"{a} = {format_number(times[a])} and {b} = {format_number(times[b])}"
+        detail = f"{found} are {format_number(distance)} apart, less than {format_number(epsilon)}"
+        yield Violation(f"separation: {a}, {b}", max(times[a], times[b]), detail, epsilon - distance)
 
 
 def _goal_violations(execution: Execution) -> Iterator[Violation]:
     final = execution.happenings[-1]
     for goal in execution.plan.goal:
-        failure = _failure(goal.condition, execution.reading(final.after))
-        if failure:
-            yield Violation(goal.label, final.time, failure)
+        yield from _violation(goal.label, final.time, goal.condition, execution.reading(final.after))
 
 
-def _failure(condition: Condition, reading: Reading) -> str:
-    """Why the condition does not hold, with actual values; empty if it does."""
-    return " and ".join(dict.fromkeys(_reason(leaf, reading) for leaf in reading.failures(condition)))
+def _violation(label: str, time: Fraction, condition: Condition, reading: Reading) -> Iterator[Violation]:
+    """Why the condition does not hold, with actual values; nothing if it does."""
+    failures = reading.failures(condition)
+    if failures:
+        detail = " and ".join(dict.fromkeys(_reason(leaf, reading) for leaf in failures))
+        yield Violation(label, time, detail, _amount(failures, reading))
+
+
+def _amount(failures: tuple[Leaf, ...], reading: Reading) -> Fraction | None:
+    match failures:
+        case (Comparison(expression, relation),) if relation is not Relation.DIFFERENT:
+            return abs(reading.expression(expression))
+    return None
 
 
 def _reason(leaf: Leaf, reading: Reading) -> str:
@@ -366,7 +402,8 @@ def _reason(leaf: Leaf, reading: Reading) -> str:
 
 def _side(expression: Expression, reading: Reading) -> str:
     """One side of a comparison, with its value unless it is a number."""
-    return str(expression) if expression.is_constant else f"{expression} = {reading.expression(expression)}"
+    value = format_number(reading.expression(expression))
+    return value if expression.is_constant else f"{expression} = {value}"
 
 
 def _trace(happenings: tuple[Happening, ...]) -> Iterator[TraceStep]:

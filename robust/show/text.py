@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from fractions import Fraction
 from typing import TextIO
 
 from rich import box as borders
@@ -17,7 +15,7 @@ from rich.text import Text
 
 from robust.irr.check import Answer, CheckResult, Counterexample
 from robust.irr.search import EnvelopeResult, Status
-from robust.numbers import duration, end, plural, readable
+from robust.numbers import duration, end, plural, readable, readable_values
 from robust.plan.model import Fluent, Parameter
 from robust.plan.simulate import TraceStep, Violation
 from robust.qe.box import Interval
@@ -108,7 +106,7 @@ def _print_broken(out: Console, result: CheckResult) -> None:
 
 def _when_and_why(found: Counterexample) -> tuple[str, str]:
     one = next(one for one in found.simulation.violations if one.obligation == found.obligation)
-    return readable(one.time), _with_readable_numbers(one.detail)
+    return readable(one.time), readable_values(one.detail)
 
 
 # -- counterexamples -------------------------------------------------------------------------------------------------
@@ -155,17 +153,9 @@ def _step_cells(step: TraceStep, left_out: set[Fluent]) -> tuple[str, ...]:
 
 
 def _violation_cells(violation: Violation) -> tuple[Text, ...]:
-    texts = (readable(violation.time), violation.obligation, _with_readable_numbers(violation.detail))
+    texts = (readable(violation.time), violation.obligation, readable_values(violation.detail))
     time, obligation, detail = (Text(text, style="red") for text in texts)
     return time, Text("✗ violated", style="bold red"), obligation, detail
-
-
-def _with_readable_numbers(detail: str) -> str:
-    """Values in a violation's detail are exact fractions; those after `=` are shown like all other numbers."""
-    return _VALUE.sub(lambda match: readable(Fraction(match[0])), detail)
-
-
-_VALUE = re.compile(r"(?<= = )-?[0-9]+/0*[1-9][0-9]*(?= |$)")
 
 
 # -- envelopes -------------------------------------------------------------------------------------------------------

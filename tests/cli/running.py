@@ -68,10 +68,17 @@ def environment(**more: str) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "80", **more}
 
 
-def process(*arguments: object, **more: str) -> Ended:
+def process(*arguments: object, given: str | None = None, **more: str) -> Ended:
+    """A process of its own; `given` is what it finds on standard input."""
     words = [str(argument) for argument in arguments]
     done = subprocess.run(
-        [*COMMAND, *words], check=False, capture_output=True, text=True, env=environment(**more), timeout=60
+        [*COMMAND, *words],
+        check=False,
+        capture_output=True,
+        text=True,
+        input=given,
+        env=environment(**more),
+        timeout=60,
     )
     return Ended(done.returncode, done.stdout, done.stderr)
 

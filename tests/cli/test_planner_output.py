@@ -51,7 +51,7 @@ def test_convert_and_execute_say_what_they_picked(log):
 def test_exactness_can_be_asked_for(log):
     ended = command("check", *log, "--tolerance", "0")
     assert_one_line(ended, 1)
-    assert "the duration of (go a b) would have to change by 0.001; --tolerance 0.001 would do" in ended.err
+    assert "the duration of (go a b) would have to change by 0.001, which --tolerance 0.001 allows" in ended.err
 
 
 def test_standard_input_is_a_plan(log):

@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import pytest
 
+from robust.api import validate
 from robust.errors import InputError, SolverError, UnsupportedError
 from robust.execute.convert import convert
 from robust.execute.distances import InvalidPlanError
@@ -77,6 +78,7 @@ def test_numbers_stay_exact():
 def test_conversion_there_and_back():
     problem = deliveries()
     found = convert(*from_unified_planning(problem, plan_of(problem)))
+    assert validate(*from_unified_planning(problem, plan_of(problem))).valid
     assert found.check.answer is Answer.PROVED
     returned = to_unified_planning(found.stn, problem)
     kinds = model.TimepointKind

@@ -227,16 +227,17 @@ RATED = action("a", flow(F, reference("k") * g))
 BACKWARDS = plan_of(action("a", (ALL, model.Holds(P)), flow(F, 1)), goal=at_least(f, 1))
 BRIEF = plan_of(action("a", add(P), (END, model.Holds(P))))
 
-FALLS_SHORT = Violation("a act: at end c0", Fraction(29, 10), "(f) = 29/5 < 6")
+FALLS_SHORT = Violation("a act: at end c0", Fraction(29, 10), "(f) = 5.8 < 6", Fraction(1, 5))
 DELETED_AT_START = Violation("a act: over all c0", Fraction(3, 2), "(p) is false")
 DELETED_INSIDE = Violation("a act: over all c0", Fraction(2), "(p) is false")
-TOUCHED = Violation("w act: over all c0", Fraction(1), "(f) = 0 <= 0")
-TOO_LOW = Violation("w act: over all c0", Fraction(7, 4), "(f) = 1/2 < 1")
+TOUCHED = Violation("w act: over all c0", Fraction(1), "(f) = 0 <= 0", Fraction(0))
+TOO_LOW = Violation("w act: over all c0", Fraction(7, 4), "(f) = 0.5 < 1", Fraction(1, 2))
 NEITHER = Violation("a act: over all c0", Fraction(1), "1 <= (f) = 1 and (f) = 1 <= 1")
-TOO_LONG = Violation("a act: at start c0", Fraction(1), "(f) = 3 < ?duration = 4")
+TOO_LONG = Violation("a act: at start c0", Fraction(1), "(f) = 3 < ?duration = 4", Fraction(1))
+TOO_LONG_AT_START = Violation("a act: duration <= (f)", Fraction(0), "?duration = 3 > (f) = 2", Fraction(1))
 EMPTY = Violation("goal: goal", Fraction(0), "the condition is false")
-APART = "a = 2001/2000 and b = 1 are 1/2000 apart, less than 1/1000"
-TOO_CLOSE = Violation("separation: a, b", Fraction(2001, 2000), APART)
+APART = "a = 1.0005 and b = 1 are 0.0005 apart, less than 0.001"
+TOO_CLOSE = Violation("separation: a, b", Fraction(2001, 2000), APART, Fraction(1, 2000))
 SLOPES: Times = {"d": (0, 2), "u": (2, 3), "w": (1, 4)}
 TOUCH: Times = {"d": (0, 1), "u": (Fraction(11, 10), 2)}
 TENTHS = Fraction(11, 10), Fraction(29, 10)
@@ -277,7 +278,7 @@ EXAMPLES = [
     # -- durations and rates
     Example("?duration in conditions and effects", TIMED, {"a": (1, 4)}),
     Example("?duration too long", TIMED, {"a": (1, 5)}, (TOO_LONG,)),
-    Example("a duration read at start", _limited(START), {"a": (0, 3)}, ("a act: duration <= (f)",)),
+    Example("a duration read at start", _limited(START), {"a": (0, 3)}, (TOO_LONG_AT_START,)),
     Example("a duration read at end", _limited(END), {"a": (0, 3)}),
     Example("mutex ends", BRIEF, {"a": (1, 1)}, ("a act: at end c1", "separation: a.start, a.end")),
     Example("ends that are not mutex", plan_of(action("a", add(P))), {"a": (1, 1)}),

@@ -10,10 +10,12 @@ import jsonschema
 import pytest
 
 from robust.codec import schema_of
-from robust.show import documents, made, pike, schemas
+from robust.show import documents, made, pike, schemas, validation
 from robust.show.schemas import FILES, schema
 
-DOCUMENTS = {one.__struct_config__.tag: one for one in (*documents.DOCUMENTS, *made.DOCUMENTS, *pike.DOCUMENTS)}
+DOCUMENTS = {
+    one.__struct_config__.tag: one for module in (documents, made, validation, pike) for one in module.DOCUMENTS
+}
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -42,6 +42,19 @@ def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:
     return _decode(sys.stdin.buffer.read(), place), place.file or ""
 
 
+def read_source(source: str | os.PathLike[str], name: str) -> tuple[str, str]:
+    """The text of an input and what to call it, of a path or of a text, which is called `name`.
+
+    A string is a text if it has a line break, or a parenthesis where no file has that name; `-` is standard input.
+
+    Raises:
+        InputError: if it cannot be read or is no text.
+    """
+    if isinstance(source, str) and ("\n" in source or ("(" in source and not os.path.exists(source))):
+        return source, name
+    return read_plan_text(source)
+
+
 def read_bytes(path: str | os.PathLike[str], expected: str = "a readable text file") -> bytes:
     """What an input file holds.
 
