@@ -149,6 +149,7 @@ def load_plan(
     *,
     parameters: Sequence[str] = (),
     parameter_file: File | None = None,
+    nominal_needed: bool = True,
     plan_number: int | None = None,
     tolerance: Number | None = None,
     epsilon: Number = "1/1000",
@@ -167,6 +168,7 @@ def load_plan(
         plan: the file of the plan; "-" is standard input.
         parameters: what is made a parameter, see :mod:`robust.plan.parameters`.
         parameter_file: more of them, in a TOML file; if not given, one of the plan's name that is beside it.
+        nominal_needed: whether each parameter must have a nominal value; regions and optimal boxes need none.
         plan_number: which plan of a log that holds several, from 1; the last one if not given.
         tolerance: how far exact times may be from the printed ones; None is one unit of the last printed digit, and at
             most ε.
@@ -196,7 +198,8 @@ def load_plan(
         say(f"took the parameters of {beside}")
     text, file = read_plan_text(plan)
     if is_network(text, file):
-        return assemble(parsed_domain, parsed_problem, parse_stn(text, file), specs)
+        network = parse_stn(text, file)
+        return assemble(parsed_domain, parsed_problem, network, specs, nominal_needed=nominal_needed)
 
     from robust.execute.convert import Ended, convert
     from robust.numbers import plural
@@ -227,8 +230,10 @@ def load_plan(
 def searching_check(plan: ParametrizedPlan, options: CheckOptions) -> Search[CheckResult]:
     """What :func:`check` runs."""
     from robust.irr.check import Answer, Checker, CheckResult
+    from robust.plan.load import require_nominal_values
     from robust.qe.box import Box, Interval
 
+    require_nominal_values(plan.parameters)
     box = Box.nominal(plan.parameters)
     for name, value in settings(options.at, [parameter.name for parameter in plan.parameters]).items():
         box = box.replace(name, value if isinstance(value, Interval) else Interval(value, value))
@@ -270,8 +275,11 @@ def check(plan: ParametrizedPlan, options: CheckOptions) -> CheckResult:
 def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Search[EnvelopeResult]:
     """What :func:`envelope` runs."""
     from robust.irr.search import Conduct, EnvelopeResult, Status
+    from robust.plan.load import require_nominal_values
     from robust.qe.box import Box
 
+    if options.from_nominal:
+        require_nominal_values(plan.parameters)
     order = tuple(options.order or ())
     beta = options.precision
 
@@ -372,7 +380,9 @@ def region(plan: ParametrizedPlan, options: RegionOptions) -> RegionResult:
 def searching_compare(plan: ParametrizedPlan, options: CompareOptions) -> Search[Comparison]:
     """What :func:`compare` runs."""
     from robust.irr.compare import Comparing
+    from robust.plan.load import require_nominal_values
 
+    require_nominal_values(plan.parameters)
     return Comparing(
         plan,
         beta=Fraction(options.beta),

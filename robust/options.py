@@ -411,7 +411,7 @@ class Json(Options):
 class Output(Json):
     """How a command answers."""
 
-    quiet: bool = option(False, "only the answer, no progress", "--quiet", "-q", rank=OUTPUT)
+    quiet: bool = option(False, "only the answer: no progress, no notes, no warnings", "--quiet", "-q", rank=OUTPUT)
     verbose: bool = option(False, "log what is done on stderr", "--verbose", "-v", rank=OUTPUT)
 
 
@@ -541,6 +541,11 @@ class EnvelopeOptions(Separation, Solving, Export):
     def precision(self) -> Fraction | None:
         """β, for methods that have one."""
         return Fraction(self.beta or 1) if self.method == "irr" else None
+
+    @property
+    def from_nominal(self) -> bool:
+        """Whether the box is to be around the nominal values."""
+        return self.method != "optimal" or self.contain_nominal
 
 
 class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):

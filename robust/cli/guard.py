@@ -20,7 +20,7 @@ from enum import Enum
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from robust.cli.output import Display, answering, one_line, print_json
+from robust.cli.output import Display, answering, complain, noting_warnings, print_json
 from robust.options import Options, as_typed
 from robust.smt.limits import OutOfTimeError
 
@@ -247,7 +247,7 @@ class Run:
         self._notes.append(text)
         if not self._quiet:
             self.display.stop()
-            print(f"robust: {one_line(text)}", file=sys.stderr)
+            complain(text)
             self.display.start()
 
     def working(self, on_stuck: Callable[[], bool] | None = None) -> AbstractContextManager[None]:
@@ -345,7 +345,7 @@ def carry_out(guard: Guard, asked: Action[Any], given: Mapping[str, Any]) -> int
         options = asked.options(**given)
         if getattr(options, "verbose", False):
             _log_to_stderr()
-        with Run(guard, options) as run:
+        with Run(guard, options) as run, noting_warnings(shown=not getattr(options, "quiet", False)):
             return asked.carry_out(options, run)
 
 

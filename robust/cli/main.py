@@ -14,7 +14,7 @@ from functools import partial
 from robust import __version__
 from robust.cli.build import Command, Group, application, read
 from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Guard, carry_out
-from robust.cli.output import drop_output, one_line, print_json
+from robust.cli.output import complain, drop_output, print_json
 from robust.errors import InputError, RobustError
 
 HELP = "Verify temporal plans: are they valid for every schedule, and how far may reality deviate?"
@@ -105,7 +105,7 @@ def _report(
             from robust.show.documents import error as document
 
             print_json(document(error, kind, code))
-        _complain(message or f"error: {error}")
+        complain(message or f"error: {error}")
     except OSError:
         drop_output()  # there is no way left to say anything
     return code
@@ -133,11 +133,6 @@ def _report_internal(arguments: Sequence[str], error: Exception) -> int:
     remedy = "" if "--verbose" in arguments else ", with the output of --verbose"
     message = f"internal error: {text}; please report this{remedy}"
     return _report(arguments, RobustError(message), "internal", UNDECIDED, message)
-
-
-def _complain(message: str) -> None:
-    """One line on stderr, whatever file names and input texts contain."""
-    print(f"robust: {one_line(message)}", file=sys.stderr)
 
 
 def _prepare_streams() -> None:

@@ -1,4 +1,4 @@
-"""What a command writes: answers on stdout, and progress on stderr for people who watch.
+"""What a command writes: answers on stdout; on stderr what is to be said of the input, and progress for who watches.
 
 The reader of stdout may leave at any time, as in `robust ... | head`; nothing follows the work where stderr is no
 terminal.
@@ -10,10 +10,13 @@ import json
 import os
 import sys
 import time
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
+
+from robust.errors import InputWarning
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -48,6 +51,34 @@ def print_json(answer: Mapping[str, Any]) -> None:
     """Print one object, as an answer."""
     with answering():
         print(json.dumps(answer, indent=2))
+
+
+# -- what is to be said of the input -----------------------------------------------------------------------------------
+
+
+def complain(message: str) -> None:
+    """One line on stderr, whatever file names and input texts contain."""
+    print(f"robust: {one_line(message)}", file=sys.stderr)
+
+
+@contextmanager
+def noting_warnings(*, shown: bool) -> Iterator[None]:
+    """Within it, each different :class:`InputWarning` is one line on stderr, or nothing if they are not to be shown."""
+    said: set[str] = set()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", InputWarning)
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+            text = str(message)
+            if not issubclass(category, InputWarning):
+                usual(message, category, *place, **more)
+            elif shown and text not in said:
+                said.add(text)
+                complain(f"warning: {text}")
+
+        warnings.showwarning = show
+        yield
 
 
 # -- progress ----------------------------------------------------------------------------------------------------------

@@ -35,7 +35,7 @@ CODES = {
 """Exit codes of verdicts, and of how searches end."""
 
 
-def load(options: AskCommand, run: Run) -> ParametrizedPlan:
+def load(options: AskCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
     """The plan that a command is about; making a network of steps may take half of the time."""
     from robust.api import load_plan
 
@@ -46,6 +46,7 @@ def load(options: AskCommand, run: Run) -> ParametrizedPlan:
         options.plan,
         parameters=options.parameter,
         parameter_file=options.parameters,
+        nominal_needed=nominal_needed,
         plan_number=options.plan_number,
         tolerance=options.tolerance,
         epsilon=options.epsilon,
@@ -85,7 +86,8 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
 
     def begin() -> Search[EnvelopeResult]:
         nonlocal plan
-        plan = load(options, run)
+        about_nominal = options.plot is not None or options.controllability is not None
+        plan = load(options, run, nominal_needed=options.from_nominal or about_nominal)
         run.display.say("encoding, then checking the nominal values")
         return searching_envelope(plan, options.changed(timeout=run.remaining, on_step=run.display.step))
 
@@ -171,7 +173,7 @@ def region(options: RegionCommand, run: Run) -> int:
 
     def begin() -> Search[RegionResult]:
         nonlocal plan
-        plan = load(options, run)
+        plan = load(options, run, nominal_needed=False)
         if options.plot is not None:
             regions.shown_axes(plan, options.axes or ())
         run.display.say("encoding")

@@ -30,8 +30,13 @@ from robust.smt.terms import Formula, Terms
 
 
 def facet_of(cycle: Iterable[Difference]) -> Facet:
-    """The inequality that a cycle stands for."""
-    edges = list(cycle)
+    """The inequality that a cycle stands for, with what it says in the order of time from zero on."""
+    following = {edge.source: edge for edge in cycle}
+    place = ZERO if ZERO in following else next(iter(following))
+    edges = []
+    for _ in following:
+        edges.append(following[place])
+        place = edges[-1].target
     origins = dict.fromkeys(origin for edge in edges for origin in edge.origins)
     return Facet(-sum((edge.weight for edge in edges), constant(0)), tuple(origins))
 

@@ -283,9 +283,14 @@ def _check_nominal(
 
 
 def _is_fixed(domain: Domain, instance: InstanceDeclaration) -> bool:
-    """Whether the domain says `(= ?duration e)`."""
+    """Whether the domain says `(= ?duration e)`, or the same by two inequalities."""
     schema = domain.actions.get(instance.action)
-    return schema is not None and any(bound.comparator is Comparator.EQUAL for bound in schema.durations)
+    said = {(one.comparator, one.timing, one.bound) for one in schema.durations} if schema is not None else set()
+    return any(
+        comparator is Comparator.EQUAL
+        or (comparator is Comparator.AT_LEAST and (Comparator.AT_MOST, timing, bound) in said)
+        for comparator, timing, bound in said
+    )
 
 
 _WORDS = ("weight", "default", "lower", "upper")

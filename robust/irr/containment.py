@@ -134,6 +134,11 @@ class Refutation:
     values: Mapping[str, Fraction]
     facet: Facet | None = None
 
+    @property
+    def is_of_network(self) -> bool:
+        """Whether there is no schedule, rather than one that breaks an obligation."""
+        return self.facet is not None and self.facet.obligation is None
+
 
 class Containment(Questions[Refutation]):
     """Decides boxes; what was refuted at a point is not asked again for a box that contains the point."""

@@ -19,6 +19,7 @@ from robust.encode.variables import Linear, variable
 from robust.irr.containment import require_some_schedule
 from robust.irr.irr import ordered
 from robust.irr.search import Conduct, OutsideError, Search
+from robust.irr.stops import APPROACHED, JUST, Stop, touching
 from robust.irr.widen import DiscoveredBadSet, Widening, faces_of
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
@@ -74,6 +75,7 @@ class ExactSearch(Search):
         self._bad = DiscoveredBadSet(encoding, solver=solver, exporter=exporter)
         self._best: OptimalBox | None = None
         self._contain_nominal = contain_nominal
+        self._pieces: list[Polyhedron] = []
         parameters = encoding.plan.parameters
         turns = [[parameter] for parameter in ordered(parameters, order)] if order else [parameters]
         self._groups = [faces_of(turn) for turn in turns]
@@ -94,7 +96,7 @@ class ExactSearch(Search):
         return self._best.bound if self._best is not None else None
 
     def _search(self) -> None:
-        pieces: list[Polyhedron] = []
+        pieces = self._pieces
         if self.method == "widen":
             self._widen(pieces)
             return
@@ -139,6 +141,22 @@ class ExactSearch(Search):
         difference = found.region.as_difference()
         outside = difference.base.complement() if difference.base is not None else []
         return [*outside, *difference.pieces]
+
+    def _find_stops(self) -> None:
+        for name, side in faces_of(self.encoding.plan.parameters):
+            if (end := self.box[name].end(side)) is not None:
+                self._stops[name, side] = self._stop((name, side), end)
+
+    def _stop(self, face: Face, end: Fraction) -> Stop:
+        """What a known piece breaks that touches the face, else what breaks just beyond."""
+        beyond = self.box.moved(face, end + face[1].sign * JUST)
+        known = (one for one in touching(self._pieces, self.box, face) if one in self._bad.reasons)
+        piece = next(known, None) or self._bad.piece_beyond(beyond, self.deadline)
+        if piece is None:
+            return APPROACHED
+        if piece not in self._bad.existence:
+            return Stop(self._bad.reasons[piece])
+        return self._network_at(piece.restricted(beyond.constraints()).some_point() or {})
 
     def _keep(self, box: Box) -> None:
         self.verified = True
@@ -242,7 +260,8 @@ class OptimalBox:
         if best is None:
             require_some_schedule(self.bad.encoding, self.bad.open_session(), self.deadline)
             reason = "the envelope is empty: no parameter values are inside"
-            raise OutsideError(reason, self.bad.encoding.plan.nominal)
+            plan = self.bad.encoding.plan
+            raise OutsideError(reason, plan.nominal if plan.has_nominal else {})
         return best
 
     def _improved(self, chosen: Sequence[LinearConstraint]) -> Candidate:

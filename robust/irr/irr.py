@@ -18,10 +18,11 @@ from itertools import cycle
 from typing import Unpack
 
 from robust.errors import InputError, did_you_mean
-from robust.irr.containment import Containment, require_some_schedule
+from robust.irr.containment import Containment, Refutation, require_some_schedule
 from robust.irr.search import Conduct, OutsideError, Search
+from robust.irr.stops import Stop
 from robust.plan.model import Parameter
-from robust.qe.box import Box, Side
+from robust.qe.box import Box, Face, Side
 
 log = logging.getLogger(__name__)
 
@@ -79,6 +80,7 @@ class IncrementalRobustification(Search):
         self.beta = self._beta = beta
         self._containment = containment
         self._doubling = doubling
+        self._failures: dict[Face, Refutation] = {}
         self._parameters = ordered(self.encoding.plan.parameters, order)
 
     @property
@@ -104,6 +106,12 @@ class IncrementalRobustification(Search):
             if turn.available and turn.delta >= least:
                 self._attempt(turn)
 
+    def _find_stops(self) -> None:
+        """Only of the network: the last attempt of every side that can end has failed."""
+        for face, refutation in self._failures.items():
+            if refutation.is_of_network:
+                self._stops[face] = self._network_at(refutation.values)
+
     def _first_turn(self, parameter: Parameter) -> _Turn:
         """Lines 4 and 5; the default schedule has nothing to try where the nominal value is at a declared bound."""
         limits = {Side.UPPER: parameter.upper, Side.LOWER: parameter.lower}
@@ -118,10 +126,14 @@ class IncrementalRobustification(Search):
         """Lines 7 to 16 for one parameter: try one side, keep the wider box or note the failure."""
         name, side = turn.parameter.name, turn.untried[0]
         candidate = self._grown(turn, side)
-        accepted = self._is_inside(candidate)
-        if accepted:
+        refutation = self._containment.refute(candidate, self.deadline)
+        accepted = refutation is None
+        if refutation is None:
             self._accept(candidate)
             self._note_success(turn, side)
+        else:
+            self._failures[name, side] = refutation
+            self._stops[name, side] = Stop(refutation.reason)
         number = self.checks + 1
         self._record(number, accepted=accepted, face=(name, side), delta=turn.delta)
         log.info("check %d: %s %s %s", number, name, side.value, "grown" if accepted else "blocked")

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
+from itertools import product
 from typing import TypedDict, Unpack
 
 from robust.encode.interface import Encoding
+from robust.irr.stops import CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Face, Side
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Statistics
+
+log = logging.getLogger(__name__)
 
 
 class Status(Enum):
@@ -24,6 +29,10 @@ class Status(Enum):
     TIMEOUT = "timeout"
     INTERRUPTED = "interrupted"
     INVALID = "invalid"
+
+
+DECIDED = (Status.COMPLETE, Status.INVALID)
+"""Nothing ended the search before it was done."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +59,9 @@ class EnvelopeResult:
     `reason` and `values` explain INVALID: what breaks at the nominal point, with which parameter values. `checks`
     counts the rectangles tried as in [IRR §5]; queries about unbounded directions are in `unbounded_checks`. `verified`
     is False if not even the nominal point is known to be inside: INVALID, or stopped before that was decided. `bound`
-    is what no box can be wider than, where the widest one was looked for.
+    is what no box can be wider than, where the widest one was looked for. `stops` says what ends each finite side of a
+    verified box: an obligation, statements of the network, a declared bound, or why that is not known. `advice` is
+    about parameters for which an action's own duration leaves no room.
     """
 
     status: Status
@@ -70,6 +81,8 @@ class EnvelopeResult:
     values: Mapping[str, Fraction] = field(default_factory=dict)
     bound: Fraction | None = None
     statistics: Statistics = field(default_factory=Statistics)
+    stops: Mapping[Face, Stop] = field(default_factory=dict)
+    advice: tuple[Advice, ...] = ()
 
     @property
     def cut_short(self) -> bool:
@@ -139,6 +152,7 @@ class Search(ABC):
         self._started = time.perf_counter()
         self._first_widening: float | None = None
         self._trace: list[Step] = []
+        self._stops: dict[Face, Stop] = {}
 
     @property
     @abstractmethod
@@ -164,6 +178,10 @@ class Search(ABC):
             return self._result(Status.INTERRUPTED)
         except OutsideError as outside:
             return self._result(Status.INVALID, outside.reason, outside.values)
+        try:
+            self._find_stops()
+        except (OutOfTimeError, KeyboardInterrupt):
+            log.info("no time was left to find out what ends all sides")  # the box is complete without
         return self._result(Status.COMPLETE)
 
     def so_far(self, *, timed_out: bool) -> EnvelopeResult:
@@ -191,11 +209,32 @@ class Search(ABC):
             values=values or {},
             bound=self.bound,
             statistics=self._statistics,
+            stops=self._all_stops(status) if self.verified else {},
+            advice=advice(self.encoding.plan, self.box, reason) if status in DECIDED else (),
         )
 
     @abstractmethod
     def _search(self) -> None:
         """Accept boxes and record steps until done, or until an exception says how the search ended."""
+
+    @abstractmethod
+    def _find_stops(self) -> None:
+        """Find out what ends the sides of a complete box, where the search has not noted it in `_stops`."""
+
+    def _network_at(self, values: Mapping[str, Fraction]) -> Stop:
+        """All statements of the network that contradict each other at a point; other facets leave out what is rigid."""
+        facet = self.encoding.validity.contradiction(values)
+        return Stop(NO_SCHEDULE, () if facet is None else facet.origins)
+
+    def _all_stops(self, status: Status) -> dict[Face, Stop]:
+        """What ends each finite side, or why that is not known."""
+        unknown = NOT_EXAMINED if status is Status.COMPLETE else CUT_SHORT
+        found: dict[Face, Stop] = {}
+        for parameter, side in product(self.encoding.plan.parameters, Side):
+            face = parameter.name, side
+            if (end := self.box[parameter.name].end(side)) is not None:
+                found[face] = declared_stop(parameter, side, end) or self._stops.get(face, unknown)
+        return found
 
     def _accept(self, box: Box) -> None:
         """The box is inside the envelope and the best one by now."""

@@ -91,6 +91,10 @@ class DiscoveredBadSet(Questions[Polyhedron]):
         self.checks += 1
         return self._look_in(box, deadline)
 
+    def piece_beyond(self, box: Box, deadline: Deadline) -> Polyhedron | None:
+        """As :meth:`piece_in`, of a box that no search tries."""
+        return self._look_in(box, deadline)
+
     def _of_facet(self, facet: Facet, box: Box) -> Polyhedron:
         inside = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
         piece = Polyhedron(self._names, tuple(inside.negation()))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from os import PathLike
 
 from robust.errors import InputError, Location, did_you_mean
@@ -48,28 +50,39 @@ def load_plan(
     *,
     parameters: Sequence[str] = (),
     parameter_file: File | None = None,
+    nominal_needed: bool = True,
 ) -> ParametrizedPlan:
     """Read a PDDL domain and problem and a `.stn` plan; InputError for anything wrong in them.
 
     `parameters` are specifications as :mod:`robust.plan.parameters` describes them, and `parameter_file` is a TOML
-    file of more of them. The result is named after the plan's file.
+    file of more of them. The result is named after the plan's file. Regions and optimal boxes need no nominal values:
+    for them, `nominal_needed=False` reads parameters without.
     """
     parsed_domain = read_domain(domain)
     parsed_problem = read_problem(problem, parsed_domain)
     specs = () if parameter_file is None else read_parameter_file(parameter_file)
-    return assemble(parsed_domain, parsed_problem, read_stn(plan), (*specs, *parse_specs(parameters)))
+    specs = (*specs, *parse_specs(parameters))
+    return assemble(parsed_domain, parsed_problem, read_stn(plan), specs, nominal_needed=nominal_needed)
 
 
-def assemble(domain: Domain, problem: Problem, stn: STNPlan, specs: Iterable[ParameterSpec] = ()) -> ParametrizedPlan:
+def assemble(
+    domain: Domain,
+    problem: Problem,
+    stn: STNPlan,
+    specs: Iterable[ParameterSpec] = (),
+    *,
+    nominal_needed: bool = True,
+) -> ParametrizedPlan:
     """Ground what the plan uses and make the specified quantities parameters; InputError if the parts do not fit.
 
     A duration that a specification makes a parameter γ replaces the instance's own constraint `(= ?duration e)` by
-    `(= ?duration γ)`: it is the model's duration that varies. Inequalities on the duration stay as they are.
+    `(= ?duration γ)`: it is the model's duration that varies. Inequalities on the duration stay as they are, except for
+    two that leave one duration only, which are an equality.
     """
     _check_references(stn)
     fluents = initial_fluents(domain, problem)
     declared = domain_parameters(domain, stn)
-    wiring = wire(stn, specs, fluents, declared)
+    wiring = wire(stn, specs, fluents, declared, nominal_needed=nominal_needed)
     varied = wiring.fluents.keys()  # must stay symbolic even where grounding would need a constant
     instances = [
         _with_duration(
@@ -89,7 +102,7 @@ def assemble(domain: Domain, problem: Problem, stn: STNPlan, specs: Iterable[Par
     ]
     goal = ground_goal(domain, problem, parametrized=varied)
     _check_used(stn, wiring, declared, fluents)
-    parameters = _parameters(stn, wiring, declared)
+    parameters = _parameters(stn, wiring, declared, nominal_needed=nominal_needed)
     values = {**fluents, **{fluent: _reference(name) for fluent, name in wiring.fluents.items()}}
     _check_initial_values(instances, goal, values, Location(stn.file))
     return ParametrizedPlan(
@@ -158,41 +171,55 @@ def _check_used(
             raise InputError(message + remedy, parameter.location)
 
 
-def _parameters(stn: STNPlan, wiring: Wiring, declared: Mapping[str, str]) -> tuple[Parameter, ...]:
+def _parameters(
+    stn: STNPlan, wiring: Wiring, declared: Mapping[str, str], *, nominal_needed: bool
+) -> tuple[Parameter, ...]:
     """All parameters with their nominal values."""
-    known = {parameter.name for parameter in wiring.parameters}
+    declarations = {parameter.name: parameter for parameter in wiring.parameters}
     for name, origin in declared.items():
-        if name not in known:
-            message = f"found no nominal value for parameter {name!r} of {origin}, expected {_remedy(name)}"
-            raise InputError(message, Location(stn.file))
-    return tuple(_parameter(parameter) for parameter in wiring.parameters)
+        if name not in declarations:
+            if nominal_needed:
+                message = f"found no nominal value for parameter {name!r} of {origin}, expected {_remedy(name)}"
+                raise InputError(message, Location(stn.file))
+            declarations[name] = ParameterDeclaration(name, location=Location(stn.file))
+    parameters = tuple(map(_parameter, declarations.values()))
+    if nominal_needed:
+        require_nominal_values(parameters)
+    return parameters
 
 
 def _parameter(declaration: ParameterDeclaration) -> Parameter:
-    name, default = declaration.name, declaration.default
-    if default is None:
-        message = f"found parameter {name!r} without a nominal value, expected {_remedy(name)}"
-        raise InputError(message, declaration.location)
-    return Parameter(name, default, declaration.weight, declaration.lower, declaration.upper, declaration.location)
+    nominal, lower, upper = declaration.default, declaration.lower, declaration.upper
+    if nominal is None:
+        nominal = Fraction(0) if lower is None else max(lower, Fraction(0))
+        nominal = nominal if upper is None else min(upper, nominal)
+    given = declaration.default is not None
+    return Parameter(declaration.name, nominal, declaration.weight, lower, upper, declaration.location, given)
+
+
+def require_nominal_values(parameters: Iterable[Parameter]) -> None:
+    """InputError for a parameter without a nominal value."""
+    for parameter in parameters:
+        if not parameter.has_nominal:
+            message = f"found parameter {parameter.name!r} without a nominal value, expected {_remedy(parameter.name)}"
+            raise InputError(message, parameter.location)
 
 
 def _remedy(name: str) -> str:
-    return f"'parameter {name} default VALUE;' in the plan or the option --parameter {name},default=VALUE"
+    option = shlex.quote(f"{name},default=VALUE")
+    return f"'parameter {name} default VALUE;' in the plan or the option --parameter {option}"
 
 
 def _with_duration(instance: ActionInstance, parameter: str | None) -> ActionInstance:
-    """The instance with `(= ?duration parameter)` in place of its own equality on the duration."""
-    if parameter is None:
+    """The instance with `(= ?duration parameter)` in place of what fixes its duration."""
+    if parameter is None or not instance.fixing:
         return instance
+    first, *others = instance.fixing
     duration: Expression = Polynomial.variable(Duration())
     condition = Comparison(duration - _reference(parameter), Relation.EQUAL)
-    durations = tuple(
-        replace(one, condition=condition, text=f"(= ?duration {parameter})")
-        if one.condition.relation is Relation.EQUAL
-        else one
-        for one in instance.durations
-    )
-    return replace(instance, durations=durations)
+    varied = replace(first, condition=condition, text=f"(= ?duration {parameter})")
+    kept = (varied if one is first else one for one in instance.durations if one not in others)
+    return replace(instance, durations=tuple(kept))
 
 
 def _reference(name: str) -> Expression:

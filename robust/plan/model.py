@@ -13,6 +13,7 @@ from fractions import Fraction
 from functools import cached_property
 
 from robust.errors import Location
+from robust.numbers import format_number
 from robust.plan.polynomial import Polynomial
 
 
@@ -62,7 +63,10 @@ Expression = Polynomial[NumericVariable]
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter γ of Γ: its nominal value π(γ), its weight ω_γ > 0 and its declared bounds (None: unbounded)."""
+    """A parameter γ of Γ: its nominal value π(γ), its weight ω_γ > 0 and its declared bounds (None: unbounded).
+
+    Without a nominal value (`has_nominal` is False), `nominal` is some value within the bounds, to begin searches with.
+    """
 
     name: str
     nominal: Fraction
@@ -70,6 +74,16 @@ class Parameter:
     lower: Fraction | None = None
     upper: Fraction | None = None
     location: Location | None = field(default=None, compare=False)
+    has_nominal: bool = True
+
+    def percent(self, end: Fraction | None) -> Fraction | None:
+        """How far an end of an interval is from the nominal value, in per cent of it.
+
+        None if the end is infinite, or if the nominal value is zero or there is none.
+        """
+        if end is None or not self.nominal or not self.has_nominal:
+            return None
+        return (end - self.nominal) / abs(self.nominal) * 100
 
 
 class TimePointKind(StrEnum):
@@ -272,6 +286,18 @@ class ActionInstance(NamedAction):
     continuous_effects: tuple[ContinuousEffect, ...] = ()
     location: Location | None = field(default=None, compare=False)
 
+    @property
+    def fixing(self) -> tuple[DurationConstraint, ...]:
+        """The constraints that leave one duration: equalities, and inequalities from both sides with the same bound."""
+        equal, above = Relation.EQUAL, Relation.AT_LEAST
+        known = {(one.timing, one.condition.expression) for one in self.durations if one.condition.relation is above}
+        return tuple(
+            one
+            for one in self.durations
+            if one.condition.relation is equal
+            or (one.condition.relation is above and (one.timing, -one.condition.expression) in known)
+        )
+
     def at(self, timing: Timing) -> TimePoint:
         """The time point at which an AT_START or AT_END condition or effect happens."""
         return self.end if timing is Timing.AT_END else self.start
@@ -313,10 +339,14 @@ class TemporalConstraint:
 
     def __str__(self) -> str:
         """As plan files write it, with its line."""
-        lower = "-inf" if self.lower is None else str(self.lower)
-        upper = "inf" if self.upper is None else str(self.upper)
+        lower = "-inf" if self.lower is None else _as_written(self.lower)
+        upper = "inf" if self.upper is None else _as_written(self.upper)
         line = f" (line {self.location.line})" if self.location and self.location.line else ""
         return f"c: {self.target} - {self.source} in [{lower}, {upper}]{line}"
+
+
+def _as_written(bound: Bound) -> str:
+    return format_number(bound.constant_term) if bound.is_constant else str(bound)
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,6 +393,11 @@ class ParametrizedPlan:
     def nominal(self) -> dict[str, Fraction]:
         """π: the nominal value of every parameter."""
         return {parameter.name: parameter.nominal for parameter in self.parameters}
+
+    @property
+    def has_nominal(self) -> bool:
+        """Whether every parameter has a nominal value."""
+        return all(parameter.has_nominal for parameter in self.parameters)
 
 
 def leaves(condition: Condition) -> Iterator[Leaf]:

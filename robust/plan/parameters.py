@@ -3,7 +3,8 @@
 An option is `SPEC[,weight=W][,lb=L][,ub=U][,default=D]` with one of these SPECs:
 
 ====================================  ================================================================================
-`[NAME=]duration:ID`                  the duration of instance ID; the parameter is called `dur_ID` unless named
+`[NAME=]duration:ID`                  the duration of instance ID, whatever the domain says it is; the parameter is
+                                      called `dur_ID` unless named
 `[NAME=]duration:ACTION`              one such parameter for each instance of the action (a NAME only if there is one)
 `[NAME=]start:ID`                     the start time of instance ID, from zero (`start_ID`)
 `[NAME=]fluent:(charge auv)`          the initial value of a ground numeric fluent (`charge_auv`)
@@ -26,6 +27,7 @@ The same as TOML, one table for each parameter (floats are read from their text,
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -286,17 +288,20 @@ def wire(
     specs: Iterable[ParameterSpec],
     initial_fluents: Mapping[Fluent, Expression],
     domain_parameters: Collection[str] = (),
+    *,
+    nominal_needed: bool = True,
 ) -> Wiring:
     """Apply specifications to a plan; InputError for unknown names, doubles and missing or impossible nominal values.
 
     - A duration or start time whose constraints fix it at d becomes `[γ, γ]` with nominal value d (unless a default is
-      given); one that is not fixed needs a default, and all its constraints are replaced by `[γ, γ]`.
+      given); one that is not fixed needs a default if nominal values are needed, and all its constraints are replaced
+      by `[γ, γ]`.
     - The initial value of a fluent becomes γ with that value as nominal one (unless a default is given).
-    - A duration that is `[γ, γ]` in the plan already may be named again as `γ=duration:ID`: the plan file says that the
-      distance is γ, and the specification that the model's duration is.
+    - A duration that is `[γ, γ]` in the plan already keeps its parameter, named again as in `γ=duration:ID` or not: the
+      plan file says that the distance is γ, and the specification that the model's duration is.
     - Existing parameters, and those that other specifications introduce, get the attributes that are given.
     """
-    work = _Work(plan, initial_fluents, domain_parameters)
+    work = _Work(plan, initial_fluents, domain_parameters, nominal_needed=nominal_needed)
     ordered = sorted(specs, key=lambda spec: spec.target is Target.EXISTING)  # stable: overrides see what others create
     for spec in ordered:
         work.apply(spec)
@@ -319,8 +324,11 @@ class _Work:
         plan: STNPlan,
         initial_fluents: Mapping[Fluent, Expression],
         domain_parameters: Collection[str],
+        *,
+        nominal_needed: bool,
     ) -> None:
         self.plan = plan
+        self.nominal_needed = nominal_needed
         self.instances = {instance.identifier: instance for instance in plan.instances}
         self.initial_fluents = initial_fluents
         self.domain_parameters = domain_parameters
@@ -329,6 +337,7 @@ class _Work:
         self.durations: dict[str, str] = {}
         self.fluents: dict[Fluent, str] = {}
         self.overridden: set[str] = set()
+        self.introduced: set[str] = set()
         used = referenced_parameters(plan.constraints, initial_fluents.values())
         self.unused = set(self.parameters) - used - set(domain_parameters)
 
@@ -386,7 +395,8 @@ class _Work:
         between = [(i, _oriented(c, source)) for i, c in enumerate(self.constraints) if _joins(c, source, target)]
         bounds = [bound for _, pair in between for bound in pair]
         taken = next((bound.name for bound in bounds if isinstance(bound, ParameterReference)), None)
-        if taken is not None and taken == spec.name and set(bounds) == {ParameterReference(taken)}:
+        known = taken == spec.name or (spec.name is None and taken not in self.introduced)
+        if taken is not None and known and set(bounds) == {ParameterReference(taken)}:
             self.parameters[taken] = _merged(self.parameters[taken], spec)
             return taken
         if taken is not None:
@@ -433,10 +443,12 @@ class _Work:
         self.unused.discard(name)
         base = self.parameters.get(name, ParameterDeclaration(name, location=spec.location))
         merged = _merged(replace(base, default=fixed if base.default is None else base.default), spec)
-        if merged.default is None:
-            message = f"found no fixed value for {what}, expected a nominal value: default=D, or {remedy}"
+        if merged.default is None and self.nominal_needed:
+            option = shlex.quote(f"{spec.name + '=' if spec.name else ''}{spec.target.value}:{spec.subject},default=D")
+            message = f"found no fixed value for {what}, expected a nominal value: --parameter {option}, or {remedy}"
             raise InputError(message, spec.location)
         self.parameters[name] = merged
+        self.introduced.add(name)
         return name
 
     def override(self, spec: ParameterSpec) -> None:

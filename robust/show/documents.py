@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from robust.irr import compare as compares
     from robust.irr.search import EnvelopeResult
     from robust.options import CheckCommand
+    from robust.plan.model import Parameter
     from robust.plan.simulate import Violation
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult
@@ -214,11 +215,39 @@ def check(result: checks.CheckResult, options: CheckCommand) -> Document:
 
 
 class Within(JsonObject):
-    nominal: Rational
+    """
+    Attributes:
+        nominal: null if the parameter has none
+        percent_below: how far the lower end is from the nominal value, in per cent of it; below zero if it is lower;
+            null if infinite, or if the nominal value is zero or there is none
+        percent_above: the same of the upper end
+        stopped_below: what ends the box there: the obligation that would break, the statements of the network that
+            would leave no schedule, the declared bound, or why that is not known; null if unbounded or not verified
+        stopped_above: the same of the upper end
+    """
+
+    nominal: Rational | None
     lower: End
     upper: End
     lower_closed: bool
     upper_closed: bool
+    percent_below: Rational | None
+    percent_above: Rational | None
+    stopped_below: str | None
+    stopped_above: str | None
+
+
+class Advice(JsonObject):
+    """
+    Attributes:
+        parameters: those without room
+        reason: how plan and domain both fix a duration
+        options: values of --parameter that give room
+    """
+
+    parameters: list[str]
+    reason: str
+    options: list[str]
 
 
 class Convergence(JsonObject):
@@ -280,6 +309,7 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
         reason: if invalid: the obligation that breaks, or the statements that leave no schedule
         values: if invalid: the parameter values at which it breaks
         counterexample: if invalid: a schedule that fails at the nominal values, if there is one and time for it
+        advice: what to type for parameters that an action's own duration leaves no room
         convergence: total width of the box after each check as a share of the final one; empty if that is zero or
             infinite
         controllability: only with --controllability: what a dispatcher need not know of the values in the box; null if
@@ -301,6 +331,7 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
     reason: str | None
     values: Rationals
     counterexample: Counterexample | None
+    advice: list[Advice]
     convergence: list[Convergence]
     statistics: Statistics
     controllability: Controllability | UnsetType | None = UNSET
@@ -314,7 +345,6 @@ def envelope(
     controllability: bool,
 ) -> Document:
     """`counterexample` shows what breaks at the nominal point if the status is invalid."""
-    nominal = {parameter.name: parameter.nominal for parameter in result.parameters}
     seconds = {step.check: step.seconds for step in result.trace}
     about_control = None if report is None else _controllability(report)
     first = result.first_widening_seconds
@@ -322,9 +352,8 @@ def envelope(
         like(
             Envelope,
             result,
-            parameters={
-                name: Within(nominal=nominal[name], **_ends(one)) for name, one in result.box.intervals.items()
-            },
+            parameters={one.name: _within(result, one) for one in result.parameters},
+            advice=[like(Advice, one) for one in result.advice],
             first_widening_s=None if first is None else round(first, 6),
             counterexample=None if counterexample is None else _counterexample(counterexample),
             convergence=[
@@ -334,6 +363,19 @@ def envelope(
             statistics=like(Statistics, result.statistics),
             controllability=about_control if controllability else UNSET,
         )
+    )
+
+
+def _within(result: EnvelopeResult, parameter: Parameter) -> Within:
+    interval = result.box[parameter.name]
+    stops = {side.value: str(stop) for (name, side), stop in result.stops.items() if name == parameter.name}
+    return Within(
+        nominal=parameter.nominal if parameter.has_nominal else None,
+        **_ends(interval),
+        percent_below=parameter.percent(interval.lower),
+        percent_above=parameter.percent(interval.upper),
+        stopped_below=stops.get("lower"),
+        stopped_above=stops.get("upper"),
     )
 
 
@@ -451,6 +493,7 @@ class Witness(JsonObject):
 class Face(JsonObject):
     """
     Attributes:
+        percent: how far it is from the nominal value, in per cent of it; null if that is zero
         gap: how far the face could move outwards alone; an upper bound unless the region is complete
         witness: a point beyond the face, within the gap and 1/1000, and what breaks there
     """
@@ -458,6 +501,7 @@ class Face(JsonObject):
     parameter: str
     side: Annotated[str, one_of("lower", "upper")]
     end: Rational
+    percent: Rational | None
     closed: bool
     gap: End
     witness: Witness | None
@@ -506,6 +550,7 @@ def compare(result: compares.Comparison) -> Document:
 
 
 def _compared(entry: compares.Entry) -> ComparedBox:
+    parameters = {one.name: one for one in entry.result.parameters}
     return like(
         ComparedBox,
         entry.result,
@@ -517,6 +562,7 @@ def _compared(entry: compares.Entry) -> ComparedBox:
             like(
                 Face,
                 face,
+                percent=parameters[face.parameter].percent(face.end),
                 gap=exact_end(face.gap, upper=True),
                 witness=None if face.witness is None else like(Witness, face.witness, parameters=face.witness.values),
             )

@@ -18,12 +18,13 @@ from robust.execute.dispatchable import Guarantee
 from robust.execute.dispatcher import interval_text as observed_interval
 from robust.execute.replan import Run, RunStatus, Segment
 from robust.execute.worlds import Outcome
+from robust.irr.stops import advice
 from robust.numbers import end, interval_text, plural, readable
 from robust.plan.model import ActionInstance
 from robust.qe.box import Side
 from robust.show.gantt import Bar, Chart, Lane, Mark, draw_chart
 from robust.show.made import summary
-from robust.show.text import show_table, table
+from robust.show.text import percentages, print_advice, show_table, table
 
 _GUARANTEES = {
     Guarantee.DYNAMIC: "dynamically controllable: the plan succeeds while observations are inside",
@@ -47,8 +48,13 @@ def print_run(out: Console, run: Run, executor: str, *, quiet: bool) -> None:
     for number, segment in enumerate(run.segments, start=1):
         out.print()
         out.print(f"plan {number}, from {readable(segment.start)}: {_GUARANTEES[segment.guarantee]}", soft_wrap=True)
-        for name, interval in segment.box.intervals.items():
-            out.print(f"  {name} in {observed_interval(interval)}", soft_wrap=True)
+        for parameter in segment.plan.parameters:
+            interval = segment.box[parameter.name]
+            percent = percentages(parameter, interval)
+            out.print(
+                f"  {parameter.name} in {observed_interval(interval)}{percent and f' ({percent})'}", soft_wrap=True
+            )
+        print_advice(out, advice(segment.plan, segment.box))
         for time, what, detail in sorted(_events(segment), key=lambda event: event[0]):
             out.print(f"{readable(time):>10}  {what:<9} {detail}", soft_wrap=True)
 

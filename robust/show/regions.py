@@ -17,6 +17,7 @@ from robust.irr.compare import Comparison, Entry, FaceGap, Share
 from robust.irr.search import Status
 from robust.numbers import duration, interval_text, readable
 from robust.options import place_of
+from robust.plan.load import require_nominal_values
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Side
 from robust.qe.compute import RegionResult, RegionStatus
@@ -25,7 +26,7 @@ from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
 from robust.show.drawing import save
-from robust.show.text import show_table, table
+from robust.show.text import percentage, print_advice, show_table, table
 
 MANY = 20
 """Pieces up to which a region is shown as a union by default."""
@@ -151,7 +152,7 @@ def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
     """The one or two parameters that are drawn: those that were asked for, or the first two.
 
     Raises:
-        InputError: if there is nothing to draw, or the axes are none.
+        InputError: if there is nothing to draw, the axes are none, or there is no nominal value for one not drawn.
     """
     known = [parameter.name for parameter in plan.parameters]
     if not known:
@@ -161,7 +162,9 @@ def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
             raise InputError(f"found unknown parameter {name!r}{did_you_mean(name, known)}", place_of("axes"))
     if len(axes) > 2 or len(set(axes)) < len(axes):
         raise InputError(f"found {','.join(axes)}, expected one or two different parameters", place_of("axes"))
-    return tuple(axes) or tuple(known[:2])
+    shown = tuple(axes) or tuple(known[:2])
+    require_nominal_values(one for one in plan.parameters if one.name not in shown)
+    return shown
 
 
 def plot_slice(
@@ -173,7 +176,8 @@ def plot_slice(
     shown = shown_axes(plan, axes)
     nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}
     rest = {name: value for name, value in nominal.items() if name not in shown}
-    save(lambda: draw_region(region, shown, at=rest, boxes=boxes, points={"nominal values": nominal}), path)
+    points = {"nominal values": nominal} if plan.has_nominal else {}
+    save(lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points), path)
 
 
 # -- comparisons -----------------------------------------------------------------------------------------------------
@@ -206,16 +210,22 @@ def box_rows(result: Comparison) -> list[Row]:
 
 def face_rows(result: Comparison) -> list[Row]:
     """One row for each finite face of each box."""
-    return [(_NAMES[entry.method], *_face_cells(face)) for entry in result.entries for face in entry.faces]
+    parameters = {one.name: one for one in result.plan.parameters}
+    return [
+        (_NAMES[entry.method], *_face_cells(face, parameters[face.parameter].percent(face.end)))
+        for entry in result.entries
+        for face in entry.faces
+    ]
 
 
-def _face_cells(face: FaceGap) -> Row:
+def _face_cells(face: FaceGap, percent: Fraction | None) -> Row:
     signs = "<≤" if face.side is Side.UPPER else ">≥"
     sign = signs[face.closed]
     witness = face.witness
     point = "" if witness is None else ", ".join(f"{name} = {readable(v)}" for name, v in witness.values.items())
     gap = "∞" if face.gap is None else readable(face.gap)
-    return f"{face.parameter} {sign} {readable(face.end)}", gap, witness.obligation if witness else "", point
+    end = f"{readable(face.end)}{'' if percent is None else f' ({percentage(percent)})'}"
+    return f"{face.parameter} {sign} {end}", gap, witness.obligation if witness else "", point
 
 
 def _share(share: Share | None) -> str:
@@ -248,6 +258,7 @@ def print_comparison(out: Console, result: Comparison, *, quiet: bool) -> None:
     if rows:
         out.print()
         show_table(out, table(_FACES, rows, right=("gap",)))
+    print_advice(out, dict.fromkeys(one for entry in result.entries for one in entry.result.advice))
     out.print()
     out.print(Text(_compare_summary(result)), soft_wrap=True)
 

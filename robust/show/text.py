@@ -15,10 +15,11 @@ from rich.text import Text
 
 from robust.irr.check import Answer, CheckResult, Counterexample
 from robust.irr.search import EnvelopeResult, Status
-from robust.numbers import duration, end, plural, readable, readable_values
+from robust.irr.stops import Advice
+from robust.numbers import approximate, duration, end, plural, readable, readable_values
 from robust.plan.model import Fluent, Parameter
 from robust.plan.simulate import TraceStep, Violation
-from robust.qe.box import Interval
+from robust.qe.box import Interval, Side
 
 _WIDE = 160
 """Columns where the output is no terminal: nothing is to be cut, and lines are to stay readable."""
@@ -123,7 +124,7 @@ def print_counterexample(out: Console, found: Counterexample) -> None:
     constant = _constant_fluents(found)
     rows = (
         _violation_cells(step) if isinstance(step, Violation) else _step_cells(step, constant)
-        for step in _with_violations(found)
+        for step in _told(found, constant)
     )
     show_table(out, table(("time", "happens", "changes", "fluents"), rows, right=("time",)))
 
@@ -139,17 +140,32 @@ def _with_violations(found: Counterexample) -> Iterator[TraceStep | Violation]:
 
 
 def _constant_fluents(found: Counterexample) -> set[Fluent]:
-    """Fluents that never change and that no violation is about: distances and the like, which would hide the rest."""
+    """Fluents that never change: distances and the like, which would hide the rest. What breaks is said with values."""
     first, *later = found.simulation.trace
-    details = " ".join(violation.detail for violation in found.simulation.violations)
     changing = {fluent for step in later for fluent in step.fluents}
-    return {fluent for fluent in first.fluents if fluent not in changing and str(fluent) not in details}
+    return {fluent for fluent in first.fluents if fluent not in changing}
+
+
+def _told(found: Counterexample, left_out: set[Fluent]) -> Iterator[TraceStep | Violation]:
+    """What there is to tell: without steps that change nothing, and timed literals after all else."""
+    steps = list(_with_violations(found))
+    while isinstance(last := steps[-1], TraceStep) and not any(point.instance for point in last.points):
+        steps.pop()
+    for step in steps:
+        if (
+            isinstance(step, Violation)
+            or any(point.instance for point in step.points)
+            or step.atoms_changed
+            or step.fluents.keys() - left_out
+        ):
+            yield step
 
 
 def _step_cells(step: TraceStep, left_out: set[Fluent]) -> tuple[str, ...]:
     changes = [f"{'+' if value else '−'} {atom}" for atom, value in step.atoms_changed]
     fluents = [f"{fluent} = {readable(value)}" for fluent, value in step.fluents.items() if fluent not in left_out]
-    return readable(step.time), "\n".join(map(str, step.points)), "\n".join(changes), "\n".join(fluents)
+    points = (str(point) if point.time is None else f"@{readable(point.time)}" for point in step.points)
+    return readable(step.time), "\n".join(points), "\n".join(changes), "\n".join(fluents)
 
 
 def _violation_cells(violation: Violation) -> tuple[Text, ...]:
@@ -170,6 +186,8 @@ def print_envelope(
         out.print(Text.assemble(("invalid", "bold red"), f": {where}{result.reason}"), soft_wrap=True)
         if counterexample is not None and not quiet:
             print_counterexample(out, counterexample)
+        if not quiet:
+            print_advice(out, result.advice)
         return
     if not result.verified:
         word = _STOPPED[result.status]
@@ -180,6 +198,8 @@ def print_envelope(
     else:
         out.print(Text("The plan is valid, and has no parameters that could vary; --parameter declares some."))
     if result.parameters and not quiet:
+        _print_stops(out, result)
+        print_advice(out, result.advice)
         out.print()
     if result.status is not Status.COMPLETE:
         word = _STOPPED[result.status]
@@ -193,23 +213,72 @@ _STOPPED = {Status.TIMEOUT: "out of time", Status.INTERRUPTED: "interrupted"}
 
 def envelope_table(result: EnvelopeResult) -> Table:
     """One row for each parameter: nominal value, interval, and how far it may deviate to either side."""
-    columns = ("parameter", "nominal", "lower", "upper", "may fall by", "may rise by")
-    rows = (_envelope_cells(parameter, result.box[parameter.name]) for parameter in result.parameters)
-    return table(columns, rows, right=columns[1:])
+    columns = ("parameter", "nominal", "lower", "upper", "may fall by", "may rise by", "in per cent")
+    rows = [_envelope_cells(parameter, result.box[parameter.name]) for parameter in result.parameters]
+    shown = columns if any(row[-1] for row in rows) else columns[:-1]
+    return table(shown, (row[: len(shown)] for row in rows), right=columns[1:])
 
 
 def _envelope_cells(parameter: Parameter, interval: Interval) -> Sequence[str]:
     nominal = parameter.nominal
+    lower = end(interval.lower, upper=False, closed=interval.lower_closed)
+    upper = end(interval.upper, upper=True, closed=interval.upper_closed)
+    if not parameter.has_nominal:
+        return parameter.name, "–", lower, upper, "", "", ""
     fall = None if interval.lower is None else nominal - interval.lower
     rise = None if interval.upper is None else interval.upper - nominal
     return (
         parameter.name,
         readable(nominal),
-        end(interval.lower, upper=False, closed=interval.lower_closed),
-        end(interval.upper, upper=True, closed=interval.upper_closed),
+        lower,
+        upper,
         end(fall, upper=True, closed=interval.lower_closed),
         end(rise, upper=True, closed=interval.upper_closed),
+        percentages(parameter, interval),
     )
+
+
+def percentages(parameter: Parameter, interval: Interval) -> str:
+    """How far the ends are from the nominal value in per cent of it, `−12.5 %, +40 %`; nothing if that is 0."""
+    sides = [parameter.percent(interval.lower), parameter.percent(interval.upper)]
+    shown = (f"{sign}∞" if side is None else percentage(side) for side, sign in zip(sides, "−+", strict=True))
+    return ", ".join(shown) if any(side is not None for side in sides) else ""
+
+
+def percentage(value: Fraction) -> str:
+    """`−12.5 %`, `+40 %`, to three digits."""
+    rounded = f"{approximate(abs(value)):.3g}" if abs(value) < 1000 else f"{approximate(abs(value)):.0f}"
+    return f"{'−' if value < 0 else '+' if value > 0 else ''}{rounded} %"
+
+
+def _print_stops(out: Console, result: EnvelopeResult) -> None:
+    """What ends the sides, those that end at the same together."""
+    sides: dict[str, dict[str, None]] = {}
+    for (name, side), stop in result.stops.items():
+        sides.setdefault(stop.short, {})[_side(result, name, side)] = None
+    if sides:
+        out.print()
+        out.print("What ends each side:")
+    for reason, ended in sides.items():
+        out.print(Text(f"  {', '.join(ended)}: {reason}"), soft_wrap=True)
+
+
+def _side(result: EnvelopeResult, name: str, side: Side) -> str:
+    """`to_ridge ≤ 36`; `to_ridge = 36` for both sides if nothing is between and both end at the same."""
+    interval = result.box[name]
+    both = {result.stops.get((name, one)) for one in Side}
+    sign = (
+        "="
+        if interval.width == 0 and len(both) == 1
+        else ("<≤" if side is Side.UPPER else ">≥")[interval.is_closed_at(side)]
+    )
+    return f"{name} {sign} {readable(interval.end(side) or Fraction(0))}"
+
+
+def print_advice(out: Console, advice: Iterable[Advice]) -> None:
+    """What to type for parameters without room."""
+    for one in advice:
+        out.print(Text(str(one), style="yellow"), soft_wrap=True)
 
 
 def _envelope_summary(result: EnvelopeResult, promise: str) -> Text:

@@ -1,5 +1,6 @@
 """What is there before anything is computed, and whatever is wrong: one line that says so; most of it is recorded."""
 
+import re
 import subprocess
 import sys
 
@@ -9,7 +10,7 @@ from matplotlib.figure import Figure
 import robust
 import robust.api
 from tests.cli import inputs
-from tests.cli.running import COMMAND, assert_one_line, command, environment, example, process
+from tests.cli.running import COMMAND, answer_of, assert_one_line, command, environment, example, process
 
 # -- start -----------------------------------------------------------------------------------------------------------
 
@@ -54,6 +55,17 @@ def test_plan_without_instances(tmp_path):
     assert_one_line(ended)
     assert "plan.stn" in ended.err
     assert "expected at least one" in ended.err
+
+
+def test_what_is_to_be_said_of_the_input_is_a_line_for_each(tmp_path):
+    found = inputs.write(tmp_path, problem=inputs.PROBLEM.replace("- place", "-place"))
+    ended = command("check", *found.files, "--json")
+    assert ended.code == 0
+    answer_of(ended, "robust/check/1")
+    lines = ended.err.splitlines()
+    assert len(lines) == 1
+    assert re.fullmatch(r"robust: warning: .*problem\.pddl:\d+:\d+: found '-place', took it for '- place'", lines[0])
+    assert command("check", *found.files, "--quiet").err == ""
 
 
 def test_file_name_with_line_break(tmp_path):

@@ -7,7 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from robust import RobustError
-from robust.api import check
+from robust.api import check, compare, envelope, region
+from robust.errors import InputError
 from robust.irr.check import Answer
 from robust.plan.load import load_plan
 from robust.qe.box import Box, Interval
@@ -15,7 +16,7 @@ from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.show.regions import MANY, in_form, polyhedron_lines, region_lines
 from tests.cli import inputs
-from tests.cli.running import EXAMPLES, NAVIGATION, answer_of, command, example
+from tests.cli.running import EXAMPLES, NAVIGATION, answer_of, assert_one_line, command, example
 
 FIXED = inputs.PLAN.replace("parameter leave default 2 lb 0 ub 9;\n", "").replace("leave", "2")
 GENERATOR = example(directory=EXAMPLES / "generator")
@@ -67,10 +68,12 @@ def test_unbounded_ends(tmp_path):
     answer = answer_of(command("envelope", *files, "--json"))
     assert answer["parameters"]["leave"] == {
         "nominal": "2", "lower": "0", "upper": "inf", "lower_closed": True, "upper_closed": False,
+        "percent_below": "-100", "percent_above": None, "stopped_below": "no schedule: g.start ≥ 0; "
+        "c: g.start - .zero in [leave, leave] (line 3)", "stopped_above": None,
     }  # fmt: skip
     assert answer["convergence"] == []
     row = cells(command("envelope", *files).out)[2]
-    assert row == ["leave", "2", "0", "∞", "2", "∞"]
+    assert row == ["leave", "2", "0", "∞", "2", "∞", "−100 %, +∞"]
 
 
 def test_plan_without_parameters(tmp_path):
@@ -100,11 +103,116 @@ def test_open_ends_are_shown(tmp_path):
     files = inputs.write(tmp_path, domain=domain).files
     options = ["--parameter", "fluent:(fuel)"]
     row = cells(command("envelope", *files, *options).out)[3]
-    assert row == ["fuel", "3", "> 1", "∞", "< 2", "∞"]
+    assert row == ["fuel", "3", "> 1", "∞", "< 2", "∞", "−66.7 %, +∞"]
     answer = answer_of(command("envelope", *files, *options, "--json"))
     assert answer["parameters"]["fuel"] == {
         "nominal": "3", "lower": "1", "upper": "inf", "lower_closed": False, "upper_closed": False,
+        "percent_below": "-200/3", "percent_above": None, "stopped_below": "g go: at start (> (fuel) 1)",
+        "stopped_above": None,
     }  # fmt: skip
+
+
+# -- what parameters are -----------------------------------------------------------------------------------------------
+
+VARIED = inputs.PLAN.replace("parameter leave", "parameter length default 5;\nparameter leave").replace(
+    "[5, 5]", "[length, length]"
+)
+
+
+def test_a_parameter_without_room_says_what_to_type(tmp_path):
+    files = inputs.write(tmp_path, plan=VARIED).files
+    ended = command("envelope", *files)
+    (said,) = [line for line in ended.out.splitlines() if line.startswith("length: no room, because ")]
+    assert said.endswith("type: --parameter duration:g")
+    assert "(= ?duration 5) of g" in said
+    assert "no room" not in command("envelope", *files, "--quiet").out
+    assert "What ends" not in command("envelope", *files, "--quiet").out
+    answer = answer_of(command("envelope", *files, "--json"))
+    assert answer["parameters"]["length"]["stopped_above"] == "g go: duration (= ?duration 5)"
+    assert answer["parameters"]["leave"]["stopped_above"] == "declared bound: ub 9"
+    (advice,) = answer["advice"]
+    assert (advice["parameters"], advice["options"]) == (["length"], ["duration:g"])
+    typed = answer_of(command("envelope", *files, "--json", "--parameter", *advice["options"]))
+    assert typed["advice"] == []
+    assert (typed["parameters"]["length"]["lower"], typed["parameters"]["length"]["upper"]) == ("1/1000", "inf")
+    assert said in command("compare", *files).out
+
+
+def test_a_nominal_value_of_the_plan_that_the_domain_excludes(tmp_path):
+    files = inputs.write(tmp_path, plan=VARIED.replace("default 5", "default 6")).files
+    ended = command("envelope", *files)
+    assert ended.code == 1
+    assert "type: --parameter duration:g" in ended.out
+    assert command("envelope", *files, "--parameter", "duration:g").code == 0
+
+
+@pytest.mark.parametrize("word", ["--parameter", "--parametrize"])
+def test_durations_are_parameters_of_executed_plans_as_well(tmp_path, word):
+    files = inputs.write(tmp_path, plan=VARIED).files
+    assert "length: no room" in command("execute", *files).out
+    ended = command("execute", *files, word, "duration:g")
+    assert "length in [0.001, inf) (−100 %, +∞)" in ended.out
+    assert "no room" not in ended.out
+
+
+OPEN = inputs.PLAN.replace(" default 2", "")
+
+
+def test_regions_and_optimal_boxes_need_no_nominal_values(tmp_path):
+    files = inputs.write(tmp_path, plan=OPEN).files
+    assert "  0 ≤ leave ≤ 9" in command("region", *files).out
+    assert command("region", *files, "--plot", tmp_path / "region.svg").code == 0
+    assert cells(command("envelope", *files, "--method", "optimal").out)[2] == ["leave", "–", "0", "9"]
+    answer = answer_of(command("envelope", *files, "--method", "optimal", "--json"))["parameters"]["leave"]
+    assert (answer["nominal"], answer["lower"], answer["upper"]) == (None, "0", "9")
+    assert (answer["percent_below"], answer["percent_above"]) == (None, None)
+    other = ["--parameter", "fluent:(fuel)", "--parameter", "start:g"]
+    assert command("region", *files, *other[:2], "--axes", "fuel", "--plot", tmp_path / "region.svg").code == 2
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["check"],
+        ["envelope"],
+        ["envelope", "--method", "irr"],
+        ["envelope", "--method", "optimal", "--contain-nominal"],
+        ["envelope", "--method", "optimal", "--controllability", "weak"],
+        ["compare"],
+        ["execute"],
+    ],
+)
+def test_where_a_nominal_value_is_needed_the_message_says_what_to_type(tmp_path, words):
+    files = inputs.write(tmp_path, plan=OPEN).files
+    verb, *options = words
+    ended = command(verb, *files, *options)
+    assert_one_line(ended)
+    assert "found parameter 'leave' without a nominal value" in ended.err
+    assert ended.err.endswith("or the option --parameter leave,default=VALUE\n")
+    typed = command(verb, *files, *options, "--parameter", "leave,default=2")
+    assert typed.code == 0
+
+
+def test_searches_in_python_say_the_same(tmp_path):
+    plan = load_plan(*inputs.write(tmp_path, plan=OPEN).files, nominal_needed=False)
+    assert str(region(plan).region) == str(region(load_plan(*inputs.write(tmp_path).files)).region)
+    assert envelope(plan, method="optimal").box["leave"] == Interval(Fraction(0), Fraction(9))
+    for ask in (check, envelope, compare):
+        with pytest.raises(InputError, match="--parameter leave,default=VALUE"):
+            ask(plan)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place"),
+    [
+        ("(:goal (at b))", "(:goal (at b)) (:constraints (always (at a)))", "problem.pddl:5:18: found trajectory"),
+        ("(:goal (at b))", "(:goal (preference soon (at b)))", "problem.pddl:5:10: found a preference"),
+    ],
+)
+def test_what_is_not_supported_is_said_in_one_line(tmp_path, old, new, place):
+    ended = command("check", *inputs.write(tmp_path, problem=inputs.PROBLEM.replace(old, new)).files)
+    assert_one_line(ended, 4)
+    assert place in ended.err
 
 
 # -- region ----------------------------------------------------------------------------------------------------------

@@ -121,9 +121,9 @@ def test_a_network_without_any_schedule_is_a_mistake(search, place) -> None:
     with pytest.raises(InputError) as error:
         search(contradictory(place))
     assert str(error.value) == (
-        f"{'late.stn: ' if place else ''}the plan's network has no schedule: c: i.end - .zero in [0, 1]; "
-        f"c: i.end - i.start in [5, 5]{' (line 3)' if place else ''}; i.start ≥ 0 contradict each other; "
-        "expected constraints that can hold together"
+        f"{'late.stn: ' if place else ''}the plan's network has no schedule: i.start ≥ 0; "
+        f"c: i.end - i.start in [5, 5]{' (line 3)' if place else ''}; c: i.end - .zero in [0, 1] contradict each "
+        "other; expected constraints that can hold together"
     )
 
 
@@ -146,7 +146,7 @@ def test_containment_does_not_ask_again() -> None:
 
 
 CONTRADICTION = re.compile(
-    r"no schedule( with .*)?: (?:.*; )?c: i\.end - \.zero in \[-inf, k \+ 2\](?:; .*?)?( contradict .*)?"
+    r"no schedule( with [^:]*)?: (?:.*; )?c: i\.end - \.zero in \[-inf, k \+ 2\](?:; .*?)?( contradict .*)?"
 )
 
 

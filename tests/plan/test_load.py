@@ -78,8 +78,36 @@ def test_varied_durations_replace_equalities_only() -> None:
     varied = build("duration:n1", plan=plan)
     assert varied.instance["n1"].durations == build().instance["n1"].durations
     assert varied.nominal == {"dur_n1": 3}
+    twice = TASKS.replace("(= ?duration 2)", "(and (>= ?duration 2) (<= ?duration 2))")
+    assert len(build(domain=twice).instance["n0"].durations) == 2
+    (varied_twice,) = build("d=duration:n0", domain=twice).instance["n0"].durations
+    assert (varied_twice.condition, varied_twice.text) == (duration.condition, duration.text)
     in_the_plan = build(plan=PLAN.replace("[2, 2]", "[pause, pause]"))
     assert in_the_plan.instance["n0"].durations == build().instance["n0"].durations
+
+
+def test_parameters_without_nominal_values() -> None:
+    """The message says what to type; regions and optimal boxes need none."""
+    plan = PLAN.replace("default 3 ", "")
+    domain = parse_domain(TASKS)
+    parts = domain, parse_problem(PROBLEM, domain), parse_stn(plan, "mission.stn"), parse_specs(["start:n2"])
+    found = assemble(*parts, nominal_needed=False)
+    assert [(one.name, one.nominal, one.has_nominal) for one in found.parameters] == [
+        ("pause", 1, False),  # within its bounds
+        ("start_n2", 0, False),
+    ]
+    assert not found.has_nominal
+    assert [one.percent(Fraction(3)) for one in found.parameters] == [None, None]
+    for given, option in (((), "start:n2,default=4"), (("start:n2,default=4",), "pause,default=2")):
+        with pytest.raises(InputError, match=f"--parameter {option.split('=')[0]}="):
+            build(*(given or ["start:n2"]), plan=plan)
+    assert build("start:n2,default=4", "pause,default=2", plan=plan).nominal == {"pause": 2, "start_n2": 4}
+    synthesised = assemble(
+        *(domain := parse_domain(EVERYTHING), parse_problem(MEASURED, domain)),
+        parse_stn("durative-action instance n0 : (move r1 a b);c: n0.end - n0.start in [5, 5];"),
+        nominal_needed=False,
+    )
+    assert [one.name for one in synthesised.parameters] == ["speed", "n0.rate"]
 
 
 def test_varied_initial_values() -> None:

@@ -199,6 +199,10 @@ spare=duration:n0,ub=10
 - c: n0.end - n0.start in [5, 5];
 + parameter spare weight 1 default 5 lb 0 ub 10;
 + c: n0.end - n0.start in [spare, spare];
+duration:wait,ub=9
+- parameter p weight 3 default 7;
++ parameter p weight 3 default 7 ub 9;
+p=duration:n2
 p,default=8,ub=9
 - parameter p weight 3 default 7;
 + parameter p weight 3 default 8 ub 9;
@@ -228,6 +232,7 @@ def test_effect(effect: str) -> None:
 
 
 def test_what_else_is_replaced() -> None:
+    assert apply("duration:wait").durations == apply("p=duration:n2").durations == {"n2": "p"}
     wiring = apply("duration:n0", "c=fluent:(charge auv)")
     assert (wiring.durations, wiring.fluents) == ({"n0": "dur_n0"}, {CHARGE: "c"})
     assert str(wiring.constraints[0].target) == "n0.end", "it keeps its place"
@@ -239,8 +244,11 @@ MISFITS = [
     (["duration:n9"], ["found 'n9'", "known are beep, go, n0, n1, n2, wait"]),
     (["duration:beep"], ["'beep', which is instantaneous"]),
     (["d=duration:go"], ["one name for 2 instances of 'go' (n0, n1)"]),
-    (["duration:n2"], ["the duration of n2 with parameter 'p'"]),
-    (["start:beep"], ["no fixed value for the start of beep", "default=D", "c: beep - .zero in [D, D]"]),
+    (["d=duration:n2"], ["the duration of n2 with parameter 'p'"]),
+    (
+        ["start:beep"],
+        ["no fixed value for the start of beep", "--parameter start:beep,default=D, or c: beep - .zero in"],
+    ),
     (["start:n1"], ["no fixed value for the start of n1", "c: n1.start - .zero in [D, D]"]),
     (["start:go"], ["found 'go'", "an instance of the plan"]),
     (["fluent:(charge rov)"], ["found (charge rov)", "did you mean '(charge auv)'?"]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from robust.errors import InputError, InputWarning, Location, UnsupportedError, did_you_mean
@@ -41,7 +41,7 @@ class Scope:
     durative: bool = False
 
     def bind(self, variables: Iterable[TypedName]) -> Scope:
-        """The scope inside a quantifier; its variables hide those of the same name outside."""
+        """The scope inside an action or a quantifier; its variables hide those of the same name outside."""
         bound = {variable.name: variable for variable in variables}
         visible = {name: local for name, local in self.parameters.items() if name not in bound}
         return replace(self, variables={**self.variables, **bound}, parameters=visible)
@@ -223,7 +223,7 @@ def typed_list(items: Sequence[Item], kind: Kind, what: str) -> list[tuple[Word,
     """The words of `a b - t c - (either u v)` with the names of their types (none: not given)."""
     result: list[tuple[Word, tuple[Word, ...]]] = []
     pending: list[Word] = []
-    remaining = iter(items)
+    remaining = _with_blanks(items)
     for item in remaining:
         if _is_dash(item):
             if not pending:
@@ -239,6 +239,18 @@ def typed_list(items: Sequence[Item], kind: Kind, what: str) -> list[tuple[Word,
         else:
             raise fault(item, f"{what}{' (a name that begins with ?)' if kind is Kind.VARIABLE else ''}")
     return result + [(word, ()) for word in pending]
+
+
+def _with_blanks(items: Iterable[Item]) -> Iterator[Item]:
+    """The items, with `- t` for every `-t`."""
+    for item in items:
+        if isinstance(item, Word) and item.kind is Kind.DASHED:
+            name = item.text[1:]
+            warn(f"found '{item.text}', took it for '- {name}'", item.location)
+            yield Word(Kind.OPERATOR, "-", item.location)
+            yield Word(Kind.NAME, name, item.location)
+        else:
+            yield item
 
 
 def _is_dash(item: Item) -> bool:
@@ -346,7 +358,7 @@ def functions(
 ) -> dict[str, Signature]:
     """Numeric functions; `- number` may follow them."""
     forms: list[Item] = []
-    remaining = iter(items)
+    remaining = _with_blanks(items)
     for item in remaining:
         if not _is_dash(item):
             forms.append(item)

@@ -113,6 +113,8 @@ class Kind(Enum):
     VARIABLE = r"\?[A-Za-z0-9_][A-Za-z0-9_-]*"
     KEYWORD = r":[A-Za-z0-9_][A-Za-z0-9_-]*"
     NAME = r"[A-Za-z0-9_][A-Za-z0-9_-]*"
+    DASHED = r"-[A-Za-z_][A-Za-z0-9_-]*"
+    """A type after a `-` without a blank; of no meaning elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,9 +242,7 @@ def _tokens(text: str, file: str) -> Iterator[tuple[re.Match[str], Location]]:
 
 def _bad_word(word: str, where: Location) -> InputError:
     hint = ""
-    if word.startswith("-") and len(word) > 1:
-        hint = "; a '-' before a type is followed by a blank"
-    elif re.fullmatch(r"[+-]?[\d.]+/[\d.]+", word):
+    if re.fullmatch(r"[+-]?[\d.]+/[\d.]+", word):
         hint = f"; write a fraction as (/ {' '.join(word.split('/'))})"
     expected = "a name (of letters, digits, '-' and '_'), a ?variable, a :keyword, a number or an operator"
     return fault(where, expected, found=quote(word.lower()), hint=hint)

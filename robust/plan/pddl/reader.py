@@ -34,26 +34,16 @@ _PARTS = {
 
 
 def action(form: Form, vocabulary: Vocabulary, parameters: tuple[str, ...]) -> syntax.ActionSchema:
-    """An action; `parameters` are the synthesis parameters of the domain."""
+    """An action; `parameters` are the synthesis parameters of the domain, which its own ones and variables hide."""
     durative = form.head == ":durative-action"
     name = form.items[1] if len(form.items) > 1 else None
     if not isinstance(name, Word) or name.kind is not Kind.NAME:
         raise fault(name or form, f"the name of an action after '{form.head}'")
     parts = _parts(form, durative)
     variables = declarations.variables(_list(parts, ":parameters"), vocabulary.types)
-    for variable in variables:
-        if variable.name in parameters:
-            found = f"variable '?{variable.name}'"
-            raise fault(variable.location, "a name that is no synthesis parameter of the domain", found=found)
-    own = declarations.synth_parameters(
-        _list(parts, ":synth-parameters"), {*parameters, *(variable.name for variable in variables)}
-    )
-    scope = Scope(
-        vocabulary,
-        variables={variable.name: variable for variable in variables},
-        parameters={**dict.fromkeys(parameters, False), **dict.fromkeys(own, True)},
-        durative=durative,
-    )
+    own = declarations.synth_parameters(_list(parts, ":synth-parameters"), [variable.name for variable in variables])
+    of_domain = Scope(vocabulary, {}, {**dict.fromkeys(parameters, False), **dict.fromkeys(own, True)}, durative)
+    scope = of_domain.bind(variables)
     if durative and ":duration" not in parts:
         raise fault(form, "':duration' in a durative action, as in :duration (= ?duration 5)")
     return syntax.ActionSchema(

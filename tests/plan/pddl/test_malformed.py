@@ -39,7 +39,6 @@ STRUCTURE = """
 (define (domain d) @strips) => found 'strips', expected a section
 (define (domain d) (@:predicate (p))) => did you mean ':predicates'
 (define (domain d) (:predicates (@p$q))) => found 'p$q', expected a name
-(define (domain d) (:constants a @-place)) => a '-' before a type is followed by a blank
 """
 
 DECLARATIONS = """
@@ -245,10 +244,7 @@ def test_text_is_refused(group: str, text: str, message: str) -> None:
         ("(define " * 120 + "@(" + "(" * 30 + ")" * 151, "found too many nested forms, expected at most 120"),
         (HEAD + "(:action a :precondition (> @?duration 1)))", "only durative actions have a duration"),
         (HEAD + "(:action a :effect (increase (total) @#t)))", "an instantaneous action has no continuous"),
-        (
-            "(define (domain d) (:synth-parameters ?s) (:action a :parameters (@?s)))",
-            "expected a name that is no synthesis parameter of the domain",
-        ),
+        (HEAD + "(:action a :effect (increase (total) @-total)))", "found '-total', expected a numeric expression"),
     ],
 )
 def test_domain_is_refused(text: str, message: str) -> None:

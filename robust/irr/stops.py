@@ -1,0 +1,205 @@
+"""What ends each side of a box, and what to type where an action's own duration leaves no room.
+
+A side ends at an obligation, at statements of the network that leave no schedule beyond, or at a declared bound. IRR
+notes that when an attempt fails; for exact boxes it is read off the bad polyhedra that touch them.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from robust.irr.widen import least_stretch
+from robust.numbers import format_number
+from robust.plan.model import (
+    ActionInstance,
+    Bound,
+    Duration,
+    DurationConstraint,
+    Expression,
+    Fluent,
+    NumericVariable,
+    Parameter,
+    ParameterReference,
+    ParametrizedPlan,
+)
+from robust.plan.polynomial import Polynomial
+from robust.qe.box import Box, Face, Side
+from robust.qe.constraint import LinearConstraint
+from robust.qe.polyhedron import Polyhedron
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """What ends a side: an obligation or a bound by its name, or statements of the network, in the order of time."""
+
+    name: str
+    statements: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.name}: {'; '.join(self.statements)}" if self.statements else self.name
+
+    @property
+    def short(self) -> str:
+        """With the first and the last of many statements: mostly when it begins, and by when it is to end."""
+        if len(self.statements) <= MANY:
+            return str(self)
+        first, *others, last = self.statements
+        return f"{self.name}: {first}; {len(others)} more of the network (--json lists them); {last}"
+
+
+MANY = 5
+"""Statements that are all shown to people."""
+NO_SCHEDULE = "no schedule"
+CUT_SHORT = Stop("not reached: the search was cut short")
+NOT_EXAMINED = Stop("not examined: no time was left")
+APPROACHED = Stop("nothing next to it: there is no widest box, and this one is close to those that are wider")
+JUST = Fraction(1, 1000)
+"""How far beyond a side is looked for what ends it, where no polyhedron is known that does."""
+
+
+def declared_stop(parameter: Parameter, side: Side, end: Fraction) -> Stop | None:
+    """The declared bound, if the side ends there."""
+    limit, word = (parameter.upper, "ub") if side is Side.UPPER else (parameter.lower, "lb")
+    return Stop(f"declared bound: {word} {format_number(end)}") if end == limit else None
+
+
+# -- polyhedra that touch a box ----------------------------------------------------------------------------------------
+
+
+def touching(pieces: Iterable[Polyhedron], box: Box, face: Face) -> Iterator[Polyhedron]:
+    """The polyhedra, of some that a box misses, that it meets as soon as the face moves outwards alone."""
+    end = box[face[0]].end(face[1])
+    if end is None:
+        return
+    for piece in pieces:
+        if _may_touch(piece, box, face):
+            if len(piece.constraints) == 1 and not piece.constraints[0].is_equality:
+                yield piece  # what one constraint allows is all there is to it
+                continue
+            least = least_stretch(piece, box, {face: (end, Fraction(1))})
+            if least is not None and least.value == 0:
+                yield piece
+
+
+def _may_touch(piece: Polyhedron, box: Box, face: Face) -> bool:
+    """Whether each constraint by itself allows it, and one of them asks for it."""
+    name, side = face
+    halves = [half for constraint in piece.constraints for half in constraint.halves()]
+    towards = any(factor * side.sign < 0 for half in halves for known, factor in half.coefficients if known == name)
+    return towards and all(_is_within_reach(half, box) for half in halves)
+
+
+def _is_within_reach(half: LinearConstraint, box: Box) -> bool:
+    """Whether the closed box has a point that satisfies `form ≤ constant`."""
+    total = Fraction(0)
+    for name, factor in half.coefficients:
+        end = box[name].end(Side.LOWER if factor > 0 else Side.UPPER)
+        if end is None:
+            return True
+        total += factor * end
+    return total <= half.constant
+
+
+# -- durations that plan and domain both fix ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """Why some parameters have no room although they were meant to vary, and the options to type in order to change it.
+
+    `options` are texts for `--parameter`.
+    """
+
+    parameters: tuple[str, ...]
+    reason: str
+    options: tuple[str, ...]
+
+    def __str__(self) -> str:
+        typed = " ".join(f"--parameter {shlex.quote(option)}" for option in self.options)
+        return f"{', '.join(self.parameters)}: {self.reason}: {typed}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Fixed:
+    """An instance whose duration is `length` in the plan, and is demanded to be something else by the domain."""
+
+    instance: ActionInstance
+    constraint: DurationConstraint
+    length: Bound
+    parameters: frozenset[str]
+
+
+def advice(plan: ParametrizedPlan, box: Box, broken: str | None = None) -> tuple[Advice, ...]:
+    """What to type for parameters without room in a box, where durations of actions are why.
+
+    Args:
+        plan: the plan.
+        box: what was found.
+        broken: the obligation that breaks at the nominal values, if the plan is invalid.
+    """
+    found: dict[bool, list[_Fixed]] = {}
+    for one in _fixed_twice(plan):
+        stuck = any(box[name].width == 0 for name in one.parameters)
+        if one.instance.label(one.constraint) == broken or (broken is None and stuck):
+            found.setdefault(bool(one.length.variables), []).append(one)
+    return tuple(_advice(plan, group) for group in found.values())
+
+
+def _fixed_twice(plan: ParametrizedPlan) -> Iterator[_Fixed]:
+    """Durations that parameters are about, which the network fixes at one expression and the domain at another."""
+    lengths: dict[tuple[object, object], Bound] = {}
+    for one in plan.constraints:
+        if one.lower is not None and one.lower == one.upper:
+            lengths[one.source, one.target] = one.lower
+            lengths[one.target, one.source] = -one.lower
+    for instance in plan.instances:
+        length = lengths.get((instance.start, instance.end))
+        if length is None:
+            continue
+        for constraint in instance.fixing[:1]:
+            gap = _with_values(constraint.condition.expression, length, plan)
+            names = frozenset(one.name for one in gap.variables if isinstance(one, ParameterReference))
+            if names:
+                yield _Fixed(instance, constraint, length, names)
+
+
+def _with_values(expression: Expression, length: Bound, plan: ParametrizedPlan) -> Expression:
+    """The expression with the length for `?duration`, and initial values for fluents."""
+
+    def value(unknown: NumericVariable) -> Expression:
+        match unknown:
+            case Duration():
+                return length
+            case Fluent():
+                return plan.initial_fluents[unknown]
+            case ParameterReference():
+                return Polynomial.variable(unknown)
+
+    return expression.substitute(value)
+
+
+def _advice(plan: ParametrizedPlan, group: list[_Fixed]) -> Advice:
+    first = group[0]
+    names = tuple(one.name for one in plan.parameters if any(one.name in each.parameters for each in group))
+    demand = f"{first.constraint.text} of {first.instance.identifier}{' and the like' if len(group) > 1 else ''}"
+    if first.length.variables:
+        reason = f"the plan makes parameters of durations, but the domain still demands {demand}"
+        remedy = "to vary what the domain demands as well, type"
+    else:
+        reason = f"the plan fixes durations that follow from them in the domain, by {demand}"
+        remedy = "to vary the durations themselves instead, type"
+    return Advice(names, f"no room, because {reason}; {remedy}", tuple(_options(plan, group)))
+
+
+def _options(plan: ParametrizedPlan, group: list[_Fixed]) -> Iterator[str]:
+    """`duration:ACTION` for several instances that are all of that action, else `duration:ID` for each."""
+    by_action: dict[str, list[str]] = {}
+    for each in group:
+        by_action.setdefault(each.instance.action, []).append(each.instance.identifier)
+    for action, identifiers in by_action.items():
+        all_of_them = sum(1 for one in plan.instances if one.action == action) == len(identifiers) > 1
+        names = [action] if all_of_them and action not in plan.instance else identifiers
+        yield from (f"duration:{name}" for name in names)
