@@ -151,8 +151,8 @@ class Plan:
             self.conditions.append(rest)
             if end is None and point is not None:
                 self.note(point, "", "", [], condition)
-        elif kind == "effect":
-            pick(self.effects, rest[0]).append(rest[1:])
+        elif kind in ("effect", "mention"):
+            pick(self.effects, rest[0]).extend([rest[1:]] if kind == "effect" else [])
             self.note(*rest)
         elif kind == "rate":
             self.rates.append(rest)

@@ -102,7 +102,7 @@ def section(
     session.add_all(conditions, deadline)
     verdict = session.check("a schedule that is affine on a polyhedron", deadline)
     if verdict is Verdict.UNKNOWN:
-        raise OutOfTimeError
+        raise OutOfTimeError(session.failure)
     if verdict is Verdict.UNSATISFIABLE:
         return None
     values = session.values([terms.real(each) for term in sought.values() for each in term.variables])
@@ -327,7 +327,7 @@ class Exactness:
         with session.frame(*within(self._encoding, intervals)):
             verdict = session.check(f"{obligation.name}: outside", self._deadline)
             if verdict is Verdict.UNKNOWN:
-                raise OutOfTimeError
+                raise OutOfTimeError(session.failure)
             if verdict is Verdict.UNSATISFIABLE:
                 return None
             terms = self._encoding.terms

@@ -187,6 +187,9 @@ class GroundPlan:
         for rate in instance.continuous_effects:
             ends = self.numbers[instance.start], self.numbers[instance.end]
             yield ["rate", *ends, str(rate.fluent), self._expression(rate.rate, instance)]
+        for name, where in sorted(instance.mentioned(), key=str):
+            kind = "read" if isinstance(name, Atom) else "look"
+            yield ["mention", self.numbers[where], kind, str(name), [], True]
 
     def _expression(self, polynomial: Expression, instance: ActionInstance | None) -> Line:
         """A polynomial over names: parameters, fluents, and times such as `@7`."""

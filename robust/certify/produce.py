@@ -168,7 +168,7 @@ def _linear_times(
     session.add_all(conditions, deadline)
     match session.check("a schedule linear in the parameters", deadline):
         case Verdict.UNKNOWN:
-            raise OutOfTimeError
+            raise OutOfTimeError(session.failure)
         case Verdict.UNSATISFIABLE:
             raise UnsupportedError(
                 "no schedule that is linear in the parameters suits the whole box; expected one for a certificate, "

@@ -149,7 +149,7 @@ class Witnesses:
             session.add_all([*formulas, *within(encoding, beyond.intervals)], self._deadline)
             verdict = session.check(f"{obligation.name}: beyond {name}", self._deadline)
             if verdict is Verdict.UNKNOWN:
-                raise OutOfTimeError
+                raise OutOfTimeError(session.failure)
             if verdict is Verdict.UNSATISFIABLE:
                 return None
             symbols = {symbol for formula in session.assertions for symbol in encoding.terms.variables(formula)}

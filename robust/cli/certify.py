@@ -198,7 +198,7 @@ def _region(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline)
         plan, epsilon=options.separation, encoding=options.encoding, solver=options.solver, timeout=deadline.remaining
     )
     if not found.is_exact:
-        raise OutOfTimeError
+        raise OutOfTimeError(found.reason)
     return found.region
 
 
@@ -218,7 +218,7 @@ def _box(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) ->
     if found.status is Status.INVALID:
         raise RefutedError(f"the nominal point is outside of the envelope: {found.reason}; expected a valid plan")
     if found.status is not Status.COMPLETE:
-        raise OutOfTimeError
+        raise OutOfTimeError(found.reason)
     return found.box
 
 

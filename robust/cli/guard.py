@@ -21,6 +21,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from robust.cli.output import Display, answering, complain, noting_warnings, print_json
+from robust.errors import SolverError
 from robust.options import Options, as_typed
 from robust.smt.limits import OutOfTimeError
 
@@ -218,6 +219,11 @@ Found = TypeVar("Found")
 Known = TypeVar("Known", bound="Answer")
 
 
+def _given_up(stopped: OutOfTimeError) -> Exception:
+    """What a command ends with if there is nothing to show: out of time, or what a solver failed with."""
+    return GivenUpError(Cause.TIMEOUT) if stopped.reason is None else SolverError(stopped.reason)
+
+
 class Run:
     """One run of one command: its display, its time limit, and its answer; a context manager."""
 
@@ -283,8 +289,8 @@ class Run:
             if (known := so_far()) is None:
                 raise GivenUpError from None
             return known
-        except OutOfTimeError:
-            raise GivenUpError(Cause.TIMEOUT) from None
+        except OutOfTimeError as stopped:
+            raise _given_up(stopped) from None
         if self.guard.cause is not None and result.cut_short:
             # What was interrupted by the time limit is out of time.
             return so_far() or result
@@ -316,8 +322,8 @@ class Run:
                 return work()
         except KeyboardInterrupt:
             raise GivenUpError from None
-        except OutOfTimeError:
-            raise GivenUpError(Cause.TIMEOUT) from None
+        except OutOfTimeError as stopped:
+            raise _given_up(stopped) from None
 
     def also(self, what: str, work: Callable[[], Found]) -> Found | None:
         """What the work returns; None if it was interrupted, which leaves the answer as it is."""

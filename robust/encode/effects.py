@@ -103,8 +103,8 @@ class Writes:
 def mutex_pairs(plan: ParametrizedPlan) -> tuple[tuple[TimePoint, TimePoint], ...]:
     """The time points that must be ε apart, in the plan's order: PDDL 2.1's rule of no moving targets.
 
-    A condition's reads are syntactic; over-all conditions are no reads; a continuous effect writes at both ends of its
-    action; increases and decreases of one fluent commute.
+    Reads are all that a text mentions, even where it cancels; over-all conditions are no reads; a continuous effect
+    writes at both ends of its action; increases and decreases of one fluent commute.
     """
     rank = {point: index for index, point in enumerate(plan.time_points)}
     pairs = {
@@ -154,6 +154,8 @@ def _reads(instance: ActionInstance) -> Iterator[tuple[Atom | Fluent, tuple[Time
     for continuous in instance.continuous_effects:
         for fluent in fluents_in(continuous.rate):
             yield fluent, instance.time_points
+    for name, point in instance.mentioned():
+        yield name, (point,)
 
 
 def names_in(condition: Condition) -> Iterator[Atom | Fluent]:

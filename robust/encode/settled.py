@@ -105,6 +105,8 @@ class Accesses:
             for point in at.values():
                 self._read(fluents_in(continuous.rate), point)
             self.moving[continuous.fluent].update(at.values())
+        for name, where in instance.mentioned():
+            self._read((name,), self.index[where])
 
     def _read(self, names: Iterable[Name], point: int) -> None:
         for name in names:

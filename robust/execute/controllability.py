@@ -34,7 +34,7 @@ from robust.execute.stnu import Wait, dynamic, explain, waits
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Interval
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session
+from robust.smt.session import Session, Statistics
 from robust.smt.session import Verdict as SolverVerdict
 from robust.smt.terms import Terms
 
@@ -97,8 +97,8 @@ class Controllability:
         started = time.perf_counter()
         try:
             verdict, reason = {Kind.WEAK: self._weak, Kind.DYNAMIC: self._dynamic, Kind.STRONG: self._strong}[kind]()
-        except OutOfTimeError:
-            verdict, reason = Verdict.UNKNOWN, "out of time"
+        except OutOfTimeError as stopped:
+            verdict, reason = Verdict.UNKNOWN, stopped.reason or "out of time"
         return Finding(kind, verdict, reason, time.perf_counter() - started)
 
     def findings(self) -> tuple[Finding, ...]:
@@ -146,16 +146,20 @@ class Controllability:
 
     def _weak(self) -> tuple[Verdict, str | None]:
         """Whether every point of the closure of the box has a schedule: none is lost at open ends."""
-        terms = Terms()
+        terms, statistics = Terms(), Statistics()
         validity = Validity(TemporalNetwork(self.plan), (), terms)
-        found = validity.broken_facet(self.box.ranges, lambda: Session(terms, solver=self.solver), self.deadline)
+
+        def session() -> Session:
+            return Session(terms, solver=self.solver, statistics=statistics)
+
+        found = validity.broken_facet(self.box.ranges, session, self.deadline)
         match found:
             case None:
                 return Verdict.CONTROLLABLE, None
             case Facet():
                 return Verdict.NOT_CONTROLLABLE, f"contradiction: {'; '.join(found.origins)}"
             case SolverVerdict():
-                raise OutOfTimeError
+                raise OutOfTimeError(statistics.failure)
 
     def _strong(self) -> tuple[Verdict, str | None]:
         answer = self.strong_answer()

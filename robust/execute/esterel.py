@@ -128,7 +128,8 @@ class _Transformer:
                 return True
             if isinstance(leaf, model.Comparison) and not fluents.isdisjoint(_fluents(leaf)):
                 return True
-        return False
+        mentioned = {name for name, point in other.instance.mentioned() if point == other.point}
+        return not mentioned.isdisjoint(atoms.keys() | fluents)
 
     # -- timed literals --------------------------------------------------------------------------------------------
 

@@ -21,7 +21,7 @@ from robust.smt.terms import Formula
 
 
 class Answer(Enum):
-    """The verdict on a plan or on one obligation; UNKNOWN is out of time or interrupted."""
+    """The verdict on a plan or on one obligation; UNKNOWN is out of time, interrupted, or a solver that failed."""
 
     PROVED = "proved"
     REFUTED = "refuted"
@@ -47,7 +47,8 @@ class CheckResult:
 
     `settled` is how many of them shortest paths through the network prove, so that no solver is asked. Where the
     network has no schedule at all for some parameter values of the box, there is nothing to execute: `reason` names the
-    statements that contradict each other, and those values.
+    statements that contradict each other, and those values. Where a solver failed and the answer is UNKNOWN, `reason`
+    says how.
     """
 
     answer: Answer
@@ -115,8 +116,11 @@ class Checker:
         except KeyboardInterrupt:
             interrupted = True
         found = self._found()
-        late = found.answer is Answer.UNKNOWN and self.deadline.moment is not None
-        return replace(found, interrupted=interrupted, timed_out=late and not interrupted)
+        unknown = found.answer is Answer.UNKNOWN and not interrupted
+        failure = self._statistics.failure
+        if unknown and failure is not None:
+            return replace(found, reason=failure)
+        return replace(found, interrupted=interrupted, timed_out=unknown and self.deadline.moment is not None)
 
     def so_far(self, *, timed_out: bool) -> CheckResult:
         """What is known by now, if the check is given up: because time is out, or else by an interruption."""
@@ -154,7 +158,8 @@ class Checker:
             case Facet():
                 self._broken = found
             case Verdict():
-                return False
+                # Where it was not for lack of time, obligations may be refuted or proved all the same.
+                return self._statistics.failure is not None
         return True
 
     def _examine(self) -> None:

@@ -109,6 +109,8 @@ class Comparison:
         if self.interrupted or Status.INTERRUPTED in found:
             return Status.INTERRUPTED
         complete = self.region is not None and self.region.is_exact and len(self.entries) == len(METHODS)
+        if Status.UNKNOWN in found or (self.region is not None and self.region.status is RegionStatus.UNKNOWN):
+            return Status.UNKNOWN
         if not complete or Status.TIMEOUT in found:
             return Status.TIMEOUT
         return Status.INVALID if Status.INVALID in found else Status.COMPLETE
@@ -116,7 +118,7 @@ class Comparison:
     @property
     def cut_short(self) -> bool:
         """Whether something ended it before it was done."""
-        return self.status in {Status.TIMEOUT, Status.INTERRUPTED}
+        return self.status in {Status.TIMEOUT, Status.INTERRUPTED, Status.UNKNOWN}
 
 
 @dataclass(eq=False)

@@ -81,7 +81,7 @@ class Questions(ABC, Generic[Found]):
     def _look_in(self, box: Box, deadline: Deadline) -> Found | None:
         facet = self.encoding.validity.broken_facet(box.ranges, self.open_session, deadline)
         if isinstance(facet, Verdict):
-            raise OutOfTimeError
+            raise OutOfTimeError(self.statistics.failure)
         if facet is not None:
             return self._of_facet(facet, box)
         for index, question in enumerate(self._questions):

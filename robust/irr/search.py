@@ -29,6 +29,7 @@ class Status(Enum):
     TIMEOUT = "timeout"
     INTERRUPTED = "interrupted"
     INVALID = "invalid"
+    UNKNOWN = "unknown"
 
 
 DECIDED = (Status.COMPLETE, Status.INVALID)
@@ -56,7 +57,8 @@ class Step:
 class EnvelopeResult:
     """A decoupled robustness envelope and how it was found.
 
-    `reason` and `values` explain INVALID: what breaks at the nominal point, with which parameter values. `checks`
+    `reason` and `values` explain INVALID: what breaks at the nominal point, with which parameter values; of UNKNOWN,
+    `reason` says which failure of a solver ended the search. `checks`
     counts the rectangles tried as in [IRR §5]; queries about unbounded directions are in `unbounded_checks`. `verified`
     is False if not even the nominal point is known to be inside: INVALID, or stopped before that was decided. `bound`
     is what no box can be wider than, where the widest one was looked for. `stops` says what ends each finite side of a
@@ -87,7 +89,7 @@ class EnvelopeResult:
     @property
     def cut_short(self) -> bool:
         """Whether something ended the search before it was done."""
-        return self.status in {Status.TIMEOUT, Status.INTERRUPTED}
+        return self.status in {Status.TIMEOUT, Status.INTERRUPTED, Status.UNKNOWN}
 
     def convergence(self) -> tuple[tuple[int, Fraction], ...]:
         """[IRR §5, Convergence]: after each check, Σ(u − l) as a share of the final one, between 0 and 1.
@@ -165,15 +167,17 @@ class Search(ABC):
         return None
 
     def run(self) -> EnvelopeResult:
-        """Search until done, out of time or interrupted by Ctrl-C; a `verified` box is inside the envelope.
+        """Search until done, out of time, interrupted by Ctrl-C or stopped by a solver that failed.
+
+        A `verified` box is inside the envelope in any case.
 
         Raises:
             InputError: if the network has no schedule, whatever the parameter values.
         """
         try:
             self._search()
-        except OutOfTimeError:
-            return self._result(Status.TIMEOUT)
+        except OutOfTimeError as stopped:
+            return self._result(Status.TIMEOUT if stopped.reason is None else Status.UNKNOWN, stopped.reason)
         except KeyboardInterrupt:
             return self._result(Status.INTERRUPTED)
         except OutsideError as outside:

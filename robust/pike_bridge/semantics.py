@@ -165,7 +165,7 @@ class Oracle:
 
         Raises:
             InputError: if an assumption or the schedule mentions an unknown choice, value or event.
-            SolverError: if the witness is not correct: the solver or this package has a fault.
+            SolverError: if the solver fails, or the witness is not correct.
         """
         with self._session.frame(self._semantics.guard(assume), *self._executed(schedule, now)):
             verdict = self._session.check("correct execution", deadline)
@@ -174,6 +174,8 @@ class Oracle:
                     return Answer(Existence.EXISTS, self._witness(self._session, movable=not schedule and now is None))
                 case Verdict.UNSATISFIABLE:
                     return Answer(Existence.NONE)
+                case Verdict.UNKNOWN if self._session.failure is not None:
+                    raise SolverError(self._session.failure)
                 case Verdict.UNKNOWN:
                     return Answer(Existence.UNKNOWN)
                 case _:

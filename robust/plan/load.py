@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from os import PathLike
 
@@ -14,22 +13,17 @@ from robust.plan.model import (
     ZERO,
     ActionInstance,
     Bound,
-    Comparison,
-    Duration,
     Expression,
     Fluent,
-    GoalCondition,
     NumericVariable,
     Parameter,
     ParameterReference,
     ParametrizedPlan,
-    Relation,
     TemporalConstraint,
-    comparisons,
-    fluents_in,
 )
 from robust.plan.parameters import ParameterSpec, Wiring, parse_specs, read_parameter_file, referenced_parameters, wire
 from robust.plan.pddl.grounding import (
+    fluents_in_goal,
     fluents_read,
     ground_action,
     ground_goal,
@@ -85,18 +79,16 @@ def assemble(
     wiring = wire(stn, specs, fluents, declared, nominal_needed=nominal_needed)
     varied = wiring.fluents.keys()  # must stay symbolic even where grounding would need a constant
     instances = [
-        _with_duration(
-            ground_action(
-                domain,
-                problem,
-                one.identifier,
-                one.action,
-                one.arguments,
-                one.durative,
-                one.location,
-                parametrized=varied,
-            ),
-            wiring.durations.get(one.identifier),
+        ground_action(
+            domain,
+            problem,
+            one.identifier,
+            one.action,
+            one.arguments,
+            one.durative,
+            one.location,
+            parametrized=varied,
+            duration=wiring.durations.get(one.identifier),
         )
         for one in stn.instances
     ]
@@ -104,7 +96,7 @@ def assemble(
     _check_used(stn, wiring, declared, fluents)
     parameters = _parameters(stn, wiring, declared, nominal_needed=nominal_needed)
     values = {**fluents, **{fluent: _reference(name) for fluent, name in wiring.fluents.items()}}
-    _check_initial_values(instances, goal, values, Location(stn.file))
+    _check_initial_values(instances, fluents_in_goal(domain, problem), values, Location(stn.file))
     return ParametrizedPlan(
         name=stn.name,
         parameters=parameters,
@@ -210,18 +202,6 @@ def _remedy(name: str) -> str:
     return f"'parameter {name} default VALUE;' in the plan or the option --parameter {option}"
 
 
-def _with_duration(instance: ActionInstance, parameter: str | None) -> ActionInstance:
-    """The instance with `(= ?duration parameter)` in place of what fixes its duration."""
-    if parameter is None or not instance.fixing:
-        return instance
-    first, *others = instance.fixing
-    duration: Expression = Polynomial.variable(Duration())
-    condition = Comparison(duration - _reference(parameter), Relation.EQUAL)
-    varied = replace(first, condition=condition, text=f"(= ?duration {parameter})")
-    kept = (varied if one is first else one for one in instance.durations if one not in others)
-    return replace(instance, durations=tuple(kept))
-
-
 def _reference(name: str) -> Expression:
     variable: NumericVariable = ParameterReference(name)
     return Polynomial.variable(variable)
@@ -239,19 +219,18 @@ def _bound(bound: STNBound) -> Bound | None:
 
 def _check_initial_values(
     instances: Iterable[ActionInstance],
-    goal: Iterable[GoalCondition],
+    goal: Iterable[tuple[str, frozenset[Fluent]]],
     values: Mapping[Fluent, Expression],
     plan: Location,
 ) -> None:
-    """InputError for a fluent that is read and has no value at time zero: an unknown number is not zero."""
+    """InputError for a fluent that is evaluated and has no value at time zero: an unknown number is not zero."""
     for instance in instances:
         for fluent in sorted(fluents_read(instance) - values.keys()):
             reader = f"instance {instance.identifier} {instance} reads it"
             raise _no_value(fluent, reader, values, instance.location or plan)
-    for condition in goal:
-        read = {fluent for one in comparisons(condition.condition) for fluent in fluents_in(one.expression)}
+    for text, read in goal:
         for fluent in sorted(read - values.keys()):
-            raise _no_value(fluent, f"the goal {condition.text} reads it", values, plan)
+            raise _no_value(fluent, f"the goal {text} reads it", values, plan)
 
 
 def _no_value(fluent: Fluent, reader: str, values: Mapping[Fluent, Expression], place: Location) -> InputError:

@@ -244,6 +244,19 @@ class ContinuousEffect:
     rate: Expression
 
 
+@dataclass(frozen=True, slots=True)
+class Mention:
+    """A name in the text of an action that its ground form has lost: it cancels, or constants decide without it.
+
+    At a start or an end it is read there, as far as interference goes, whatever its value. A fluent with `needs_value`
+    is evaluated all the same, and has to have an initial value; what the equality of objects decides is not evaluated.
+    """
+
+    timing: Timing
+    name: Atom | Fluent
+    needs_value: bool = True
+
+
 class NamedAction:
     """What names of actions and identifiers of instances say by themselves."""
 
@@ -273,7 +286,10 @@ class NamedAction:
 
 @dataclass(frozen=True, slots=True)
 class ActionInstance(NamedAction):
-    """One ground action of the plan, named `identifier`."""
+    """One ground action of the plan, named `identifier`.
+
+    What conditions and effects mention is read; `mentions` is what the text of the action reads beside that.
+    """
 
     identifier: str
     action: str
@@ -284,6 +300,7 @@ class ActionInstance(NamedAction):
     atom_effects: tuple[AtomEffect, ...] = ()
     numeric_effects: tuple[NumericEffect, ...] = ()
     continuous_effects: tuple[ContinuousEffect, ...] = ()
+    mentions: frozenset[Mention] = frozenset()
     location: Location | None = field(default=None, compare=False)
 
     @property
@@ -301,6 +318,12 @@ class ActionInstance(NamedAction):
     def at(self, timing: Timing) -> TimePoint:
         """The time point at which an AT_START or AT_END condition or effect happens."""
         return self.end if timing is Timing.AT_END else self.start
+
+    def mentioned(self) -> Iterator[tuple[Atom | Fluent, TimePoint]]:
+        """What is read by mention only, and where; over-all conditions are no reads."""
+        for mention in self.mentions:
+            if mention.timing is not Timing.OVER_ALL:
+                yield mention.name, self.at(mention.timing)
 
     def label(self, part: TimedCondition | DurationConstraint) -> str:
         """The name of the obligation that `part` gives rise to."""

@@ -1,8 +1,8 @@
 """The concrete simulator: what becomes of one schedule of a plan, exactly, and why [docs/semantics.md].
 
-Mutex pairs follow PDDL 2.1's rule of no moving targets. Reads are syntactic on the ground conditions; over-all
-conditions do not count. A continuous effect increases its fluent at both ends of its action and its rate is read
-there. A time point that adds and deletes the same atom does both.
+Mutex pairs follow PDDL 2.1's rule of no moving targets. Reads are all that a text mentions, even where it cancels;
+over-all conditions do not count. A continuous effect increases its fluent at both ends of its action and its rate is
+read there. A time point that adds and deletes the same atom does both.
 """
 
 from __future__ import annotations
@@ -59,6 +59,12 @@ class _Footprint:
     def names(self) -> set[Atom | Fluent]:
         """All that is touched."""
         return self.atoms_read | self.adds | self.deletes | self.fluents_read | self.assigns | self.increases
+
+    def read_name(self, name: Atom | Fluent) -> None:
+        if isinstance(name, Atom):
+            self.atoms_read.add(name)
+        else:
+            self.fluents_read.add(name)
 
     def read_expression(self, expression: Expression) -> None:
         self.fluents_read.update(fluents_in(expression))
@@ -122,6 +128,9 @@ def _enter_instance(footprint: _Footprint, instance: ActionInstance, point: Time
     for continuous in instance.continuous_effects:
         footprint.read_expression(continuous.rate)
         footprint.increases.add(continuous.fluent)
+    for name, where in instance.mentioned():
+        if where == point:
+            footprint.read_name(name)
 
 
 def _enter_timed_literal(footprint: _Footprint, literal: TimedLiteral) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from graphlib import CycleError, TopologicalSorter
@@ -29,7 +29,7 @@ from robust.qe.eliminate.interface import Context, Definition, Query, create_eli
 from robust.qe.nnf import FALSE, TRUE, Junction, Nnf, Reader, conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import Deadline, DiedError, OutOfTimeError
 from robust.smt.session import Session, Statistics, Verdict
 
 
@@ -233,7 +233,7 @@ class Existence:
     def _facet(self, ranges: Mapping[str, Range], deadline: Deadline) -> Facet | None:
         found = self.encoding.validity.broken_facet(ranges, self.context.session, deadline)
         if isinstance(found, Verdict):
-            raise OutOfTimeError
+            raise OutOfTimeError(self.context.statistics.failure)
         return found
 
     def _by_points(self, deadline: Deadline) -> Iterator[Conjunction]:
@@ -272,6 +272,7 @@ class RegionStatus(Enum):
     COMPLETE = "complete"
     TIMEOUT = "timeout"
     INTERRUPTED = "interrupted"
+    UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True)
@@ -279,7 +280,8 @@ class RegionResult:
     """The robustness envelope and how it was computed.
 
     `region` is the envelope itself where `status` is COMPLETE; otherwise every point of the envelope is in it, but not
-    every point of it is in the envelope. `pieces` counts the polyhedra of bad values that were found.
+    every point of it is in the envelope. `pieces` counts the polyhedra of bad values that were found. `reason` says
+    which failure of a solver ended an enumeration that is UNKNOWN.
     """
 
     status: RegionStatus
@@ -292,6 +294,7 @@ class RegionResult:
     seconds: float
     pieces: int
     statistics: Statistics = field(default_factory=Statistics)
+    reason: str | None = None
 
     @property
     def is_exact(self) -> bool:
@@ -307,8 +310,16 @@ class RegionResult:
         """What the region is, in a sentence."""
         if self.is_exact:
             return "the robustness envelope"
-        reason = "the time limit" if self.status is RegionStatus.TIMEOUT else "an interruption"
-        return f"an outer bound of the robustness envelope: {reason} ended the enumeration of bad parameter values"
+        return (
+            f"an outer bound of the robustness envelope: {_ENDED[self.status]} the enumeration of bad parameter values"
+        )
+
+
+_ENDED = {
+    RegionStatus.TIMEOUT: "the time limit ended",
+    RegionStatus.INTERRUPTED: "an interruption ended",
+    RegionStatus.UNKNOWN: "a solver failed in",
+}
 
 
 class RegionSearch:
@@ -354,17 +365,21 @@ class RegionSearch:
         self._region: Region | None = None
 
     def run(self) -> RegionResult:
-        """The envelope, or, out of time or after Ctrl-C, an outer bound of it.
+        """The envelope, or, out of time, after Ctrl-C or where a solver failed, an outer bound of it.
 
         Raises:
             UnsupportedError: an expression that is not linear, or one that the back end cannot handle.
             SolverError: a solver is not installed.
         """
         status = RegionStatus.COMPLETE
+        reason: str | None = None
         try:
             self._search()
-        except OutOfTimeError:
-            status = RegionStatus.TIMEOUT
+        except OutOfTimeError as stopped:
+            reason = stopped.reason
+            status = RegionStatus.TIMEOUT if reason is None else RegionStatus.UNKNOWN
+        except DiedError as died:
+            reason, status = died.message, RegionStatus.UNKNOWN
         except KeyboardInterrupt:
             status = RegionStatus.INTERRUPTED
         # Half-spaces become sides of the polyhedron to subtract from.
@@ -372,7 +387,7 @@ class RegionSearch:
         others = [piece for piece in self._pieces if len(piece) != 1 or piece[0].is_equality]
         sides = [side.negation()[0] for side in half_spaces]
         self._region = self._without(Polyhedron(self._parameters, (*self._bounds, *sides)).simplified(), others)
-        return self._result(status, self._region)
+        return replace(self._result(status, self._region), reason=reason)
 
     def so_far(self, *, timed_out: bool) -> RegionResult:
         """What the pieces leave that are known by now, if the search is given up: out of time, or interrupted."""

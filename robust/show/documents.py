@@ -33,8 +33,8 @@ Document = dict[str, Any]
 Solver = Annotated[str, one_of(*SOLVERS)]
 Encoding = Annotated[str, one_of(*ENCODINGS)]
 Verdict = Annotated[str, one_of("proved", "refuted", "unknown")]
-Ended = Annotated[str, one_of("complete", "timeout", "interrupted")]
-SearchEnded = Annotated[str, one_of("complete", "timeout", "interrupted", "invalid")]
+Ended = Annotated[str, one_of("complete", "timeout", "interrupted", "unknown")]
+SearchEnded = Annotated[str, one_of("complete", "timeout", "interrupted", "invalid", "unknown")]
 Kind = Annotated[str, one_of("weak", "dynamic", "strong")]
 Rationals = dict[str, Rational]
 
@@ -171,7 +171,8 @@ class Check(Noted, tag_field="schema", tag="robust/check/1"):
         settled: how many of them shortest paths prove, without the solver
         counterexample: the first of counterexamples
         counterexamples: one for each obligation found to break
-        reason: why the plan is refuted without a counterexample: parameter values leave no schedule
+        reason: why the plan is refuted without a counterexample: parameter values leave no schedule; if unknown: how a
+            solver failed
         interrupted: stopped by Ctrl-C or SIGTERM
         timeout: stopped by --timeout
     """
@@ -297,8 +298,8 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
     """robust envelope --json: a box of parameter values for which a plan is valid
 
     Attributes:
-        status: timeout and interrupted: the box is sound if verified, but may not be maximal; invalid: the plan can
-            fail at the nominal values
+        status: timeout, interrupted and unknown (a solver failed): the box is sound if verified, but may not be
+            maximal; invalid: the plan can fail at the nominal values
         verified: the plan is valid for all values in the box; if false, parameters are merely the nominal values
         beta: the precision of irr; null for the exact methods
         bound: for optimal: no box that may be returned has a greater weighted total width; null if not finite or not
@@ -306,7 +307,8 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
         parameters: the box, in the plan's order
         checks: boxes tried
         unbounded_checks: further boxes tried to find out whether a direction is unbounded
-        reason: if invalid: the obligation that breaks, or the statements that leave no schedule
+        reason: if invalid: the obligation that breaks, or the statements that leave no schedule; if unknown: how a
+            solver failed
         values: if invalid: the parameter values at which it breaks
         counterexample: if invalid: a schedule that fails at the nominal values, if there is one and time for it
         advice: what to type for parameters that an action's own duration leaves no room
@@ -428,6 +430,7 @@ class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     Attributes:
         status: complete: the region is the envelope; otherwise it contains the envelope, and not every point of it is
             valid
+        reason: only if unknown: how a solver failed
         meaning: what the region is, in a sentence
         polyhedra: form union: the region is their union
         base: form difference: the polyhedron from which others are removed
@@ -443,6 +446,7 @@ class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     }
 
     status: Ended
+    reason: str | UnsetType = UNSET
     meaning: str
     parameters: Annotated[list[str], Meta(extra_json_schema={"uniqueItems": True})]
     form: Annotated[str, one_of("union", "difference")]
@@ -462,6 +466,7 @@ class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
 
 def region(result: RegionResult, epsilon: Fraction) -> Document:
     shown = {key: value for key, value in result.region.as_dict().items() if key != "schema"}
+    shown["reason"] = UNSET if result.reason is None else result.reason
     return document(like(Region, result, epsilon=epsilon, statistics=like(Statistics, result.statistics), **shown))
 
 

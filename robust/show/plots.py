@@ -70,6 +70,7 @@ def _title(result: EnvelopeResult) -> str:
         Status.TIMEOUT: "out of time: best box so far",
         Status.INTERRUPTED: "interrupted: best box so far",
         Status.INVALID: "invalid",
+        Status.UNKNOWN: "a solver failed: best box so far",
     }
     method = {"irr": "IRR", "widen": "exact widening", "optimal": "greatest total width"}[result.method]
     precision = "" if result.beta is None else f", β = {readable(result.beta)}"

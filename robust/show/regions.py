@@ -33,6 +33,11 @@ MANY = 20
 _STOPPED = {RegionStatus.TIMEOUT: "out of time", RegionStatus.INTERRUPTED: "interrupted"}
 
 
+def _stopped(result: RegionResult) -> str:
+    """Why the enumeration did not come to its end."""
+    return _STOPPED.get(result.status) or f"{result.reason}"
+
+
 # -- forms -----------------------------------------------------------------------------------------------------------
 
 
@@ -60,7 +65,7 @@ def tidied(region: Region) -> Region:
 def print_latex(out: Console, result: RegionResult) -> None:
     """A formula; what it is, if not the envelope, in a comment."""
     if not result.is_exact:
-        out.print(Text(f"% {_STOPPED[result.status]}: {result.meaning}"), soft_wrap=True)
+        out.print(Text(f"% {_stopped(result)}: {result.meaning}"), soft_wrap=True)
     out.print(Text(result.region.to_latex()), soft_wrap=True)
 
 
@@ -71,7 +76,7 @@ def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
     if not quiet:
         out.print()
     if not result.is_exact:
-        text = f"{_STOPPED[result.status]}: an outer bound of the envelope; outside the plan can fail, inside it may"
+        text = f"{_stopped(result)}: an outer bound of the envelope; outside the plan can fail, inside it may"
         out.print(Text(text, style="yellow"), soft_wrap=True)
     if not quiet:
         out.print(_summary(result), soft_wrap=True)
@@ -276,6 +281,7 @@ def _compare_summary(result: Comparison) -> str:
         Status.INVALID: "the plan can fail at the nominal values",
         Status.TIMEOUT: "out of time: gaps are at most those shown, shares at least",
         Status.INTERRUPTED: "interrupted: what was known by then",
+        Status.UNKNOWN: "a solver failed: gaps are at most those shown, shares at least",
     }
     region = "" if result.region is None else f"; region {duration(result.region.seconds)}"
     return f"{words[result.status]}{region}, {duration(result.seconds)} in all."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
 from typing import TextIO
 
 from rich import box as borders
@@ -62,8 +63,8 @@ def _verdict(result: CheckResult) -> Text:
         case Answer.PROVED:
             text.append(": the plan is valid for every schedule that its network allows", style="default")
         case Answer.UNKNOWN:
-            reason = ": out of time" if result.timed_out else ": interrupted" if result.interrupted else ""
-            text.append(reason, style="default")
+            stopped = "out of time" if result.timed_out else "interrupted" if result.interrupted else result.reason
+            text.append(f": {stopped}" if stopped else "", style="default")
         case Answer.REFUTED if result.reason is not None:
             text.append(f": {result.reason}", style="default")
         case Answer.REFUTED:
@@ -190,8 +191,8 @@ def print_envelope(
             print_advice(out, result.advice)
         return
     if not result.verified:
-        word = _STOPPED[result.status]
-        out.print(Text(f"{word} before the nominal values were decided: no box is known", style="yellow"))
+        word = _stopped(result)
+        out.print(Text(f"{word}; the nominal values are not decided, no box is known", style="yellow"))
         return
     if result.parameters:
         show_table(out, envelope_table(result))
@@ -202,13 +203,18 @@ def print_envelope(
         print_advice(out, result.advice)
         out.print()
     if result.status is not Status.COMPLETE:
-        word = _STOPPED[result.status]
+        word = _stopped(result)
         out.print(Text(f"{word}: the best box so far; sound, not maximal", style="yellow"), soft_wrap=True)
     if not quiet:
         out.print(_envelope_summary(result, promise), soft_wrap=True)
 
 
 _STOPPED = {Status.TIMEOUT: "out of time", Status.INTERRUPTED: "interrupted"}
+
+
+def _stopped(result: EnvelopeResult) -> str:
+    """Why the search did not come to its end."""
+    return _STOPPED.get(result.status) or f"{result.reason}"
 
 
 def envelope_table(result: EnvelopeResult) -> Table:

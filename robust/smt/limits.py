@@ -34,7 +34,18 @@ GLANCE = 0.2
 
 
 class OutOfTimeError(Exception):
-    """The deadline passed before the question was decided; internal to the searches, which return what they have."""
+    """The deadline passed before the question was decided; internal to the searches, which return what they have.
+
+    `reason` says so if it was not the deadline, but a solver that crashed or gave up.
+    """
+
+    def __init__(self, reason: str | None = None) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+
+class DiedError(SolverError):
+    """A copy of this process ended without an answer, such as by an abort of a solver's library."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +165,7 @@ def stream_from_copy(work: Callable[[], Iterable[T]], deadline: Deadline, task: 
 
     Raises:
         OutOfTimeError: if the deadline passes.
-        SolverError: if the work failed or the copy died.
+        SolverError: if the work failed; DiedError if the copy died.
     """
     reader, writer = os.pipe()
     child = os.fork()
@@ -164,8 +175,13 @@ def stream_from_copy(work: Callable[[], Iterable[T]], deadline: Deadline, task: 
     os.close(writer)
     try:
         while True:
-            failed, size = _HEADER.unpack(_read(reader, _HEADER.size, deadline, task))
-            item = pickle.loads(_read(reader, size, deadline, task))  # noqa: S301 - written by our own copy
+            header = _read(reader, _HEADER.size, deadline)
+            failed, size = _HEADER.unpack(header) if header else (False, 0)
+            content = _read(reader, size, deadline) if header else b""
+            if not content:
+                ended, child = child, 0
+                raise DiedError(f"{task} {_how_it_ended(ended)}")
+            item = pickle.loads(content)  # noqa: S301 - written by our own copy
             if failed:
                 raise SolverError(f"{task} failed: {item}")
             if item is None:
@@ -173,8 +189,18 @@ def stream_from_copy(work: Callable[[], Iterable[T]], deadline: Deadline, task: 
             yield item
     finally:
         os.close(reader)
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
+        if child:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+
+
+def _how_it_ended(child: int) -> str:
+    """What became of a copy that has closed its pipe."""
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if code >= 0:
+        return f"ended without an answer, with exit code {code}"
+    memory = "; it may have run out of memory" if -code == signal.SIGKILL else ""
+    return f"ended with signal {signal.Signals(-code).name}{memory}"
 
 
 def _run_in_copy(work: Callable[[], Iterable[Any]], writer: int) -> NoReturn:
@@ -200,13 +226,14 @@ def _write(writer: int, failed: bool, item: Any) -> None:
         pending = pending[os.write(writer, pending) :]
 
 
-def _read(reader: int, size: int, deadline: Deadline, task: str) -> bytes:
+def _read(reader: int, size: int, deadline: Deadline) -> bytes:
+    """Nothing if the copy has died."""
     content = bytearray()
     while len(content) < size:
         if not has_input(reader, deadline):
             raise OutOfTimeError
         chunk = os.read(reader, min(1 << 20, size - len(content)))
         if not chunk:
-            raise SolverError(f"the process of {task} died; it may have run out of memory")
+            return b""
         content += chunk
     return bytes(content)

@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from fractions import Fraction
 from importlib import import_module
@@ -24,7 +24,10 @@ from robust.smt.terms import Formula, Terms
 
 @dataclass(slots=True)
 class Statistics:
-    """Counts over all sessions that share it: queries by verdict, seconds in solvers, nodes of asserted formulas."""
+    """Counts over all sessions that share it: queries by verdict, seconds in solvers, nodes of asserted formulas.
+
+    `failures` say why solvers gave no verdict, where it was not for lack of time.
+    """
 
     queries: int = 0
     satisfiable: int = 0
@@ -32,9 +35,19 @@ class Statistics:
     unknown: int = 0
     seconds: float = 0.0
     nodes: int = 0
+    failures: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, float | int]:
-        return {**asdict(self), "seconds": round(self.seconds, 6)}
+        """The counts."""
+        counts = {**asdict(self), "seconds": round(self.seconds, 6)}
+        del counts["failures"]
+        return counts
+
+    @property
+    def failure(self) -> str | None:
+        """The first of the failures, and how many there are."""
+        others = f" (and {len(self.failures) - 1} more)" if len(self.failures) > 1 else ""
+        return f"{self.failures[0]}{others}" if self.failures else None
 
 
 Value = Fraction | bool
@@ -42,7 +55,7 @@ log = logging.getLogger(__name__)
 
 
 class Verdict(Enum):
-    """What a solver says of a query; UNKNOWN covers time-outs."""
+    """What a solver says of a query; UNKNOWN covers time-outs and crashes."""
 
     SATISFIABLE = "sat"
     UNSATISFIABLE = "unsat"
@@ -56,6 +69,8 @@ class Backend(ABC):
 
     def __init__(self, terms: Terms) -> None:
         self._terms = terms
+        self.failure: str | None = None
+        """Why the last check has no verdict, where it is not for lack of time."""
         self._solver = self._create(terms)
 
     @abstractmethod
@@ -122,47 +137,50 @@ class Z3(Backend):
 
 
 class Cvc5(Backend):
-    """cvc5 cannot be interrupted while Python waits for it.
+    """cvc5 in a copy of this process for each question.
 
-    A query gets a short slice in this process; what takes longer runs in a forked copy of the process, which Ctrl-C or
-    the time limit ends at once, and which sends back the verdict and the values.
+    cvc5 cannot be interrupted while Python waits for it, and now and then it aborts, which ends the process that it
+    runs in. Here it only holds terms; a forked copy solves, sends back verdict and values, and can be ended.
     """
 
     name = "cvc5"
-    slice_milliseconds = 100
 
     def _create(self, terms: Terms) -> Any:
-        self._copied_values: Mapping[str, Value] | None = None
-        return _pysmt_solver(terms, self.name, "cvcfive", "CVC5Solver")
+        self._frames: list[list[Any]] = [[]]
+        self._values: Mapping[str, Value] = {}
+        # All sessions of one environment share what has been translated already.
+        if self.name not in terms.translations:
+            terms.translations[self.name] = _pysmt_solver(terms, self.name, "cvcfive", "CVC5Solver")
+        return terms.translations[self.name]
+
+    def add(self, formula: Formula) -> None:
+        self._frames[-1].append(self._solver.converter.convert(formula))
+
+    def push(self) -> None:
+        self._frames.append([])
+
+    def pop(self) -> None:
+        self._frames.pop()
 
     def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
-        self._copied_values = None
-        remaining = deadline.remaining
-        slice_ = self.slice_milliseconds if remaining is None else min(self.slice_milliseconds, int(remaining * 1000))
-        self._solver.cvc5.setOption("tlimit-per", str(max(1, slice_)))
-        verdict = _solve(self._solver)
-        if verdict is Verdict.UNKNOWN and not deadline.passed:
-            return self._check_in_copy(deadline, list(symbols()))
+        def answer() -> tuple[Verdict, Mapping[str, Value]]:
+            for term in (term for frame in self._frames for term in frame):
+                self._solver.cvc5.assertFormula(term)
+            verdict = _solve(self._solver)
+            return verdict, super(Cvc5, self).values(symbols()) if verdict is Verdict.SATISFIABLE else {}
+
+        self.failure = None
+        try:
+            verdict, self._values = from_copy(answer, deadline, self.name)
+        except OutOfTimeError:
+            return Verdict.UNKNOWN
+        except SolverError as error:
+            self.failure = error.message
+            return Verdict.UNKNOWN
         return verdict
 
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
-        if self._copied_values is None:
-            return super().values(symbols)
-        return {symbol.symbol_name(): self._copied_values[symbol.symbol_name()] for symbol in symbols}
-
-    def _check_in_copy(self, deadline: Deadline, symbols: list[Formula]) -> Verdict:
-        values = super().values
-
-        def answer() -> tuple[Verdict, dict[str, Value]]:
-            self._solver.cvc5.setOption("tlimit-per", "0")
-            verdict = _solve(self._solver)
-            return verdict, values(symbols) if verdict is Verdict.SATISFIABLE else {}
-
-        try:
-            verdict, self._copied_values = from_copy(answer, deadline, self.name)
-        except (OutOfTimeError, SolverError):
-            return Verdict.UNKNOWN
-        return verdict
+        return {symbol.symbol_name(): self._values[symbol.symbol_name()] for symbol in symbols}
 
 
 BACKENDS: Mapping[str, type[Backend]] = {"z3": Z3, "cvc5": Cvc5}
@@ -225,6 +243,8 @@ class Session:
         self.terms = terms
         self.solver = solver
         self.statistics = statistics or Statistics()
+        self.failure: str | None = None
+        """Why the last check has no verdict, where it is not for lack of time."""
         self._exporter = exporter
         self._backend = create_backend(solver, terms)
         self._frames: list[list[Formula]] = [[]]
@@ -276,6 +296,10 @@ class Session:
         verdict = self._backend.check(deadline, self._asserted_symbols)
         seconds = time.perf_counter() - started
         self._count(verdict, seconds)
+        self.failure = None
+        if verdict is Verdict.UNKNOWN and self._backend.failure is not None:
+            self.failure = f"{self._backend.failure}, asked: {question}"
+            self.statistics.failures.append(self.failure)
         log.debug("%s: %s in %.4f s", question, verdict.value, seconds)
         if self._exporter is not None:
             self._exporter.write(self.terms, self.assertions, question, verdict.value)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from fractions import Fraction
+from functools import partial
 from itertools import combinations, pairwise, permutations, product
 from pathlib import Path
 from random import Random
-from unittest.mock import Mock
 
 import pytest
 
@@ -159,32 +161,44 @@ def test_time_limit_ends_a_hard_query_about_on_time(solver, seconds) -> None:
         assert session.check("a start before zero", Deadline.after(30)) is UNSAT, "it can be used afterwards"
 
 
-def test_values_survive_the_copy_that_a_slow_cvc5_query_runs_in(monkeypatch, terms) -> None:
-    session = Session(terms, solver="cvc5")
-    copies = Mock(wraps=session._backend._check_in_copy)
-    monkeypatch.setattr(session._backend, "_check_in_copy", copies)
-    monkeypatch.setattr("robust.smt.session._solve", _unknown_once())
-    truth, x, y = terms.fresh_boolean("b"), terms.real(X_NAME), terms.real(Y_NAME)
-    session.add(terms.equal(X - Fraction(1, 3)), truth)
-    assert session.check("in a copy") is SAT
-    assert session.values([x, truth]) == {x.symbol_name(): Fraction(1, 3), truth.symbol_name(): True}
-    # The next query is answered in this process, and its values are not those of the copy.
-    with session.frame(terms.greater(Y - 5)):
-        assert session.check("here") is SAT
-        assert session.values([y])[y.symbol_name()] > 5
-    copies.assert_called_once()
+@pytest.mark.parametrize(
+    ("death", "why"),
+    [
+        (os.abort, "cvc5 ended with signal SIGABRT, asked: two"),
+        (partial(signal.raise_signal, signal.SIGSEGV), "cvc5 ended with signal SIGSEGV, asked: two"),
+        (
+            partial(signal.raise_signal, signal.SIGKILL),
+            "cvc5 ended with signal SIGKILL; it may have run out of memory, asked: two",
+        ),
+        (partial(os._exit, 7), "cvc5 ended without an answer, with exit code 7, asked: two"),
+        (partial(int, "x"), "cvc5 failed: ValueError: invalid literal for int() with base 10: 'x', asked: two"),
+    ],
+    ids=["abort", "segmentation fault", "kill", "exit", "exception"],
+)
+def test_a_crash_of_cvc5_is_one_question_without_an_answer(monkeypatch, terms, death, why) -> None:
+    session, x = Session(terms, solver="cvc5"), terms.real(X_NAME)
+    session.add(terms.equal(X - Fraction(1, 3)))
+    assert session.check("one") is SAT
+    with monkeypatch.context() as patch:
+        patch.setattr("robust.smt.session._solve", lambda _solver: dying(death))
+        assert session.check("two") is UNKNOWN
+    assert session.statistics.failures == [why]
+    with session.frame(terms.greater(X - 1)):
+        assert session.check("three") is UNSAT
+    assert session.failure is None
+    assert session.check("four") is SAT
+    assert session.values([x]) == {x.symbol_name(): Fraction(1, 3)}
+    assert session.statistics.as_dict().keys() == Statistics().as_dict().keys()
 
 
-def _unknown_once():
-    from robust.smt.session import _solve  # noqa: PLC0415 - the function before it is replaced
+def dying(death: Callable[[], object]) -> None:
+    """Ends this process, which must not be that of the tests."""
+    assert os.getppid() == TESTS
+    faulthandler.disable()
+    death()
 
-    parent, calls = os.getpid(), []
 
-    def solve(solver):
-        calls.append(solver)
-        return Verdict.UNKNOWN if len(calls) == 1 and os.getpid() == parent else _solve(solver)
-
-    return solve
+TESTS = os.getpid()
 
 
 INTERRUPTED = """

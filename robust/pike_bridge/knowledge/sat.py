@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, combinations
 
-from robust.errors import InputError, did_you_mean
+from robust.errors import InputError, SolverError, did_you_mean
 from robust.pike_bridge.knowledge.interface import Commitment, KnowledgeBase, KnowledgeStatistics, Narrowing, narrowing
 from robust.pike_bridge.model import Assignment, Constraint, Guard, Tpnu, guard
 from robust.pike_bridge.theory import Theory, interpret
@@ -184,11 +184,13 @@ class SatKnowledgeBase(KnowledgeBase):
 
 
 def satisfiable(session: Session, question: str, deadline: Deadline) -> bool:
-    """The solver's word; OutOfTimeError if the deadline passes or it does not know."""
+    """The solver's word; OutOfTimeError if the deadline passes or it does not know, SolverError if it failed."""
     match session.check(question, deadline):
         case Verdict.SATISFIABLE:
             return True
         case Verdict.UNSATISFIABLE:
             return False
+        case Verdict.UNKNOWN if session.failure is not None:
+            raise SolverError(session.failure)
         case Verdict.UNKNOWN:
             raise OutOfTimeError

@@ -25,21 +25,25 @@ from robust.plan.model import (
     Fluent,
     GoalCondition,
     Holds,
+    Mention,
     NumericEffect,
     NumericVariable,
     Or,
     ParameterReference,
     Relation,
     TimedCondition,
+    Timing,
     Truth,
-    comparisons,
     fluents_in,
+    leaves,
 )
 from robust.plan.pddl import syntax
 from robust.plan.pddl.declarations import count, fits
 from robust.plan.pddl.write import condition_text, duration_text, expression_text, type_text
 from robust.plan.polynomial import Polynomial
 
+Name = Atom | Fluent
+_AT_BOTH_ENDS = (Timing.AT_START, Timing.AT_END)
 _NEGATED = {
     Relation.AT_LEAST: Relation.GREATER,
     Relation.GREATER: Relation.AT_LEAST,
@@ -243,10 +247,12 @@ def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
     location: Location | None,
     *,
     parametrized: Collection[Fluent] = frozenset(),
+    duration: str | None = None,
 ) -> ActionInstance:
     """The instance `identifier` of an action; InputError at `location` if name, kind or arguments do not fit.
 
     A fluent that nothing changes may be a divisor, and then its initial value is used, unless it is `parametrized`.
+    The parameter `duration`, if given, takes the place of what `?duration` is said to be equal to.
     """
     schema = _schema(domain, action, durative, location)
     names = tuple(argument.lower() for argument in arguments)
@@ -255,22 +261,23 @@ def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
     context = Context(domain, problem, identifier, bindings, parametrized)
     effects = _Effects()
     effects.add(schema.effects, context, Truth(True))
-    return ActionInstance(
+    instance = ActionInstance(
         identifier=identifier,
         action=schema.name,
         arguments=names,
         durative=durative,
-        durations=tuple([_duration(bound, context) for bound in schema.durations]),
+        durations=tuple([_duration(bound, context, duration) for bound in schema.durations]),
         conditions=_distinct(
             TimedCondition(timed.timing, ground, text)
             for timed in schema.conditions
-            for ground, text in _conjuncts(timed.condition, context)
+            for ground, text in _ground_conjuncts(timed.condition, context)
         ),
         atom_effects=_distinct(effects.atoms),
         numeric_effects=tuple(effects.numeric),
         continuous_effects=tuple(effects.continuous),
         location=location,
     )
+    return replace(instance, mentions=_mentions(_texts(schema, context, duration), instance))
 
 
 def ground_goal(
@@ -278,7 +285,7 @@ def ground_goal(
 ) -> tuple[GoalCondition, ...]:
     """The conjuncts of the goal; `parametrized` as for :func:`ground_action`."""
     context = Context(domain, problem, "", {}, parametrized)
-    return _distinct(GoalCondition(ground, text) for ground, text in _conjuncts(problem.goal, context))
+    return _distinct(GoalCondition(ground, text) for ground, text in _ground_conjuncts(problem.goal, context))
 
 
 def _distinct(items: Iterable[T]) -> tuple[T, ...]:
@@ -292,18 +299,148 @@ def initial_fluents(domain: syntax.Domain, problem: syntax.Problem) -> dict[Flue
 
 
 def fluents_read(instance: ActionInstance) -> frozenset[Fluent]:
-    """The fluents whose value matters to the instance: all that it mentions but the targets of assignments."""
-    effects = instance.numeric_effects
-    conditions: list[Condition] = [timed.condition for timed in instance.conditions]
-    conditions += [bound.condition for bound in instance.durations]
-    conditions += [effect.condition for effect in instance.atom_effects]
-    conditions += [effect.condition for effect in effects]
-    expressions = [compared.expression for condition in conditions for compared in comparisons(condition)]
-    expressions += [effect.expression for effect in effects]
-    expressions += [effect.rate for effect in instance.continuous_effects]
-    read = {fluent for expression in expressions for fluent in fluents_in(expression)}
+    """The fluents that the instance evaluates: all that its text mentions but the targets of assignments.
+
+    What the equality of objects decides is not evaluated.
+    """
+    read = {name for _, name in _reads(instance) if isinstance(name, Fluent)}
+    read |= {one.name for one in instance.mentions if one.needs_value and isinstance(one.name, Fluent)}
     read |= {effect.fluent for effect in instance.continuous_effects}
-    return frozenset(read | {effect.fluent for effect in effects if effect.operator is Assignment.INCREASE})
+    increased = (effect.fluent for effect in instance.numeric_effects if effect.operator is Assignment.INCREASE)
+    return frozenset(read.union(increased))
+
+
+def fluents_in_goal(domain: syntax.Domain, problem: syntax.Problem) -> Iterator[tuple[str, frozenset[Fluent]]]:
+    """The conjuncts of the goal, in PDDL, with the fluents that each evaluates, as :func:`fluents_read` says."""
+    for lifted, context in _conjuncts(problem.goal, Context(domain, problem, "", {})):
+        yield condition_text(lifted, context.bindings), _text(lifted, context).evaluated
+
+
+# -- what is read ------------------------------------------------------------------------------------------------------
+
+
+def _reads(instance: ActionInstance) -> Iterator[tuple[Timing, Name]]:
+    """What the ground conditions and effects of an instance mention, and when."""
+    parts: tuple[TimedCondition | DurationConstraint | AtomEffect | NumericEffect, ...] = (
+        *instance.durations,
+        *instance.conditions,
+        *instance.atom_effects,
+        *instance.numeric_effects,
+    )
+    for part in parts:
+        for leaf in leaves(part.condition):
+            if isinstance(leaf, Holds):
+                yield part.timing, leaf.atom
+            elif isinstance(leaf, Comparison):
+                yield from ((part.timing, fluent) for fluent in fluents_in(leaf.expression))
+    for effect in instance.numeric_effects:
+        yield from ((effect.timing, fluent) for fluent in fluents_in(effect.expression))
+    for continuous in instance.continuous_effects:
+        yield from ((timing, fluent) for timing in _AT_BOTH_ENDS for fluent in fluents_in(continuous.rate))
+
+
+@dataclass(frozen=True, slots=True)
+class _Text:
+    """What a text mentions, which fluents are evaluated, and its truth where the equality of objects decides it."""
+
+    names: frozenset[Name] = frozenset()
+    evaluated: frozenset[Fluent] = frozenset()
+    decided: bool | None = None
+
+
+def _mentions(texts: Iterable[tuple[Timing, _Text]], instance: ActionInstance) -> frozenset[Mention]:
+    """What is mentioned by texts, each with the time that it belongs to, and not by the ground instance."""
+    found: dict[tuple[Timing, Name], bool] = {}
+    for timing, text in texts:
+        for name in text.names:
+            found[timing, name] = found.get((timing, name), False) or name in text.evaluated
+    kept = found.keys() - set(_reads(instance))
+    return frozenset(Mention(timing, name, found[timing, name]) for timing, name in kept)
+
+
+def _texts(schema: syntax.ActionSchema, context: Context, duration: str | None) -> Iterator[tuple[Timing, _Text]]:
+    """All that an action reads; the bound that a parameter replaces is not read."""
+    for bound in schema.durations:
+        if not _is_replaced(bound, duration):
+            yield bound.timing, _numeric_text(context, bound.bound)
+    for timed in schema.conditions:
+        yield timed.timing, _text(timed.condition, context)
+    yield from _texts_of_effects(schema.effects, context, _Text(decided=True))
+
+
+def _texts_of_effects(
+    effects: Iterable[syntax.LiftedEffect], context: Context, guard: _Text
+) -> Iterator[tuple[Timing, _Text]]:
+    """What effects read that happen if `guard` holds; those that the equality of objects excludes read nothing."""
+    for effect in effects:
+        match effect:
+            case syntax.LiteralEffect():
+                yield effect.timing, guard
+            case syntax.NumericUpdate():
+                yield effect.timing, guard
+                yield effect.timing, _numeric_text(context, effect.expression)
+            case syntax.ContinuousUpdate():
+                yield from ((timing, _numeric_text(context, effect.rate)) for timing in _AT_BOTH_ENDS)
+            case syntax.ForallEffect(variables, inside):
+                for inner in context.instances(variables):
+                    yield from _texts_of_effects(inside, inner, guard)
+            case syntax.WhenEffect(condition_, inside):
+                both = _joined([guard, _text(condition_, context)], every=True)
+                if both.decided is not False:
+                    yield from _texts_of_effects(inside, context, both)
+            case _:
+                assert_never(effect)
+
+
+def _text(lifted: syntax.LiftedCondition, context: Context) -> _Text:  # noqa: PLR0911 (as in `condition`)
+    match lifted:
+        case syntax.Proposition():
+            return _Text(frozenset((atom(lifted, context),)))
+        case syntax.Equality(left, right):
+            return _Text(decided=_object(left, context) == _object(right, context))
+        case syntax.NumericComparison(_, left, right):
+            return _numeric_text(context, left, right)
+        case syntax.Negation(operand):
+            return _negated(_text(operand, context))
+        case syntax.Conjunction(operands):
+            return _joined([_text(operand, context) for operand in operands], every=True)
+        case syntax.Disjunction(operands):
+            return _joined([_text(operand, context) for operand in operands], every=False)
+        case syntax.Implication(premise, conclusion):
+            return _joined([_negated(_text(premise, context)), _text(conclusion, context)], every=False)
+        case syntax.Quantification(universal, variables, operand):
+            return _joined([_text(operand, inner) for inner in context.instances(variables)], every=universal)
+        case _:
+            assert_never(lifted)
+
+
+def _numeric_text(context: Context, *lifted: syntax.NumericExpression) -> _Text:
+    found: set[Fluent] = set()
+    pending = list(lifted)
+    while pending:
+        match pending.pop():
+            case syntax.FunctionTerm() as term:
+                found.add(fluent(term, context))
+            case syntax.Arithmetic(_, operands):
+                pending.extend(operands)
+    return _Text(frozenset(found), frozenset(found))
+
+
+def _negated(text: _Text) -> _Text:
+    return text if text.decided is None else replace(text, decided=not text.decided)
+
+
+def _joined(texts: Sequence[_Text], *, every: bool) -> _Text:
+    """The text of a conjunction (`every`) or a disjunction."""
+    truths = {text.decided for text in texts}
+    decided = (not every) if (not every) in truths else None if None in truths else every
+    names = frozenset[Name]().union(*(text.names for text in texts))
+    if decided is not None:
+        return _Text(names, decided=decided)
+    return _Text(names, frozenset[Fluent]().union(*(text.evaluated for text in texts)))
+
+
+# -- parts of an instance ----------------------------------------------------------------------------------------------
 
 
 def _schema(domain: syntax.Domain, action: str, durative: bool, location: Location | None) -> syntax.ActionSchema:
@@ -341,8 +478,16 @@ def _check_arguments(
             raise InputError(f"found {found}, expected {expected}", location)
 
 
-def _conjuncts(lifted: syntax.LiftedCondition, context: Context) -> Iterator[tuple[Condition, str]]:
-    """The conjuncts of a condition, those of a `forall` object by object; what is always true is left out."""
+def _ground_conjuncts(lifted: syntax.LiftedCondition, context: Context) -> Iterator[tuple[Condition, str]]:
+    """The conjuncts of a condition with their text; what is always true is left out."""
+    for conjunct, inner in _conjuncts(lifted, context):
+        ground = condition(conjunct, inner)
+        if ground != Truth(True):
+            yield ground, condition_text(conjunct, inner.bindings)
+
+
+def _conjuncts(lifted: syntax.LiftedCondition, context: Context) -> Iterator[tuple[syntax.LiftedCondition, Context]]:
+    """The conjuncts of a condition, those of a `forall` object by object."""
     match lifted:
         case syntax.Conjunction(operands):
             for operand in operands:
@@ -351,16 +496,21 @@ def _conjuncts(lifted: syntax.LiftedCondition, context: Context) -> Iterator[tup
             for inner in context.instances(variables):
                 yield from _conjuncts(operand, inner)
         case _:
-            ground = condition(lifted, context)
-            if ground != Truth(True):
-                yield ground, condition_text(lifted, context.bindings)
+            yield lifted, context
 
 
-def _duration(bound: syntax.DurationBound, context: Context) -> DurationConstraint:
+def _is_replaced(bound: syntax.DurationBound, duration: str | None) -> bool:
+    """Whether the parameter `duration` takes the place of what the bound says."""
+    return duration is not None and bound.comparator is syntax.Comparator.EQUAL
+
+
+def _duration(bound: syntax.DurationBound, context: Context, parameter: str | None) -> DurationConstraint:
     difference = _variable(Duration()) - expression(bound.bound, context)
-    return DurationConstraint(
-        bound.timing, comparison(bound.comparator, difference), duration_text(bound, context.bindings)
-    )
+    text = duration_text(bound, context.bindings)
+    if parameter is not None and _is_replaced(bound, parameter):
+        difference = _variable(Duration()) - _variable(ParameterReference(parameter))
+        text = f"(= ?duration {parameter})"
+    return DurationConstraint(bound.timing, comparison(bound.comparator, difference), text)
 
 
 @dataclass(slots=True)

@@ -76,11 +76,11 @@ def satisfiable(session: Session, question: str, deadline: Deadline) -> bool:
     """The verdict of a session as a truth value.
 
     Raises:
-        OutOfTimeError: if the solver does not decide before the deadline.
+        OutOfTimeError: if the solver does not decide before the deadline, or fails.
     """
     verdict = session.check(question, deadline)
     if verdict is Verdict.UNKNOWN:
-        raise OutOfTimeError
+        raise OutOfTimeError(session.failure)
     return verdict is Verdict.SATISFIABLE
 
 

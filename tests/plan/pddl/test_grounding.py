@@ -298,7 +298,12 @@ def test_goal() -> None:
         (":duration () :effect (increase (f) (* #t (k)))", "f k"),
         (":duration (= ?duration (g))", "g"),
         (":duration () :condition (over all (or (p) (and (> (f) 0) (q)) (> (g) (k))))", "f g k"),
-        (":duration (= ?duration (/ 1 (g)))", ""),
+        (":duration (= ?duration (/ 1 (g)))", "g"),
+        (":duration (= ?duration (- (g) (g))) :condition (over all (>= (f) (f)))", "f g"),
+        (":duration () :condition (at start (or (= a a) (> (f) 0)))", ""),
+        (":duration () :condition (at start (imply (> (f) 0) (= a b)))", "f"),
+        (":duration () :effect (at end (when (and (= a b) (> (f) (f))) (p)))", ""),
+        (":duration () :effect (at end (when (> (f) (f)) (p)))", "f"),
     ],
 )
 def test_fluents_read(body: str, read: str) -> None:

@@ -1,0 +1,226 @@
+"""What is read is what the text mentions: cancelling and constant texts, by all that separate time points, and by VAL.
+
+`m` lasts from 1 to 11. `w` changes `(f)` or `(p)` at one moment: that of a reader, one shortly after it, or another.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from contextlib import nullcontext
+from fractions import Fraction
+from itertools import combinations
+from typing import NamedTuple
+
+import pytest
+
+from robust.api import check
+from robust.backends import ENCODINGS
+from robust.certify.ground import GroundPlan
+from robust.encode.effects import mutex_pairs
+from robust.encode.settled import Accesses, proved
+from robust.errors import InputError
+from robust.execute.distances import Original
+from robust.execute.esterel import esterel_edges
+from robust.irr.check import Answer
+from robust.plan import simulate as simulator
+from robust.plan.load import assemble
+from robust.plan.model import ZERO, ParametrizedPlan, TimePoint
+from robust.plan.pddl.reader import parse_domain, parse_problem
+from robust.plan.simulate import simulate
+from robust.plan.stn import parse_stn
+from tests.certify.tools import CHECKER
+from tests.pddl_text import PddlText
+
+try:
+    from tests.val import run_val
+except ImportError:
+    run_val = None
+
+by_val = pytest.mark.skipif(run_val is None, reason="VAL is not installed")
+EPSILON = Fraction(1, 1000)
+START, FAR, END, AFTERWARDS = map(Fraction, (1, 5, 11, 20))
+OF_F, OF_P = "(assign (f) 5)", "(p)"
+NAMED = {OF_F: "(f)", OF_P: "(p)"}
+
+
+class Case(NamedTuple):
+    """Parts of `m`, what `w` does, and at which of its time points `m` reads what `w` changes."""
+
+    condition: str = ""
+    duration: str = "(= ?duration 10)"
+    effect: str = ""
+    write: str = OF_F
+    reads: tuple[Fraction, ...] = (START,)
+
+
+NUMERIC = (
+    "(>= (f) (- (f) 1))",
+    "(>= (* 0 (f)) 0)",
+    "(= (- (f) (f)) 0)",
+    "(= (f) (f))",
+    "(or (top) (>= (f) (f)))",
+    "(or (>= 1 0) (>= (f) 0))",
+    "(imply (top) (>= (f) (f)))",
+    "(imply (= a b) (>= (f) 0))",
+    "(imply (>= (f) 0) (= a a))",
+    "(forall (?x - t) (imply (= ?x a) (>= (f) (f))))",
+    "(exists (?x - t) (or (= ?x a) (>= (f) 0)))",
+    "(not (< (f) (- (f) 1)))",
+)
+LOGICAL = (
+    "(or (p) (not (p)))",
+    "(or (p) (= a a))",
+    "(imply (= a b) (p))",
+    "(imply (p) (>= (* 0 (g)) 0))",
+    "(forall (?x - t) (or (= ?x ?x) (not (p))))",
+    "(not (and (p) (= a b)))",
+)
+CASES = (
+    *(
+        Case(f"({timing} {text})", write=write, reads=reads)
+        for texts, write in ((NUMERIC, OF_F), (LOGICAL, OF_P))
+        for text in texts
+        for timing, reads in (("at start", (START,)), ("at end", (END,)), ("over all", ()))
+    ),
+    *(
+        Case(effect=f"(when ({timing} {text}) ({timing} (q)))", write=write, reads=reads)
+        for text, write in ((NUMERIC[0], OF_F), (NUMERIC[8], OF_F), (LOGICAL[1], OF_P))
+        for timing, reads in (("at start", (START,)), ("at end", (END,)))
+    ),
+    Case(duration="(= ?duration (+ 10 (- (f) (f))))"),
+    Case(duration="(<= ?duration (+ 10 (* 0 (f))))"),
+    Case(duration="(at end (= ?duration (+ 10 (* 0 (f)))))", reads=(END,)),
+    Case(duration="(and (at start (>= ?duration 1)) (at end (<= ?duration (+ 10 (- (f) (f))))))", reads=(END,)),
+    Case(effect="(at start (assign (g) (- (f) (f))))"),
+    Case(effect="(at end (increase (g) (* 0 (f))))", reads=(END,)),
+    Case(effect="(at start (scale-up (g) (+ 1 (* 0 (f)))))"),
+    Case(effect="(when (at start (top)) (at start (assign (g) (- (f) (f)))))"),
+    Case(effect="(forall (?x - t) (when (at start (= ?x a)) (at start (assign (h ?x) (- (f) (f))))))"),
+    # What equality excludes does not happen, and reads nothing.
+    Case(effect="(when (at start (and (= a b) (>= (f) 0))) (at start (q)))", reads=()),
+    Case(effect="(when (at end (and (= a b) (p))) (at end (q)))", write=OF_P, reads=()),
+)
+ARGUMENTS = [pytest.param(case, id=" ".join(filter(None, case[:3]))) for case in CASES]
+
+
+def texts(case: Case, moment: Fraction, init: str = "(= (f) 5)") -> PddlText:
+    domain = f"""(define (domain d) (:requirements :typing :fluents :durative-actions :duration-inequalities :equality
+ :negative-preconditions :disjunctive-preconditions :conditional-effects :quantified-preconditions)
+(:types t) (:constants a b - t) (:predicates (top) (p) (q) (r)) (:functions (f) (g) (h ?x - t))
+(:action w :parameters () :precondition (top) :effect (and {case.write}))
+(:durative-action m :parameters () :duration {case.duration}
+ :condition (and (at start (top)) {case.condition}) :effect (and (at end (r)) {case.effect})))"""
+    problem = f"(define (problem x) (:domain d) (:init (top) {init} (= (g) 5) (= (h a) 1) (= (h b) 1)) (:goal (top)))"
+    return PddlText(domain, problem, f"{float(moment)}: (w)\n{START}: (m) [{END - START}]\n")
+
+
+def load(case: Case, moment: Fraction, init: str = "(= (f) 5)") -> ParametrizedPlan:
+    """The plan with all times fixed."""
+    text = texts(case, moment, init)
+    domain = parse_domain(text.domain)
+    plan = f"""action instance w : (w); durative-action instance m : (m);
+c: w - .zero in [{moment}, {moment}]; c: m.start - .zero in [{START}, {START}]; c: m.end - .zero in [{END}, {END}];
+"""
+    return assemble(domain, parse_problem(text.problem, domain), parse_stn(plan))
+
+
+def schedule(plan: ParametrizedPlan, moment: Fraction) -> dict[TimePoint, Fraction]:
+    i, w = plan.instance["m"], plan.instance["w"]
+    return {w.start: moment, i.start: START, i.end: END}
+
+
+def separations(names: Iterable[str]) -> set[str]:
+    return {name for name in names if name.startswith("separation: ")}
+
+
+@pytest.mark.parametrize("case", ARGUMENTS)
+def test_reads(case: Case) -> None:
+    """The pairs, by the simulator, both encodings, shortest paths and the checker of certificates."""
+    plan = load(case, START)
+    m, w = plan.instance["m"], plan.instance["w"].start
+    expected = {(w, m.start if moment == START else m.end) for moment in case.reads}
+    assert set(mutex_pairs(plan)) == set(simulator.mutex_pairs(plan)) == expected
+    assert {m.at(mention.timing) for mention in m.mentions} <= set(m.time_points)
+    accesses = Accesses(plan)
+    readers = {point for name, points in accesses.readers.items() if str(name) == NAMED[case.write] for point in points}
+    assert readers == {accesses.index[point] for _, point in expected}
+    checker, ground = CHECKER.Plan(), GroundPlan(plan)
+    for kind, *rest in (line for line in ground.lines() if line[0] != "place"):
+        checker.state(kind, *json.loads(json.dumps(rest)))
+    numbered = {(ground.numbers[a], ground.numbers[b]) for a, b in expected}
+    points = range(1, len(plan.time_points))
+    assert {pair for pair in combinations(points, 2) if checker.are_mutex(*pair)} == numbered
+
+
+@pytest.mark.parametrize("case", ARGUMENTS)
+@pytest.mark.parametrize("moment", [START, END, START + EPSILON / 2, FAR], ids=["start", "end", "near", "far"])
+def test_verdicts(case: Case, moment: Fraction) -> None:
+    """Whether somebody reads what `w` changes less than ε away; that is all that can be wrong."""
+    plan = load(case, moment)
+    valid = all(abs(moment - read) >= EPSILON for read in case.reads)
+    violations = {violation.obligation for violation in simulate(plan, {}, schedule(plan, moment)).violations}
+    assert (violations == set(), separations(violations) == violations) == (valid, True)
+    for encoding in ENCODINGS:
+        answers = check(plan, encoding=encoding, every=True).obligations
+        assert {name for name, answer in answers.items() if answer is Answer.REFUTED} == violations
+        assert Answer.UNKNOWN not in answers.values()
+        assert separations(answers) >= violations
+    proved_by_paths = separations(proved(plan, EPSILON, mutex_pairs(plan)))
+    assert proved_by_paths == separations(answers) - violations
+
+
+@by_val
+@pytest.mark.parametrize("case", ARGUMENTS)
+@pytest.mark.parametrize("moment", [START, END, FAR], ids=["start", "end", "far"])
+def test_val_agrees(case: Case, moment: Fraction) -> None:
+    assert run_val(texts(case, moment), tolerance=EPSILON).valid == (moment not in case.reads)
+
+
+def test_the_transformer_keeps_away_from_what_is_mentioned() -> None:
+    plan = load(Case("(at start (>= (f) (f)))"), FAR)
+    edges = esterel_edges(Original(plan, {ZERO: Fraction(0), **schedule(plan, FAR)}, EPSILON))
+    m, w = plan.instance["m"], plan.instance["w"]
+    assert [one.weight for one in edges if (one.source, one.target) == (m.start, w.start)] == [EPSILON]
+
+
+# -- values ------------------------------------------------------------------------------------------------------------
+
+WITHOUT_VALUE = [
+    # Not those with a disjunction, of which VAL evaluates no more than it needs in a state.
+    *((Case(f"({timing} {text})"), True) for text in NUMERIC[:4] for timing in ("at start", "over all", "at end")),
+    (Case(duration="(= ?duration (+ 10 (- (f) (f))))"), True),
+    (Case(effect="(at start (assign (g) (* 0 (f))))"), True),
+    (Case(effect="(when (at start (>= (f) (f))) (at start (q)))"), True),
+    (Case("(at start (imply (>= (f) (f)) (top)))"), True),
+    # What equality decides is not evaluated.
+    (Case("(at start (or (= a a) (>= (f) 0)))"), False),
+    (Case("(at start (forall (?x - t) (imply (not (= ?x ?x)) (>= (f) 0))))"), False),
+    (Case(effect="(when (at start (and (= a b) (>= (f) 0))) (at start (q)))"), False),
+    (Case(), False),
+]
+
+
+@pytest.mark.parametrize(("case", "fails"), WITHOUT_VALUE)
+def test_a_mention_needs_a_value(case: Case, fails: bool) -> None:
+    """A fluent without initial value is an error wherever it is evaluated, even if it cancels; for VAL, too."""
+    with pytest.raises(InputError, match=r"no initial value of \(f\)") if fails else nullcontext():
+        load(case, AFTERWARDS, init="")
+
+
+@by_val
+@pytest.mark.parametrize(("case", "fails"), WITHOUT_VALUE)
+def test_val_needs_a_value(case: Case, fails: bool) -> None:
+    report = run_val(texts(case, AFTERWARDS, init=""), tolerance=EPSILON).report
+    assert ("undefined numeric expression" in report) == fails
+
+
+def test_a_mention_in_the_goal_needs_a_value() -> None:
+    text = texts(Case(), AFTERWARDS, init="")
+    domain = parse_domain(text.domain)
+    for goal, fails in (("(>= (f) (- (f) 1))", True), ("(or (= a a) (>= (f) 0))", False)):
+        problem = parse_problem(text.problem.replace("(:goal (top))", f"(:goal {goal})"), domain)
+        stn = parse_stn("action instance w : (w);")
+        message = r"no initial value of \(f\), expected one because the goal \(>= \(f\) \(- \(f\) 1\)\) reads it"
+        with pytest.raises(InputError, match=message) if fails else nullcontext():
+            assemble(domain, problem, stn)
