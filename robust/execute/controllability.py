@@ -148,7 +148,7 @@ class Controllability:
         """Whether every point of the closure of the box has a schedule: none is lost at open ends."""
         terms = Terms()
         validity = Validity(TemporalNetwork(self.plan), (), terms)
-        found = validity.broken_facet(self.box.ranges, lambda: Session(terms, solver=self.solver), self.deadline)
+        found = validity.broken_facet(self.box.grid, lambda: Session(terms, solver=self.solver), self.deadline)
         match found:
             case None:
                 return Verdict.CONTROLLABLE, None

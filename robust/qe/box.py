@@ -6,7 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from functools import cached_property
 
+from robust.encode.variables import Grid
 from robust.errors import InputError
 from robust.plan.model import Parameter
 from robust.qe.constraint import LinearConstraint, Sense
@@ -124,6 +126,11 @@ class Box:
         """The box with one face elsewhere."""
         name, side = face
         return self.replace(name, self.intervals[name].with_end(side, end, closed=closed))
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The ends in integers."""
+        return Grid(self.ranges)
 
     @property
     def ranges(self) -> dict[str, tuple[Fraction | None, Fraction | None]]:
