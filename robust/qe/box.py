@@ -151,7 +151,7 @@ class Box:
                 end = interval.end(side)
                 if end is not None:
                     sense = Sense.AT_MOST if interval.is_closed_at(side) else Sense.LESS
-                    yield LinearConstraint(((name, Fraction(side.sign)),), sense, side.sign * end)
+                    yield LinearConstraint(((name, side.sign),), sense, side.sign * end)
 
     def __str__(self) -> str:
         return ", ".join(f"{name} ∈ {interval}" for name, interval in self.intervals.items()) or "(no parameters)"

@@ -30,8 +30,7 @@ class Bound:
     @staticmethod
     def of(half: LinearConstraint) -> Bound:
         """An inequality, whose coefficients are integers."""
-        factors = tuple((name, factor.numerator) for name, factor in half.coefficients)
-        return Bound(factors, half.constant.numerator, half.constant.denominator, half.is_strict)
+        return Bound(half.coefficients, half.constant.numerator, half.constant.denominator, half.is_strict)
 
     def is_kept_in(self, box: Box) -> bool:
         """Whether some point of a box satisfies it."""
