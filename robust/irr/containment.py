@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 from robust.encode.interface import Encoding, Facet, Obligation
 from robust.encode.variables import variable
@@ -15,7 +15,6 @@ from robust.errors import InputError, Location
 from robust.plan.model import ParameterReference
 from robust.qe.box import Box, Interval
 from robust.qe.constraint import LinearConstraint
-from robust.qe.eliminate.enumerate import satisfiable
 from robust.qe.nnf import Junction, Reader, conjunction
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.export import Exporter
@@ -24,6 +23,9 @@ from robust.smt.session import Session, Statistics, Verdict
 from robust.smt.terms import Formula
 
 Found = TypeVar("Found")
+
+LITTLE = 300_000
+"""Steps of a solver: about a hundredth of a second."""
 
 
 @dataclass
@@ -56,6 +58,9 @@ class Questions(ABC, Generic[Found]):
         exporter: where queries are written, if anywhere.
     """
 
+    PROVING: ClassVar[bool] = False
+    """Whether few proofs about large boxes are asked for, instead of many about small ones."""
+
     def __init__(
         self,
         encoding: Encoding,
@@ -79,7 +84,13 @@ class Questions(ABC, Generic[Found]):
 
     def open_session(self) -> Session:
         """A new session over the encoding's terms that counts and exports like the others."""
-        return Session(self.encoding.terms, solver=self.solver, statistics=self.statistics, exporter=self._exporter)
+        return Session(
+            self.encoding.terms,
+            solver=self.solver,
+            statistics=self.statistics,
+            exporter=self._exporter,
+            proving=self.PROVING,
+        )
 
     @abstractmethod
     def _of_facet(self, facet: Facet, box: Box) -> Found:
@@ -101,14 +112,25 @@ class Questions(ABC, Generic[Found]):
             raise OutOfTimeError
         if facet is not None:
             return self._of_facet(facet, box)
-        for index, question in enumerate(self._questions):
-            found = self._ask(question, box, deadline)
+        # What breaks is found soon, what holds is proved late: at first no question gets more than a little time.
+        hard: list[Question] = []
+        return self._first(self._questions, box, deadline, hard) or self._first(hard, box, deadline, None)
+
+    def _first(
+        self, questions: Sequence[Question], box: Box, deadline: Deadline, hard: list[Question] | None
+    ) -> Found | None:
+        for question in questions:
+            found = self._ask(question, box, deadline, hard)
             if found is not None:
-                self._questions.insert(0, self._questions.pop(index))
+                self._questions.remove(question)
+                self._questions.insert(0, question)
                 return found
         return None
 
-    def _ask(self, question: Question, box: Box, deadline: Deadline) -> Found | None:
+    def _ask(
+        self, question: Question, box: Box, deadline: Deadline, hard: list[Question] | None
+    ) -> Found | None:
+        """What is found; what needs more than a little time is added to the hard questions, where these are given."""
         if not question.opened:
             self._open(question, deadline)
         if question.session is None:
@@ -121,9 +143,15 @@ class Questions(ABC, Generic[Found]):
         ):
             return None
         with session.frame(*(formula for name in question.parameters for formula in self._bounds(name, box[name]))):
-            if satisfiable(session, question.obligation.name, deadline):
+            verdict = session.check(question.obligation.name, deadline, 0 if hard is None else LITTLE)
+            if verdict is Verdict.SATISFIABLE:
                 return self._of_model(question, session, box)
-        question.proved_for = box.intervals
+        if verdict is Verdict.UNSATISFIABLE:
+            question.proved_for = box.intervals
+        elif hard is None or deadline.passed:
+            raise OutOfTimeError
+        else:
+            hard.append(question)
         return None
 
     def _open(self, question: Question, deadline: Deadline) -> None:
@@ -137,7 +165,10 @@ class Questions(ABC, Generic[Found]):
         session = self.open_session()
         session.add_all(formulas, deadline)
         # What no parameter values at all can break is not asked about one box after the other.
-        if satisfiable(session, question.obligation.name, deadline):
+        verdict = session.check(question.obligation.name, deadline, LITTLE)
+        if verdict is Verdict.UNKNOWN:
+            deadline.enforce()
+        if verdict is not Verdict.UNSATISFIABLE:
             question.session = session
         question.opened = True
 

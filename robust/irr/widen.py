@@ -71,6 +71,8 @@ class DiscoveredBadSet(Questions[Polyhedron]):
     the parameters; a facet of enc_valid that the box breaks is a polyhedron as it is.
     """
 
+    PROVING = True
+
     def __init__(self, encoding: Encoding, *, solver: str = "z3", exporter: Exporter | None = None) -> None:
         super().__init__(encoding, solver=solver, exporter=exporter)
         self._formulas: dict[str, Nnf] = {}

@@ -63,10 +63,10 @@ def fail_at_query(monkeypatch, number: int, error) -> None:
     ask_solvers(monkeypatch)
     original, count = Session.check, []
 
-    def failing(self, question, deadline):
+    def failing(self, question, deadline, *effort):
         count.append(question)
         if len(count) < number:
-            return original(self, question, deadline)
+            return original(self, question, deadline, *effort)
         if error == "time":
             return Verdict.UNKNOWN
         raise error
