@@ -165,7 +165,8 @@ class Broken:
 def halves_of(polyhedron: Polyhedron) -> list[Half]:
     """The sides of a polyhedron, equations as two of them."""
     halves = (half for each in polyhedron.constraints for half in each.halves())
-    return [(combined({"": half.constant}, dict(half.coefficients), -1), half.is_strict) for half in halves]
+    forms = (({name: Fraction(factor) for name, factor in half.coefficients}, half) for half in halves)
+    return [(combined({"": half.constant}, form, -1), half.is_strict) for form, half in forms]
 
 
 def ranges_of(polyhedron: Polyhedron) -> dict[str, Range]:

@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from functools import cached_property
 from typing import ClassVar, Protocol
 
-from robust.encode.variables import Linear, Range, TimeVariable, least
+from robust.encode.variables import Grid, IntegerForm, Linear, TimeVariable
 from robust.plan.model import ParameterReference, ParametrizedPlan, TimePoint
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict
@@ -40,7 +41,7 @@ class Obligation:
     violation: Formula
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Facet:
     """`expression ≥ 0` over parameters, necessary for membership in the envelope.
 
@@ -52,9 +53,14 @@ class Facet:
     origins: tuple[str, ...]
     obligation: str | None = None
 
-    def breaks_in(self, ranges: Mapping[str, Range]) -> bool:
+    @cached_property
+    def form(self) -> IntegerForm:
+        """The expression in integers."""
+        return IntegerForm(self.expression)
+
+    def breaks_in(self, box: Grid) -> bool:
         """Whether some point of a box lies outside the facet."""
-        floor = least(self.expression, ranges)
+        floor = self.form.least(box)
         return floor is None or floor < 0
 
 
@@ -62,7 +68,7 @@ class Existence(Protocol):
     """enc_valid: for which parameter values some schedule exists."""
 
     def broken_facet(
-        self, ranges: Mapping[str, Range], make_session: Callable[[], Session], deadline: Deadline
+        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline
     ) -> Facet | Verdict | None:
         """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time."""
 

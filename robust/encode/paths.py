@@ -22,6 +22,33 @@ Bound = tuple[int, int, int]
 """(a, b, w): t_b − t_a ≥ w."""
 
 
+def delay(times: list[int], following: Sequence[Sequence[tuple[int, int]]], sources: Iterable[int]) -> bool:
+    """Delay times as little as bounds that leave these sources demand [Bellman and Ford, by a queue].
+
+    `following` are the bounds of each point, as pairs of a later point and a weight. False if no delay is enough: some
+    of the bounds contradict each other.
+    """
+    size = len(times)
+    waiting = deque(sources)
+    waits, rounds = [False] * size, [0] * size
+    for point in waiting:
+        waits[point] = True
+    while waiting:
+        point = waiting.popleft()
+        waits[point] = False
+        rounds[point] += 1
+        if rounds[point] > size + 1:
+            return False
+        now = times[point]
+        for target, weight in following[point]:
+            if times[target] < now + weight:
+                times[target] = now + weight
+                if not waits[target]:
+                    waits[target] = True
+                    waiting.append(target)
+    return True
+
+
 class Paths:
     """Greatest lower bounds between the points of a network.
 
@@ -50,30 +77,14 @@ class Paths:
         self.schedule: Sequence[int] | None = self._least_times() if schedule is None else schedule
 
     def _least_times(self) -> list[int] | None:
-        """Bellman and Ford, by a queue."""
         following: list[list[tuple[int, int]]] = [[] for _ in range(self.size)]
         for (source, target), weight in self._bounds.items():
             if source != target:
                 following[source].append((target, weight))
             elif weight > 0:
                 return None
-        times, rounds = [0] * self.size, [0] * self.size
-        waiting = deque(range(self.size))
-        waits = [True] * self.size
-        while waiting:
-            point = waiting.popleft()
-            waits[point] = False
-            rounds[point] += 1
-            if rounds[point] > self.size + 1:
-                return None
-            now = times[point]
-            for target, weight in following[point]:
-                if times[target] < now + weight:
-                    times[target] = now + weight
-                    if not waits[target]:
-                        waits[target] = True
-                        waiting.append(target)
-        return times
+        times = [0] * self.size
+        return times if delay(times, following, range(self.size)) else None
 
     @property
     def _times(self) -> Sequence[int]:

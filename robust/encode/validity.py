@@ -13,17 +13,18 @@ from math import lcm
 
 from robust.encode.interface import Facet
 from robust.encode.network import Difference, DurationRule, TemporalNetwork
-from robust.encode.paths import Paths
+from robust.encode.paths import delay
 from robust.encode.variables import (
     Auxiliary,
+    Grid,
+    IntegerForm,
     Linear,
     Range,
     constant,
     is_over_parameters,
-    least,
     variable,
 )
-from robust.plan.model import ZERO, ParameterReference, TimePoint
+from robust.plan.model import ParameterReference, TimePoint
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
@@ -41,50 +42,76 @@ def facet_of(cycle: Iterable[Difference]) -> Facet:
     return Facet(-sum((edge.weight for edge in edges), constant(0)), tuple(origins))
 
 
-def suspicious_cycle(edges: Sequence[Difference], ranges: Mapping[str, Range]) -> list[Difference] | None:
-    """A cycle with a positive sum when every edge has its worst weight in the box; None if there is none.
+class Cycles:
+    """The cycles of a network whose weights depend on parameters, in integers."""
 
-    None proves that every point of the box has a schedule. A cycle need not be positive at any single point, since its
-    edges may be at their worst at different ones.
-    """
-    worst: list[tuple[Difference, Fraction]] = []
-    for candidate in edges:
-        floor = least(-candidate.weight, ranges)
-        if floor is not None:
-            worst.append((candidate, -floor))
-        elif (back := _path(edges, candidate.target, candidate.source)) is not None:
-            return [candidate, *back]
-    return _positive_cycle(worst)
+    def __init__(self, edges: Sequence[Difference]) -> None:
+        self._edges = edges
+        nodes = dict.fromkeys(node for edge in edges for node in (edge.source, edge.target))
+        index = {node: number for number, node in enumerate(nodes)}
+        self._ends = [(index[edge.source], index[edge.target]) for edge in edges]
+        scale = lcm(*(factor.denominator for edge in edges for factor in edge.weight.terms.values()))
+        self._slopes = [IntegerForm(-edge.weight, scale) for edge in edges]
+        self._times = [0] * len(nodes)
+        """Of the last proof; with these the next one begins."""
+        self._unit = 1
 
+    def suspicious(self, grid: Grid) -> list[Difference] | None:
+        """A cycle with a positive sum when every edge has its worst weight in the box; None if there is none.
 
-def _positive_cycle(edges: Sequence[tuple[Difference, Fraction]]) -> list[Difference] | None:
-    """Bellman–Ford from a virtual source to all nodes; in integers, as long as there is no such cycle."""
-    nodes = dict.fromkeys(node for e, _ in edges for node in (e.source, e.target))
-    index = {node: number for number, node in enumerate(nodes)}
-    scale = lcm(*(weight.denominator for _, weight in edges))
-    bounds = ((index[e.source], index[e.target], int(weight * scale)) for e, weight in edges)
-    if Paths(len(nodes), bounds).schedule is not None:
-        return None
-    distance = dict.fromkeys(nodes, Fraction(0))
-    arrival: dict[TimePoint, Difference] = {}
-    last = ZERO
-    for _ in range(len(nodes) + 1):
-        changed = False
-        for candidate, weight in edges:
-            reached = distance[candidate.source] + weight
-            if reached > distance[candidate.target]:
-                distance[candidate.target] = reached
-                arrival[candidate.target] = candidate
-                last, changed = candidate.target, True
-        if not changed:
-            return None
-    for _ in nodes:
-        # Walking back as many steps as there are nodes ends on the cycle.
-        last = arrival[last].source
-    cycle = [arrival[last]]
-    while cycle[-1].source != last:
-        cycle.append(arrival[cycle[-1].source])
-    return cycle
+        None proves that every point of the box has a schedule. A cycle need not be positive at any single point, since
+        its edges may be at their worst at different ones.
+        """
+        worst: list[tuple[int, int]] = []
+        for number, slope in enumerate(self._slopes):
+            floor = slope.least(grid) if slope.factors else slope.constant * grid.unit
+            if floor is not None:
+                worst.append((number, -floor))
+            else:
+                edge = self._edges[number]
+                back = _path(self._edges, edge.target, edge.source)
+                if back is not None:
+                    return [edge, *back]
+        return None if self._have_schedule(worst, grid.unit) else self._positive(worst)
+
+    def _have_schedule(self, worst: Sequence[tuple[int, int]], unit: int) -> bool:
+        times = self._times
+        if unit != self._unit:
+            # Whatever times a search begins with, it ends with a schedule if there is one.
+            times = [time * unit // self._unit for time in times]
+        late = []
+        following: list[list[tuple[int, int]]] = [[] for _ in times]
+        for number, weight in worst:
+            source, target = self._ends[number]
+            following[source].append((target, weight))
+            if times[target] < times[source] + weight:
+                late.append(source)
+        if late:
+            times = list(times)
+            if not delay(times, following, dict.fromkeys(late)):
+                return False
+        self._times, self._unit = times, unit
+        return True
+
+    def _positive(self, worst: Sequence[tuple[int, int]]) -> list[Difference]:
+        """Bellman–Ford from a virtual source to all nodes, where there is such a cycle."""
+        steps = [(number, *self._ends[number], weight) for number, weight in worst]
+        size = len({node for _, source, target, _ in steps for node in (source, target)})
+        distance = [0] * len(self._times)
+        arrival = [-1] * len(self._times)
+        last = 0
+        for _ in range(size + 1):
+            for number, source, target, weight in steps:
+                reached = distance[source] + weight
+                if reached > distance[target]:
+                    distance[target], arrival[target], last = reached, number, target
+        for _ in range(size):
+            # Walking back as many steps as there are nodes ends on the cycle.
+            last = self._ends[arrival[last]][0]
+        cycle = [arrival[last]]
+        while self._ends[cycle[-1]][0] != last:
+            cycle.append(arrival[self._ends[cycle[-1]][0]])
+        return [self._edges[number] for number in cycle]
 
 
 def _path(edges: Sequence[Difference], start: TimePoint, goal: TimePoint) -> list[Difference] | None:
@@ -148,33 +175,33 @@ class Validity:
                     self.facets.append(Facet(expression, (rule.name,), rule.name))
 
     def broken_facet(
-        self, ranges: Mapping[str, Range], make_session: Callable[[], Session], deadline: Deadline
+        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline
     ) -> Facet | Verdict | None:
         """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time.
 
-        `ranges` is the box; `make_session` opens a solver session over the same terms, only if it comes to that.
+        `make_session` opens a solver session over the same terms, only if it comes to that.
         """
         for facet in self.facets:
-            if facet.breaks_in(ranges):
+            if facet.breaks_in(box):
                 return facet
-        cycle = suspicious_cycle(self._edges, ranges)
+        cycle = self._cycles.suspicious(box)
         if cycle is None:
             return None
         facet = facet_of(cycle)
-        if facet.breaks_in(ranges):
+        if facet.breaks_in(box):
             self.facets.append(facet)
             return facet
-        return self._broken_by_some_circulation(ranges, make_session(), deadline)
+        return self._broken_by_some_circulation(box, make_session(), deadline)
 
     def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
-        ranges: dict[str, Range] = {name: (value, value) for name, value in values.items()}
+        grid = Grid({name: (value, value) for name, value in values.items()})
         for bound in self._network.bounds_of_parameters():
             facet = Facet(bound.expression, bound.origins)
-            if facet.breaks_in(ranges):
+            if facet.breaks_in(grid):
                 return facet
         # All time points, also those that equalities tie together: the equalities may be what contradicts.
-        cycle = suspicious_cycle(self._network.differences, ranges)
+        cycle = Cycles(self._network.differences).suspicious(grid)
         return None if cycle is None else facet_of(cycle)
 
     @cached_property
@@ -183,12 +210,14 @@ class Validity:
         inequalities = self._network.inequalities
         return [one.as_difference() for one in inequalities if not is_over_parameters(one.expression)]
 
-    def _broken_by_some_circulation(
-        self, ranges: Mapping[str, Range], session: Session, deadline: Deadline
-    ) -> Facet | Verdict | None:
+    @cached_property
+    def _cycles(self) -> Cycles:
+        return Cycles(self._edges)
+
+    def _broken_by_some_circulation(self, box: Grid, session: Session, deadline: Deadline) -> Facet | Verdict | None:
         flows = [variable(Auxiliary("flow", index)) for index in range(len(self._edges))]
         symbols = [self._terms.real(Auxiliary("flow", index)) for index in range(len(self._edges))]
-        session.add(self._circulation(flows, ranges))
+        session.add(self._circulation(flows, box.ranges))
         verdict = session.check("enc_valid: a cycle that the box breaks", deadline)
         if verdict is Verdict.UNSATISFIABLE:
             return None
@@ -198,7 +227,7 @@ class Validity:
         amounts = [Fraction(values.get(symbol.symbol_name(), 0)) for symbol in symbols]
         # The circulation breaks at some point of the box, so one of the cycles that it consists of does.
         cycles = map(facet_of, simple_cycles(self._edges, amounts))
-        broken = [facet for facet in cycles if facet.breaks_in(ranges)]
+        broken = [facet for facet in cycles if facet.breaks_in(box)]
         self.facets += broken
         return broken[0]
 

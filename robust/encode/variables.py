@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from math import lcm
 
 from robust.errors import InputError
 from robust.plan.model import Expression, Fluent, NumericVariable, ParameterReference, ParametrizedPlan, TimePoint
@@ -90,6 +91,52 @@ def least(expression: Linear, ranges: Mapping[str, Range]) -> Fraction | None:
             return None
         total += factor * extreme
     return total
+
+
+class Grid:
+    """A box in integers: its ends in multiples of one over `unit`, which is enough for all of them."""
+
+    __slots__ = ("ends", "ranges", "unit")
+
+    def __init__(self, ranges: Mapping[str, Range]) -> None:
+        self.ranges = ranges
+        finite = {end.denominator for ends in ranges.values() for end in ends if end is not None}
+        self.unit = unit = lcm(*finite)
+        self.ends = {name: (_multiple(low, unit), _multiple(high, unit)) for name, (low, high) in ranges.items()}
+
+
+def _multiple(end: Fraction | None, unit: int) -> int | None:
+    return None if end is None else end.numerator * (unit // end.denominator)
+
+
+class IntegerForm:
+    """A linear expression over parameters in integers: what it is, times `scale`.
+
+    Without a scale, the least one that will do.
+    """
+
+    __slots__ = ("constant", "factors", "scale")
+
+    def __init__(self, expression: Linear, scale: int | None = None) -> None:
+        self.scale = scale = scale or lcm(*(factor.denominator for factor in expression.terms.values()))
+        self.constant = 0
+        self.factors: list[tuple[str, int]] = []
+        for monomial, factor in expression.terms.items():
+            multiple = factor.numerator * (scale // factor.denominator)
+            if monomial:
+                self.factors.append((str(monomial[0]), multiple))
+            else:
+                self.constant = multiple
+
+    def least(self, grid: Grid) -> int | None:
+        """The infimum over a box, times `scale` and the unit of the grid; None if it is −∞."""
+        total, ends = self.constant * grid.unit, grid.ends
+        for name, factor in self.factors:
+            extreme = ends[name][factor < 0] if name in ends else None
+            if extreme is None:
+                return None
+            total += factor * extreme
+        return total
 
 
 Case = tuple[Formula, Linear]

@@ -152,7 +152,7 @@ class Controllability:
         def session() -> Session:
             return Session(terms, solver=self.solver, statistics=statistics)
 
-        found = validity.broken_facet(self.box.ranges, session, self.deadline)
+        found = validity.broken_facet(self.box.grid, session, self.deadline)
         match found:
             case None:
                 return Verdict.CONTROLLABLE, None

@@ -147,7 +147,7 @@ class Checker:
 
     def _has_schedule(self) -> bool:
         """Whether obligations can be examined: enc_valid holds throughout the box, or one of them breaks."""
-        found = self.encoding.validity.broken_facet(self.box.ranges, self._session, self.deadline)
+        found = self.encoding.validity.broken_facet(self.box.grid, self._session, self.deadline)
         match found:
             case None:
                 self._existence_known = True

@@ -24,6 +24,7 @@ from robust.qe.compute import RegionResult, RegionSearch, RegionStatus
 from robust.qe.estimate import VolumeBounds, bounding_cell
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
+from robust.qe.slabs import Growing
 from robust.smt.limits import Deadline, OutOfTimeError
 
 Values = dict[str, Fraction]
@@ -273,7 +274,8 @@ def face_gap(
 ) -> FaceGap:
     """How far the face could move, and a point beyond that the box would hold if it were moved a little more."""
     name, side = face
-    met = ((least_stretch(piece, box, {face: (end, Fraction(1))}), piece) for piece in bad)
+    growing = Growing(box, {face: (end, Fraction(1))})
+    met = ((least_stretch(piece, growing), piece) for piece in bad)
     nearest = min(((least.value, piece) for least, piece in met if least is not None), key=itemgetter(0), default=None)
     if nearest is None:
         return FaceGap(name, side, end, box[name].is_closed_at(side), None, None)

@@ -3,31 +3,42 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 from robust.encode.interface import Encoding, Facet, Obligation
 from robust.encode.variables import variable
 from robust.errors import InputError, Location
 from robust.plan.model import ParameterReference
 from robust.qe.box import Box, Interval
-from robust.qe.eliminate.enumerate import satisfiable
+from robust.qe.constraint import LinearConstraint
+from robust.qe.nnf import Junction, Reader, conjunction
+from robust.qe.polyhedron import Polyhedron
 from robust.smt.export import Exporter
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import Deadline, OutOfTimeError, raise_if_interrupted
 from robust.smt.session import Session, Statistics, Verdict
 from robust.smt.terms import Formula
 
 Found = TypeVar("Found")
 
+LITTLE = 300_000
+"""Steps of a solver: about a hundredth of a second."""
+
 
 @dataclass
 class Question:
-    """One obligation with its own solver session, opened when first asked, and the parameters that matter to it."""
+    """One obligation, and the parameters that matter to it.
+
+    Once it is `opened`, it has a solver session of its own, unless it speaks of parameters alone, or nothing breaks it:
+    then all that breaks it is a union of `pieces`.
+    """
 
     obligation: Obligation
+    opened: bool = False
+    pieces: tuple[Polyhedron, ...] = ()
     session: Session | None = None
     parameters: tuple[str, ...] = ()
     proved_for: Mapping[str, Interval] | None = None
@@ -36,8 +47,9 @@ class Question:
 class Questions(ABC, Generic[Found]):
     """Asks of boxes what is bad in them: existence of schedules first, then one obligation at a time.
 
-    The most recently failed obligation is asked first. What was proved for a box is not asked again for a box that is
-    within it in all parameters that matter.
+    The most recently failed obligation is asked first. Obligations over parameters alone are decided here, by exact
+    arithmetic, unless queries are to be written; the others by a solver, and what was proved for a box is not asked
+    again for a box that is within it in all parameters that matter.
 
     Args:
         encoding: the plan's formulas.
@@ -45,6 +57,9 @@ class Questions(ABC, Generic[Found]):
         statistics: where queries are counted.
         exporter: where queries are written, if anywhere.
     """
+
+    PROVING: ClassVar[bool] = False
+    """Whether few proofs about large boxes are asked for, instead of many about small ones."""
 
     def __init__(
         self,
@@ -60,6 +75,7 @@ class Questions(ABC, Generic[Found]):
         self._exporter = exporter
         self._names = tuple(parameter.name for parameter in encoding.plan.parameters)
         self._written: dict[str, tuple[Interval, tuple[Formula, ...]]] = {}
+        self.reader = Reader(encoding.terms)
         self._questions = [
             Question(obligation)
             for obligation in encoding.obligations
@@ -68,51 +84,110 @@ class Questions(ABC, Generic[Found]):
 
     def open_session(self) -> Session:
         """A new session over the encoding's terms that counts and exports like the others."""
-        return Session(self.encoding.terms, solver=self.solver, statistics=self.statistics, exporter=self._exporter)
+        return Session(
+            self.encoding.terms,
+            solver=self.solver,
+            statistics=self.statistics,
+            exporter=self._exporter,
+            proving=self.PROVING,
+        )
 
     @abstractmethod
     def _of_facet(self, facet: Facet, box: Box) -> Found:
         """What is found where a facet of enc_valid breaks in the box."""
 
     @abstractmethod
+    def _of_piece(self, question: Question, piece: Polyhedron, box: Box) -> Found:
+        """What is found where a piece of what breaks the obligation meets the box."""
+
+    @abstractmethod
     def _of_model(self, question: Question, session: Session, box: Box) -> Found:
         """What is found where the session has a model that breaks the obligation in the box."""
 
     def _look_in(self, box: Box, deadline: Deadline) -> Found | None:
-        facet = self.encoding.validity.broken_facet(box.ranges, self.open_session, deadline)
+        raise_if_interrupted()
+        deadline.enforce()
+        facet = self.encoding.validity.broken_facet(box.grid, self.open_session, deadline)
         if isinstance(facet, Verdict):
             raise OutOfTimeError(self.statistics.failure)
         if facet is not None:
             return self._of_facet(facet, box)
-        for index, question in enumerate(self._questions):
-            found = self._ask(question, box, deadline)
+        # What breaks is found soon, what holds is proved late: at first no question gets more than a little time.
+        hard: list[Question] = []
+        return self._first(self._questions, box, deadline, hard) or self._first(hard, box, deadline, None)
+
+    def _first(
+        self, questions: Sequence[Question], box: Box, deadline: Deadline, hard: list[Question] | None
+    ) -> Found | None:
+        for question in questions:
+            found = self._ask(question, box, deadline, hard)
             if found is not None:
-                self._questions.insert(0, self._questions.pop(index))
+                self._questions.remove(question)
+                self._questions.insert(0, question)
                 return found
         return None
 
-    def _ask(self, question: Question, box: Box, deadline: Deadline) -> Found | None:
-        session = question.session or self._open(question, deadline)
-        proved = question.proved_for
+    def _ask(
+        self, question: Question, box: Box, deadline: Deadline, hard: list[Question] | None
+    ) -> Found | None:
+        """What is found; what needs more than a little time is added to the hard questions, where these are given."""
+        if not question.opened:
+            self._open(question, deadline)
+        if question.session is None:
+            met = next((piece for piece in question.pieces if piece.meets(box)), None)
+            return None if met is None else self._of_piece(question, met, box)
+        session, proved = question.session, question.proved_for
         # Most intervals are the very objects of the box before.
         if proved is not None and all(
             box[name] is proved[name] or box[name].is_within(proved[name]) for name in question.parameters
         ):
             return None
         with session.frame(*(formula for name in question.parameters for formula in self._bounds(name, box[name]))):
-            if satisfiable(session, question.obligation.name, deadline):
+            verdict = session.check(question.obligation.name, deadline, 0 if hard is None else LITTLE)
+            if verdict is Verdict.SATISFIABLE:
                 return self._of_model(question, session, box)
-        question.proved_for = box.intervals
+        if verdict is Verdict.UNSATISFIABLE:
+            question.proved_for = box.intervals
+        elif hard is None or deadline.passed:
+            raise OutOfTimeError
+        else:
+            hard.append(question)
         return None
 
-    def _open(self, question: Question, deadline: Deadline) -> Session:
+    def _open(self, question: Question, deadline: Deadline) -> None:
+        """Take the query apart, or make a session for it."""
         formulas = self.encoding.query(question.obligation)
         relevant = self.encoding.parameters_in(formulas)
         question.parameters = tuple(name for name in self._names if name in relevant)
+        if self._exporter is None and self._takes_apart(question, formulas):
+            question.opened = True
+            return
         session = self.open_session()
         session.add_all(formulas, deadline)
-        question.session = session
-        return session
+        # What no parameter values at all can break is not asked about one box after the other.
+        verdict = session.check(question.obligation.name, deadline, LITTLE)
+        if verdict is Verdict.UNKNOWN:
+            deadline.enforce()
+        if verdict is not Verdict.UNSATISFIABLE:
+            question.session = session
+        question.opened = True
+
+    def _takes_apart(self, question: Question, formulas: Sequence[Formula]) -> bool:
+        """Whether the query speaks of parameters alone, and says in few words what breaks the obligation."""
+        symbols = {symbol for formula in formulas for symbol in self.encoding.terms.variables(formula)}
+        if len(symbols) > len(question.parameters):
+            return False
+        violation = conjunction(map(self.reader.read, formulas))
+        parts = violation.operands if isinstance(violation, Junction) and not violation.conjunctive else (violation,)
+        pieces = []
+        for part in parts:
+            leaves = part.operands if isinstance(part, Junction) and part.conjunctive else (part,)
+            constraints = [leaf for leaf in leaves if isinstance(leaf, LinearConstraint)]
+            if len(constraints) < len(leaves):
+                return False
+            pieces.append(Polyhedron(self._names, tuple(constraints)))
+        question.pieces = tuple(pieces)
+        return True
 
     def _bounds(self, name: str, interval: Interval) -> tuple[Formula, ...]:
         """The bounds of a parameter; from box to box few of them change."""
@@ -140,12 +215,22 @@ class Refutation:
         return self.facet is not None and self.facet.obligation is None
 
 
-class Containment(Questions[Refutation]):
+class Containment(Questions[Callable[[], Refutation]]):
     """Decides boxes; what was refuted at a point is not asked again for a box that contains the point."""
 
     @cached_property
     def _refuted(self) -> list[Refutation]:
         return []
+
+    def contains(self, box: Box, deadline: Deadline) -> bool:
+        """Whether the box is inside the envelope.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+        """
+        return (
+            not any(known.values in box for known in reversed(self._refuted)) and self._look_in(box, deadline) is None
+        )
 
     def refute(self, box: Box, deadline: Deadline) -> Refutation | None:
         """Why the box is not inside the envelope; None if it is.
@@ -156,20 +241,37 @@ class Containment(Questions[Refutation]):
         for known in reversed(self._refuted):
             if known.values in box:
                 return known
-        refutation = self._look_in(box, deadline)
-        if refutation is not None:
+        found = self._look_in(box, deadline)
+        if found is None:
+            return None
+        refutation = found()
+        if refutation not in self._refuted:
             self._refuted.append(refutation)
         return refutation
 
-    def _of_facet(self, facet: Facet, box: Box) -> Refutation:
-        values = worst_point(facet, box)
-        return Refutation(facet.obligation or no_schedule(facet, values), values, facet)
+    def _of_facet(self, facet: Facet, box: Box) -> Callable[[], Refutation]:
+        def refutation() -> Refutation:
+            values = worst_point(facet, box)
+            return Refutation(facet.obligation or no_schedule(facet, values), values, facet)
 
-    def _of_model(self, question: Question, session: Session, box: Box) -> Refutation:
+        return refutation
+
+    def _of_piece(self, question: Question, piece: Polyhedron, box: Box) -> Callable[[], Refutation]:
+        def refutation() -> Refutation:
+            point = piece.restricted(box.constraints()).some_point()
+            if point is None:
+                raise ValueError(f"{piece} meets {box}, but no point is in both")
+            return Refutation(question.obligation.name, point)
+
+        return refutation
+
+    def _of_model(self, question: Question, session: Session, box: Box) -> Callable[[], Refutation]:
         symbols = [self.encoding.terms.real(ParameterReference(name)) for name in box.intervals]
         values = session.values(symbols)
         point = {name: Fraction(values.get(name, box[name].some_value())) for name in box.intervals}
-        return Refutation(question.obligation.name, point)
+        refutation = Refutation(question.obligation.name, point)
+        self._refuted.append(refutation)
+        return lambda: refutation
 
 
 def within(encoding: Encoding, intervals: Mapping[str, Interval]) -> Iterator[Formula]:

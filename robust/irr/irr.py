@@ -192,7 +192,7 @@ class IncrementalRobustification(Search):
             self._close(turn, side)
 
     def _is_inside(self, box: Box) -> bool:
-        return self._containment.refute(box, self.deadline) is None
+        return self._containment.contains(box, self.deadline)
 
 
 def ordered(parameters: Sequence[Parameter], order: Sequence[str]) -> list[Parameter]:

@@ -6,7 +6,7 @@ of them is checked against the envelope, and what is bad in it adds a polyhedron
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -15,11 +15,12 @@ from robust.encode.interface import Encoding, Facet
 from robust.irr.containment import Question, Questions
 from robust.plan.model import Parameter, Relation
 from robust.qe.box import Box, Face, Side
-from robust.qe.conjunctions import project
+from robust.qe.conjunctions import irredundant, project
 from robust.qe.constraint import LinearConstraint
-from robust.qe.nnf import Leaf, Nnf, Reader, conjunction, implicant, names_in
+from robust.qe.nnf import Leaf, Nnf, conjunction, implicant, names_in
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.simplex import feasible_point, maximize
+from robust.qe.simplex import maximize
+from robust.qe.slabs import Growing
 from robust.smt.export import Exporter
 from robust.smt.limits import Deadline
 from robust.smt.session import Session
@@ -37,17 +38,15 @@ STRETCH = "\u03bb"
 """The variable by which moving faces are scaled; no parameter can have this name."""
 
 
-def least_stretch(piece: Polyhedron, box: Box, moving: Mapping[Face, tuple[Fraction, Fraction]]) -> Least | None:
-    """The least λ ≥ 0 at which a box meets a bad polyhedron; None if it never does.
-
-    Args:
-        piece: bad parameter values.
-        box: where all other faces stand.
-        moving: faces that stand at `base ± λ · speed`, as pairs (base, speed).
-    """
+def least_stretch(piece: Polyhedron, growing: Growing) -> Least | None:
+    """The least λ ≥ 0 at which a box meets a bad polyhedron; None if it never does."""
+    least = piece.slabs.least_stretch(growing)
+    if least is None or piece.slabs.exact:
+        return None if least is None else Least(*least)
     # Sides of other parameters leave room for every value: a box is nowhere empty.
     mentioned = {name for constraint in piece.constraints for name in constraint.parameters}
     used = [name for name in piece.parameters if name in mentioned]
+    box, moving = growing.box, growing.moving
     constraints = [*piece.constraints, LinearConstraint.of({STRETCH: 1}, ">=", 0)]
     for name, side in product(used, Side):
         end, sign = box[name].end(side), side.sign
@@ -72,10 +71,12 @@ class DiscoveredBadSet(Questions[Polyhedron]):
     the parameters; a facet of enc_valid that the box breaks is a polyhedron as it is.
     """
 
+    PROVING = True
+
     def __init__(self, encoding: Encoding, *, solver: str = "z3", exporter: Exporter | None = None) -> None:
         super().__init__(encoding, solver=solver, exporter=exporter)
-        self._reader = Reader(encoding.terms)
         self._formulas: dict[str, Nnf] = {}
+        self._needed: dict[Polyhedron, Polyhedron] = {}
         self.reasons: dict[Polyhedron, str] = {}
         """The obligation, or the statements of the network, that each polyhedron breaks."""
         self.existence: set[Polyhedron] = set()
@@ -103,12 +104,19 @@ class DiscoveredBadSet(Questions[Polyhedron]):
         self.reasons[piece] = facet.obligation or f"no schedule: {'; '.join(facet.origins)}"
         return piece
 
+    def _of_piece(self, question: Question, piece: Polyhedron, box: Box) -> Polyhedron:
+        needed = self._needed.get(piece)
+        if needed is None:
+            needed = self._needed[piece] = Polyhedron(self._names, irredundant(piece.constraints) or ())
+            self.reasons[needed] = question.obligation.name
+        return needed
+
     def _of_model(self, question: Question, session: Session, box: Box) -> Polyhedron:
         """All parameter values that break the obligation in the way that the model does."""
         terms, name = self.encoding.terms, question.obligation.name
         if name not in self._formulas:
             formulas = self.encoding.query(question.obligation)
-            self._formulas[name] = conjunction(self._reader.read(formula) for formula in formulas)
+            self._formulas[name] = conjunction(self.reader.read(formula) for formula in formulas)
         symbols = {symbol for formula in session.assertions for symbol in terms.variables(formula)}
         chosen: dict[Leaf, None] = {}
         if not implicant(self._formulas[name], session.values(symbols), chosen):
@@ -192,8 +200,8 @@ class Widening:
     def _can_go(self, going: list[Face], moving: list[Face], least: Least, near: list[Polyhedron]) -> bool:
         if least.attained:
             # The value itself is bad for someone: who may include it?
-            bounds = list(self._ahead(going, moving, least).constraints())
-            return all(feasible_point(piece.parameters, [*piece.constraints, *bounds]) is None for piece in near)
+            ahead = self._ahead(going, moving, least)
+            return not any(piece.meets(ahead) for piece in near)
         room = self._room(going, moving, least, near)
         return room is None or room > 0
 
@@ -203,7 +211,8 @@ class Widening:
         """How much farther some faces can go, by what is known, while the others stay; None is without limit."""
         box = self._stretched([face for face in moving if face not in going], Least(least.value, attained=False))
         speeds = {face: (self._place(face, least.value), self._weight[face[0]]) for face in going}
-        found = [found.value for piece in pieces if (found := least_stretch(piece, box, speeds)) is not None]
+        growing = Growing(box, speeds)
+        found = [found.value for piece in pieces if (found := least_stretch(piece, growing)) is not None]
         return min(found, default=None)
 
     def _ahead(self, going: list[Face], moving: list[Face], least: Least) -> Box:
@@ -220,8 +229,9 @@ class Widening:
     def _stretches(self, moving: list[Face]) -> Iterator[tuple[Polyhedron, Least]]:
         """At which stretch each known piece meets the box, if ever."""
         speeds = {face: (self._nominal[face[0]], self._weight[face[0]]) for face in moving}
+        growing = Growing(self._box, speeds)
         for piece in self.pieces:
-            least = least_stretch(piece, self._box, speeds)
+            least = least_stretch(piece, growing)
             if least is not None:
                 yield piece, least
 

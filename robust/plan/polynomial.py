@@ -16,14 +16,25 @@ Monomial = tuple[V_co, ...]
 """The variables of a product in a canonical order, repeated for powers; the empty tuple is the constant monomial."""
 
 
+_ZERO, _ONE = Fraction(0), Fraction(1)
+
+
 class Polynomial(Generic[V_co]):
     """An immutable polynomial with rational coefficients; equal polynomials are equal and hash alike."""
 
-    __slots__ = ("_hash", "terms")
+    __slots__ = ("_hash", "_variables", "terms")
 
     def __init__(self, terms: Mapping[Monomial[V_co], Fraction]) -> None:
         self.terms: dict[Monomial[V_co], Fraction] = {m: c for m, c in terms.items() if c}
         self._hash: int | None = None
+        self._variables: frozenset[V_co] | None = None
+
+    @staticmethod
+    def _of(terms: dict[Monomial[W], Fraction]) -> Polynomial[W]:
+        """Of terms that nobody else has, none of which is zero."""
+        made = Polynomial[W].__new__(Polynomial)
+        made.terms, made._hash, made._variables = terms, None, None
+        return made
 
     @staticmethod
     def constant(value: Fraction | int) -> Polynomial[Any]:
@@ -31,7 +42,7 @@ class Polynomial(Generic[V_co]):
 
     @staticmethod
     def variable(name: W) -> Polynomial[W]:
-        return Polynomial({(name,): Fraction(1)})
+        return Polynomial._of({(name,): _ONE})
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Polynomial) and self.terms == other.terms
@@ -46,14 +57,27 @@ class Polynomial(Generic[V_co]):
             other = Polynomial.constant(other)
         terms = dict(self.terms)
         for monomial, coefficient in other.terms.items():
-            _add(terms, monomial, coefficient)
-        return Polynomial(terms)
+            known = terms.get(monomial)
+            terms[monomial] = total = coefficient if known is None else known + coefficient
+            if not total:
+                del terms[monomial]
+        return Polynomial._of(terms)
 
     def __neg__(self) -> Polynomial[V_co]:
-        return Polynomial({monomial: -coefficient for monomial, coefficient in self.terms.items()})
+        return Polynomial._of({monomial: -coefficient for monomial, coefficient in self.terms.items()})
 
     def __sub__(self, other: Polynomial[V_co] | Fraction | int) -> Polynomial[V_co]:
-        return self + (-other)
+        if not isinstance(other, Polynomial):
+            other = Polynomial.constant(other)
+        if not other.terms:
+            return self
+        terms = dict(self.terms)
+        for monomial, coefficient in other.terms.items():
+            known = terms.get(monomial)
+            terms[monomial] = total = -coefficient if known is None else known - coefficient
+            if not total:
+                del terms[monomial]
+        return Polynomial._of(terms)
 
     def __mul__(self, other: Polynomial[V_co]) -> Polynomial[V_co]:
         terms: dict[Monomial[V_co], Fraction] = {}
@@ -72,7 +96,7 @@ class Polynomial(Generic[V_co]):
 
     @property
     def is_constant(self) -> bool:
-        return all(not monomial for monomial in self.terms)
+        return len(self.terms) == (() in self.terms)
 
     @property
     def is_linear(self) -> bool:
@@ -80,11 +104,13 @@ class Polynomial(Generic[V_co]):
 
     @property
     def constant_term(self) -> Fraction:
-        return self.terms.get((), Fraction(0))
+        return self.terms.get((), _ZERO)
 
     @property
     def variables(self) -> frozenset[V_co]:
-        return frozenset(variable for monomial in self.terms for variable in monomial)
+        if self._variables is None:
+            self._variables = frozenset(variable for monomial in self.terms for variable in monomial)
+        return self._variables
 
     def coefficients(self) -> Iterator[tuple[V_co, Fraction]]:
         """The linear part, variable by variable; only meaningful where `is_linear`."""
@@ -94,6 +120,8 @@ class Polynomial(Generic[V_co]):
 
     def substitute(self, value: Callable[[V_co], Polynomial[W]]) -> Polynomial[W]:
         """Replace every variable by `value(variable)`."""
+        if self.is_constant:
+            return Polynomial._of(dict(self.terms))  # type: ignore[arg-type] # the constant monomial only
         if self.is_linear:
             terms: dict[Monomial[W], Fraction] = {}
             for monomial, coefficient in self.terms.items():
@@ -113,7 +141,7 @@ class Polynomial(Generic[V_co]):
 
     def evaluate(self, values: Mapping[V_co, Fraction]) -> Fraction:
         """The value under an assignment of every variable."""
-        total = Fraction(0)
+        total = _ZERO
         for monomial, coefficient in self.terms.items():
             product = coefficient
             for variable in monomial:

@@ -6,7 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from functools import cached_property
 
+from robust.encode.variables import Grid
 from robust.errors import InputError
 from robust.plan.model import Parameter
 from robust.qe.constraint import LinearConstraint, Sense
@@ -125,6 +127,11 @@ class Box:
         name, side = face
         return self.replace(name, self.intervals[name].with_end(side, end, closed=closed))
 
+    @cached_property
+    def grid(self) -> Grid:
+        """The ends in integers."""
+        return Grid(self.ranges)
+
     @property
     def ranges(self) -> dict[str, tuple[Fraction | None, Fraction | None]]:
         """Ends by parameter."""
@@ -144,7 +151,7 @@ class Box:
                 end = interval.end(side)
                 if end is not None:
                     sense = Sense.AT_MOST if interval.is_closed_at(side) else Sense.LESS
-                    yield LinearConstraint(((name, Fraction(side.sign)),), sense, side.sign * end)
+                    yield LinearConstraint(((name, side.sign),), sense, side.sign * end)
 
     def __str__(self) -> str:
         return ", ".join(f"{name} ∈ {interval}" for name, interval in self.intervals.items()) or "(no parameters)"

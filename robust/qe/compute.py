@@ -19,7 +19,7 @@ from graphlib import CycleError, TopologicalSorter
 
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
-from robust.encode.variables import Range
+from robust.encode.variables import Grid, Range
 from robust.plan.model import ParametrizedPlan, Relation
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction, project_at
@@ -231,7 +231,7 @@ class Existence:
         yield tuple(inside.negation()) if not inside.is_false else ()
 
     def _facet(self, ranges: Mapping[str, Range], deadline: Deadline) -> Facet | None:
-        found = self.encoding.validity.broken_facet(ranges, self.context.session, deadline)
+        found = self.encoding.validity.broken_facet(Grid(ranges), self.context.session, deadline)
         if isinstance(found, Verdict):
             raise OutOfTimeError(self.context.statistics.failure)
         return found

@@ -8,9 +8,11 @@ pile up. At a point: Loos–Weispfenning substitution of the one bound that is t
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from heapq import heappop, heappush
 from math import lcm
 
 from robust.qe.constraint import LinearConstraint, Sense, combine, substitute_equality, trim
@@ -25,14 +27,32 @@ CROWD = 12
 
 def solve_equalities(constraints: Iterable[LinearConstraint], eliminated: Collection[str]) -> Conjunction:
     """Use every equality over an eliminated variable to substitute that variable."""
-    pending, gone = list(trim(constraints)), set(eliminated)
-    while True:
-        found = next(((c, n) for c in pending if c.is_equality for n in c.parameters if n in gone), None)
-        if found is None:
-            return tuple(pending)
-        equality, name = found
-        gone.discard(name)
-        pending = list(trim(substitute_equality(c, equality, name) for c in pending if c is not equality))
+    gone = set(eliminated)
+    pending: list[LinearConstraint | None] = list(trim(constraints))
+    mentions: dict[str, list[int]] = defaultdict(list)
+    for place, constraint in enumerate(pending):
+        for name in constraint.parameters if constraint is not None else ():
+            mentions[name].append(place)
+    waiting = list(range(len(pending)))  # a heap: of equalities that can be used the first one is
+    while waiting:
+        place = heappop(waiting)
+        equality = pending[place]
+        if equality is None or not equality.is_equality:
+            continue
+        solved = next((name for name in equality.parameters if name in gone), None)
+        if solved is None:
+            continue
+        gone.discard(solved)
+        pending[place] = None
+        for other in dict.fromkeys(mentions[solved]):
+            found = pending[other]
+            if found is not None and found.factor(solved):
+                pending[other] = replaced = substitute_equality(found, equality, solved)
+                for new in equality.parameters:
+                    mentions[new].append(other)
+                if replaced.is_equality:
+                    heappush(waiting, other)
+    return trim(constraint for constraint in pending if constraint is not None)
 
 
 def project(
@@ -103,7 +123,7 @@ def _eliminate(constraints: Sequence[LinearConstraint], name: str, deadline: Dea
     return trim(rest)
 
 
-Bounds = list[tuple[LinearConstraint, Fraction]]
+Bounds = list[tuple[LinearConstraint, int]]
 
 
 def bounds(constraints: Iterable[LinearConstraint], name: str) -> tuple[Bounds, Bounds, list[LinearConstraint]]:
@@ -112,12 +132,11 @@ def bounds(constraints: Iterable[LinearConstraint], name: str) -> tuple[Bounds, 
     above: Bounds = []
     rest: list[LinearConstraint] = []
     for constraint in constraints:
-        factor = dict(constraint.coefficients).get(name)
-        if not factor:
+        if not constraint.factor(name):
             rest.append(constraint)
             continue
         for half in constraint.halves():
-            slope = dict(half.coefficients)[name]
+            slope = half.factor(name)
             (above if slope > 0 else below).append((half, slope))
     return below, above, rest
 
@@ -139,17 +158,15 @@ def project_at(
             for other, slope in near:
                 if other is not tight:
                     relation = Sense.LESS if other.is_strict and not tight.is_strict else Sense.AT_MOST
-                    free.append(combine(other, 1 / abs(slope), tight, -1 / abs(factor), relation))
+                    free.append(combine(other, abs(factor), tight, -abs(slope), relation))
             for other, slope in far:
                 relation = Sense.LESS if other.is_strict or tight.is_strict else Sense.AT_MOST
-                free.append(combine(other, 1 / abs(slope), tight, 1 / abs(factor), relation))
+                free.append(combine(other, abs(factor), tight, abs(slope), relation))
         rest = trim(free)
     return rest
 
 
-def _tightness(
-    bound: tuple[LinearConstraint, Fraction], name: str, point: Mapping[str, Fraction]
-) -> tuple[Fraction, bool]:
+def _tightness(bound: tuple[LinearConstraint, int], name: str, point: Mapping[str, Fraction]) -> tuple[Fraction, bool]:
     """How far the bound reaches towards the feasible side at the point, strict bounds further."""
     constraint, factor = bound
     others = sum((c * point[n] for n, c in constraint.coefficients if n != name), Fraction(0))
@@ -186,7 +203,7 @@ class NormalForm:
         values = dict(free)
         for name, equality in zip(self.pivots, self.equalities, strict=True):
             rest = equality.substitute(free)
-            values[name] = rest.constant / dict(rest.coefficients)[name]
+            values[name] = rest.constant / rest.factor(name)
         return {name: values[name] for name in self.parameters}
 
 

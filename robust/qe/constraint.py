@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
-from itertools import pairwise
 from math import gcd, lcm
 from typing import Any
 
@@ -15,7 +14,7 @@ from robust.plan.model import ParameterReference, Relation
 from robust.plan.polynomial import Polynomial
 from robust.smt.terms import Formula, Terms
 
-Coefficients = tuple[tuple[str, Fraction], ...]
+Coefficients = tuple[tuple[str, int], ...]
 """Non-zero coefficients by parameter, in the order of the names."""
 
 ZERO, ONE = Fraction(0), Fraction(1)
@@ -43,9 +42,9 @@ _RELATIONS = {Sense.AT_MOST: Relation.AT_LEAST, Sense.LESS: Relation.GREATER, Se
 class LinearConstraint:
     """`Σ coefficient · parameter  relation  constant`.
 
-    Coefficients are coprime integers (as fractions) in the order of the parameters' names, and the first one of an
-    equality is positive; so constraints of one half-space or hyperplane are equal and hash alike. A constraint without
-    parameters is `0 <= 0` if it holds and `0 <= -1` if it does not.
+    Coefficients are coprime integers in the order of the parameters' names, whatever multiple of them is given, and the
+    first one of an equality is positive; so constraints of one half-space or hyperplane are equal and hash alike. A
+    constraint without parameters is `0 <= 0` if it holds and `0 <= -1` if it does not.
 
     Raises:
         InputError: if a parameter is named twice.
@@ -57,21 +56,27 @@ class LinearConstraint:
 
     def __post_init__(self) -> None:
         items = self.coefficients.items() if isinstance(self.coefficients, Mapping) else self.coefficients
-        pairs = sorted((name, _fraction(factor)) for name, factor in items if factor)
-        if any(left[0] == right[0] for left, right in pairwise(pairs)):
-            names = ", ".join(name for name, _ in pairs)
+        given: list[tuple[str, Fraction | int]] = [(name, factor) for name, factor in items if factor]
+        if len({name for name, _ in given}) < len(given):
+            names = ", ".join(sorted(name for name, _ in given))
             raise InputError(f"a constraint names a parameter twice: {names}; expected one coefficient for each")
-        relation, constant = Sense(self.relation), _fraction(self.constant)
+        scale = lcm(*(factor.denominator for _, factor in given))
+        whole = [(name, factor.numerator * (scale // factor.denominator)) for name, factor in given]
+        self._settle(whole, Sense(self.relation), _fraction(self.constant) * scale)
+
+    def _settle(self, factors: Iterable[tuple[str, int]], relation: Sense, constant: Fraction) -> None:
+        """Take the normal form of a constraint whose coefficients are integers, none of them zero."""
+        pairs = sorted(factors)
         if not pairs:
             constant = ZERO if relation.holds(ZERO, constant) else -ONE
             relation = Sense.AT_MOST
         else:
-            scale = Fraction(lcm(*(c.denominator for _, c in pairs)), gcd(*(c.numerator for _, c in pairs)))
+            divisor = gcd(*(factor for _, factor in pairs))
             if relation is Sense.EQUAL and pairs[0][1] < 0:
-                scale = -scale
-            if scale != 1:
-                pairs = [(name, factor * scale) for name, factor in pairs]
-                constant *= scale
+                divisor = -divisor
+            if divisor != 1:
+                pairs = [(name, factor // divisor) for name, factor in pairs]
+                constant /= divisor
         object.__setattr__(self, "coefficients", tuple(pairs))
         object.__setattr__(self, "relation", relation)
         object.__setattr__(self, "constant", constant)
@@ -84,8 +89,7 @@ class LinearConstraint:
         if relation in (">=", ">"):
             negated = {name: -factor for name, factor in coefficients.items()}
             return LinearConstraint.of(negated, "<=" if relation == ">=" else "<", -constant)
-        pairs = tuple((name, Fraction(factor)) for name, factor in coefficients.items())
-        return LinearConstraint(pairs, Sense(relation), Fraction(constant))
+        return LinearConstraint(tuple(coefficients.items()), Sense(relation), Fraction(constant))  # type: ignore[arg-type]
 
     @staticmethod
     def from_polynomial(expression: Polynomial[Any], relation: Relation) -> LinearConstraint:
@@ -102,8 +106,9 @@ class LinearConstraint:
                 "over parameters, and >=, > or ="
             )
         sense = next(sense for sense, known in _RELATIONS.items() if known is relation)
-        pairs = tuple((unknown.name, -factor) for unknown, factor in expression.coefficients())
-        return LinearConstraint(pairs, sense, expression.constant_term)
+        return LinearConstraint.of(
+            {unknown.name: -factor for unknown, factor in expression.coefficients()}, sense, expression.constant_term
+        )
 
     @staticmethod
     def false() -> LinearConstraint:
@@ -113,6 +118,10 @@ class LinearConstraint:
     @property
     def parameters(self) -> tuple[str, ...]:
         return tuple(name for name, _ in self.coefficients)
+
+    def factor(self, name: str) -> int:
+        """The coefficient of a parameter."""
+        return next((factor for known, factor in self.coefficients if known == name), 0)
 
     @property
     def is_true(self) -> bool:
@@ -154,11 +163,11 @@ class LinearConstraint:
 
     def with_relation(self, relation: Sense) -> LinearConstraint:
         """The same linear form and constant under another relation."""
-        return LinearConstraint(self.coefficients, relation, self.constant)
+        return self if relation is self.relation else _settled(self.coefficients, relation, self.constant)
 
     def opposite(self, relation: Sense) -> LinearConstraint:
         """`−form relation −constant`: the other side of the same hyperplane."""
-        return LinearConstraint(tuple((n, -c) for n, c in self.coefficients), relation, -self.constant)
+        return _settled(((n, -c) for n, c in self.coefficients), relation, -self.constant)
 
     def closed(self) -> LinearConstraint:
         """The constraint with its boundary."""
@@ -173,7 +182,7 @@ class LinearConstraint:
     def as_polynomial(self) -> Polynomial[ParameterReference]:
         """`constant − form`: the constraint says that it is ≥ 0, > 0 or = 0."""
         terms: dict[tuple[ParameterReference, ...], Fraction] = {(): self.constant}
-        terms.update({(ParameterReference(name),): -factor for name, factor in self.coefficients})
+        terms.update({(ParameterReference(name),): Fraction(-factor) for name, factor in self.coefficients})
         return Polynomial(terms)
 
     def to_formula(self, terms: Terms) -> Formula:
@@ -216,7 +225,7 @@ class LinearConstraint:
         signs = {Sense.AT_MOST: "≤≥", Sense.LESS: "<>", Sense.EQUAL: "=="}[self.relation]
         flip = self.coefficients[0][1] < 0
         factor = -1 if flip else 1
-        return [(name, factor * c) for name, c in self.coefficients], signs[flip], factor * self.constant
+        return [(name, Fraction(factor * c)) for name, c in self.coefficients], signs[flip], factor * self.constant
 
 
 def _fraction(value: Fraction | int) -> Fraction:
@@ -235,14 +244,13 @@ def trim(constraints: Iterable[LinearConstraint]) -> tuple[LinearConstraint, ...
 
     A constraint that holds nowhere makes it the only one.
     """
-    tightest: dict[tuple[object, ...], LinearConstraint] = {}
+    tightest: dict[tuple[bool, Coefficients], LinearConstraint] = {}
     for constraint in constraints:
         if constraint.is_false:
             return (constraint,)
         if constraint.is_true:
             continue
-        # Coefficients are integers, and those are hashed and compared much faster than fractions.
-        key = (constraint.is_equality, *((name, factor.numerator) for name, factor in constraint.coefficients))
+        key = constraint.is_equality, constraint.coefficients
         known = tightest.get(key)
         if known is None or (constraint.constant, not constraint.is_strict) < (known.constant, not known.is_strict):
             if known is not None and constraint.is_equality:
@@ -253,21 +261,32 @@ def trim(constraints: Iterable[LinearConstraint]) -> tuple[LinearConstraint, ...
     return tuple(tightest.values())
 
 
+def _settled(factors: Iterable[tuple[str, int]], relation: Sense, constant: Fraction) -> LinearConstraint:
+    """A constraint of integer coefficients, none of which is zero or of the same parameter as another."""
+    made = object.__new__(LinearConstraint)
+    made._settle(factors, relation, constant)
+    return made
+
+
 def combine(
-    left: LinearConstraint, left_weight: Fraction, right: LinearConstraint, right_weight: Fraction, relation: Sense
+    left: LinearConstraint, left_weight: int, right: LinearConstraint, right_weight: int, relation: Sense
 ) -> LinearConstraint:
     """`left_weight · left + right_weight · right  relation  …`."""
     total = {name: left_weight * factor for name, factor in left.coefficients}
     for name, factor in right.coefficients:
-        total[name] = total.get(name, Fraction(0)) + right_weight * factor
-    constant = left_weight * left.constant + right_weight * right.constant
-    return LinearConstraint(tuple(total.items()), relation, constant)
+        total[name] = total.get(name, 0) + right_weight * factor
+    low, high = left.constant, right.constant
+    constant = Fraction(
+        left_weight * low.numerator * high.denominator + right_weight * high.numerator * low.denominator,
+        low.denominator * high.denominator,
+    )
+    return _settled(((name, factor) for name, factor in total.items() if factor), relation, constant)
 
 
 def substitute_equality(constraint: LinearConstraint, equality: LinearConstraint, name: str) -> LinearConstraint:
     """The constraint without `name`, which the equality determines."""
-    factor = dict(constraint.coefficients).get(name)
+    factor = constraint.factor(name)
     if not factor:
         return constraint
-    weight = -factor / dict(equality.coefficients)[name]
-    return combine(constraint, Fraction(1), equality, weight, constraint.relation)
+    known = equality.factor(name)
+    return combine(constraint, abs(known), equality, -factor if known > 0 else factor, constraint.relation)

@@ -328,7 +328,7 @@ class ExpressionReader:
             raise UnsupportedError(f"found {node}, expected a comparison of linear real terms")
         sense, sign = _RELATIONS[operator]
         form, constant = _added([self._form(operands[0]), self._form(operands[1])], (sign, -sign))
-        constraint = LinearConstraint(tuple(form.items()), sense, -constant)
+        constraint = LinearConstraint.of(form, sense, -constant)
         return constraint if positive is not (operator is Operator.DIFFERENT) else negation(constraint)
 
     def _form(self, term: Any) -> _Form:

@@ -12,7 +12,8 @@ from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import NormalForm, normal_form, project
 from robust.qe.constraint import ONE, ZERO, LinearConstraint, Sense, substitute_equality, trim
-from robust.qe.simplex import Supremum, Tableau, extend, integer_form, supremum, tableau, violates
+from robust.qe.simplex import Supremum, Tableau, extend, feasible_point, integer_form, supremum, tableau, violates
+from robust.qe.slabs import Slabs
 from robust.smt.terms import Formula, Terms
 
 Point = Mapping[str, Fraction]
@@ -78,6 +79,17 @@ class Polyhedron:
     def normal_form(self) -> NormalForm | None:
         """Affine hull, irredundant inequalities and a relative interior point; None if empty."""
         return normal_form(self.parameters, self.constraints)
+
+    @cached_property
+    def slabs(self) -> Slabs:
+        """The constraints against boxes."""
+        return Slabs(self.constraints)
+
+    def meets(self, box: Box) -> bool:
+        """Whether some point is in a box."""
+        if not self.slabs.all_kept_in(box):
+            return False
+        return self.slabs.exact or feasible_point(self.parameters, [*self.constraints, *box.constraints()]) is not None
 
     def some_point(self) -> dict[str, Fraction] | None:
         """A point, or None."""

@@ -102,7 +102,7 @@ def _smt(constraint: LinearConstraint) -> str:
     return f"({constraint.relation.value} {_junction('+', terms, '0.0')} {_number(constraint.constant)})"
 
 
-def _number(value: Fraction) -> str:
+def _number(value: Fraction | int) -> str:
     size = f"{abs(value.numerator)}.0" if value.denominator == 1 else f"(/ {abs(value.numerator)} {value.denominator})"
     return f"(- {size})" if value < 0 else size
 
@@ -126,7 +126,7 @@ def to_sympy(parts: Sequence[Part]) -> sympy.Basic:
         relation = {Sense.AT_MOST: sympy.Le, Sense.LESS: sympy.Lt, Sense.EQUAL: sympy.Eq}[constraint.relation]
         return relation(form, _rational(constraint.constant))
 
-    def _rational(value: Fraction) -> sympy.Basic:
+    def _rational(value: Fraction | int) -> sympy.Basic:
         return sympy.Rational(value.numerator, value.denominator)
 
     return sympy.Or(

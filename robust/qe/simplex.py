@@ -285,7 +285,7 @@ def integer_form(constraint: LinearConstraint, parameters: Sequence[str]) -> Int
     """The constraint's coefficients and constant, scaled to integers."""
     by_name = dict(constraint.coefficients)
     scale = constraint.constant.denominator
-    form = tuple(by_name[name].numerator * scale if name in by_name else 0 for name in parameters)
+    form = tuple(by_name[name] * scale if name in by_name else 0 for name in parameters)
     return form, constraint.constant.numerator
 
 

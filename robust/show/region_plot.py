@@ -94,8 +94,8 @@ def _clip(names: Sequence[str], rectangle: Rectangle) -> list[LinearConstraint]:
     """The view as constraints."""
     clip = []
     for name, (lower, upper) in zip(names, rectangle, strict=True):
-        clip.append(LinearConstraint(((name, Fraction(1)),), Sense.AT_MOST, upper))
-        clip.append(LinearConstraint(((name, Fraction(-1)),), Sense.AT_MOST, -lower))
+        clip.append(LinearConstraint(((name, 1),), Sense.AT_MOST, upper))
+        clip.append(LinearConstraint(((name, -1),), Sense.AT_MOST, -lower))
     return clip
 
 

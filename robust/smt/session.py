@@ -67,14 +67,14 @@ class Backend(ABC):
 
     name: str
 
-    def __init__(self, terms: Terms) -> None:
+    def __init__(self, terms: Terms, *, proving: bool = False) -> None:
         self._terms = terms
         self.failure: str | None = None
         """Why the last check has no verdict, where it is not for lack of time."""
-        self._solver = self._create(terms)
+        self._solver = self._create(terms, proving)
 
     @abstractmethod
-    def _create(self, terms: Terms) -> Any: ...
+    def _create(self, terms: Terms, proving: bool) -> Any: ...
 
     def add(self, formula: Formula) -> None:
         self._solver.add_assertion(formula)
@@ -86,8 +86,11 @@ class Backend(ABC):
         self._solver.pop()
 
     @abstractmethod
-    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
-        """Decide the asserted formulas; `symbols` gives those whose values may be asked for afterwards."""
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Verdict:
+        """Decide the asserted formulas; `symbols` gives those whose values may be asked for afterwards.
+
+        With an effort the answer may be UNKNOWN after so many steps of the solver, if it counts them.
+        """
 
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
         """The model of the last satisfiable check."""
@@ -99,19 +102,31 @@ class Z3(Backend):
 
     name = "z3"
 
-    def _create(self, terms: Terms) -> Any:
+    def _create(self, terms: Terms, proving: bool) -> Any:
+        self._effort = 0
         solver = _pysmt_solver(terms, self.name, "z3", "Z3Solver")
+        if proving:
+            import z3  # noqa: PLC0415 - slow to import
+
+            # Without tactics in between, and with z3's earlier arithmetic: hard proofs take half the time.
+            solver.z3 = z3.SimpleSolver()
+            solver.z3.set("arith.solver", 2)
         # All sessions of one environment share what has been translated already.
         solver.converter = terms.translations.setdefault(self.name, solver.converter)
         return solver
 
-    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Verdict:
         remaining = deadline.remaining
         # Zero means "no limit" to z3, and a limit that has passed must still return at once.
         milliseconds = 4294967295 if remaining is None else max(1, int(remaining * 1000))
         self._solver.z3.set("timeout", milliseconds)
+        if effort != self._effort:
+            self._effort = effort
+            self._solver.z3.set("rlimit", effort)
+        before = self._steps() if effort else 0
         verdict = _solve(self._solver)
-        if verdict is Verdict.UNKNOWN and self._was_interrupted(deadline):
+        given_up = effort and verdict is Verdict.UNKNOWN and self._steps() - before >= effort
+        if verdict is Verdict.UNKNOWN and not given_up and self._was_interrupted(deadline):
             # z3's own handler takes the signal while it works, so Python never hears of it.
             raise KeyboardInterrupt
         return verdict
@@ -127,6 +142,11 @@ class Z3(Backend):
             numeral = not z3.is_bool(value)
             found[symbol.symbol_name()] = Fraction(value.as_string()) if numeral else z3.is_true(value)
         return found
+
+    def _steps(self) -> int:
+        """What this solver has spent by now, in the unit of an effort."""
+        statistics = self._solver.z3.statistics()
+        return int(statistics.get_key_value("rlimit count")) if "rlimit count" in statistics.keys() else 0  # noqa: SIM118
 
     def _was_interrupted(self, deadline: Deadline) -> bool:
         """z3 gives the same reason for a time limit as for some interruptions; then the clock tells them apart."""
@@ -145,7 +165,7 @@ class Cvc5(Backend):
 
     name = "cvc5"
 
-    def _create(self, terms: Terms) -> Any:
+    def _create(self, terms: Terms, proving: bool) -> Any:
         self._frames: list[list[Any]] = [[]]
         self._values: Mapping[str, Value] = {}
         # All sessions of one environment share what has been translated already.
@@ -162,7 +182,7 @@ class Cvc5(Backend):
     def pop(self) -> None:
         self._frames.pop()
 
-    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]]) -> Verdict:
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Verdict:
         def answer() -> tuple[Verdict, Mapping[str, Value]]:
             for term in (term for frame in self._frames for term in frame):
                 self._solver.cvc5.assertFormula(term)
@@ -186,15 +206,15 @@ class Cvc5(Backend):
 BACKENDS: Mapping[str, type[Backend]] = {"z3": Z3, "cvc5": Cvc5}
 
 
-def create_backend(name: str, terms: Terms) -> Backend:
-    """The solver of that name.
+def create_backend(name: str, terms: Terms, *, proving: bool = False) -> Backend:
+    """The solver of that name, see :class:`Session`.
 
     Raises:
         SolverError: if there is no such solver or it is not installed.
     """
     if name not in BACKENDS:
         raise SolverError(f"unknown solver {name!r}{did_you_mean(name, BACKENDS)}")
-    return BACKENDS[name](terms)
+    return BACKENDS[name](terms, proving=proving)
 
 
 def _pysmt_solver(terms: Terms, name: str, module: str, solver_class: str) -> Any:
@@ -225,6 +245,7 @@ def _python_value(constant: Formula) -> Value:
 class Session:
     """A stack of assertions in one solver.
 
+    With `proving` the solver is set to what proves most quickly that there is no model; it may find other models then.
     Several sessions may share a `statistics` and an `exporter`. Ctrl-C ends a running query at once with
     `KeyboardInterrupt`; the session is not to be used after that.
 
@@ -239,6 +260,7 @@ class Session:
         solver: str = "z3",
         statistics: Statistics | None = None,
         exporter: Exporter | None = None,
+        proving: bool = False,
     ) -> None:
         self.terms = terms
         self.solver = solver
@@ -246,7 +268,7 @@ class Session:
         self.failure: str | None = None
         """Why the last check has no verdict, where it is not for lack of time."""
         self._exporter = exporter
-        self._backend = create_backend(solver, terms)
+        self._backend = create_backend(solver, terms, proving=proving)
         self._frames: list[list[Formula]] = [[]]
         self._symbols: list[set[Formula]] = [set()]
 
@@ -287,13 +309,16 @@ class Session:
     def assertions(self) -> list[Formula]:
         return [formula for frame in self._frames for formula in frame]
 
-    def check(self, question: str, deadline: Deadline = NEVER) -> Verdict:
-        """Whether the assertions have a model; `question` names the query in logs and exported files."""
+    def check(self, question: str, deadline: Deadline = NEVER, effort: int = 0) -> Verdict:
+        """Whether the assertions have a model; `question` names the query in logs and exported files.
+
+        With an effort the solver may give up after so many of its steps, the same ones in every run: UNKNOWN.
+        """
         raise_if_interrupted()
         if deadline.passed:
             return Verdict.UNKNOWN
         started = time.perf_counter()
-        verdict = self._backend.check(deadline, self._asserted_symbols)
+        verdict = self._backend.check(deadline, self._asserted_symbols, effort)
         seconds = time.perf_counter() - started
         self._count(verdict, seconds)
         self.failure = None

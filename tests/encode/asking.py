@@ -14,7 +14,7 @@ from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import Encoding, Facet, Obligation
 from robust.encode.positions.encoding import PositionsEncoding
-from robust.encode.variables import Range
+from robust.encode.variables import Grid, Range
 from robust.irr.check import Answer, CheckResult
 from robust.plan.model import ParametrizedPlan, TimePoint
 from robust.smt.session import Session, Verdict
@@ -59,7 +59,7 @@ def is_broken(
 
 def follows(encoding: Encoding, facet: Facet, ranges: Mapping[str, Range]) -> None:
     """A facet of the network is broken somewhere in the box, and every schedule keeps it."""
-    assert facet.breaks_in(ranges)
+    assert facet.breaks_in(Grid(ranges))
     assert facet.obligation is None
     assert facet.origins
     session = Session(encoding.terms)

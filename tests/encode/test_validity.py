@@ -19,7 +19,7 @@ from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import Encoding, Facet
 from robust.encode.positions.encoding import PositionsEncoding
-from robust.encode.variables import Range, is_over_parameters
+from robust.encode.variables import Grid, Range, is_over_parameters
 from robust.plan import model
 from robust.plan.model import ZERO, Comparison, DurationConstraint, Parameter, ParametrizedPlan, Relation, TimedLiteral
 from robust.plan.polynomial import Polynomial
@@ -117,7 +117,7 @@ def some_point_has_no_schedule(encoding: Encoding, ranges: dict[str, Range]) -> 
 def judge(plan: ParametrizedPlan, ranges: dict[str, Range], random: Random, name: str, solver: str) -> str:
     encoding = create_encoding(name, plan)
     make_session = Mock(wraps=lambda: Session(encoding.terms, solver=solver))
-    facet = encoding.validity.broken_facet(ranges, make_session, NEVER)
+    facet = encoding.validity.broken_facet(Grid(ranges), make_session, NEVER)
     assert not isinstance(facet, Verdict)
     by = ", by solver" if make_session.called else ""
     if facet is None or facet.obligation is None:
@@ -139,7 +139,7 @@ def judge(plan: ParametrizedPlan, ranges: dict[str, Range], random: Random, name
         follows(encoding, facet, ranges)
         assert not any(Network(plan, values).consistent for values in outside)
     else:
-        assert facet.breaks_in(ranges)
+        assert facet.breaks_in(Grid(ranges))
         assert not any(keeps_rule(plan, values, facet.obligation) for values in outside)
     if any(low is None or high is None for low, high in ranges.values()):
         return "facet of an infinite box"
@@ -170,7 +170,7 @@ def test_broken_facets_are_right(encoding, solver, count) -> None:
 
 
 def ask(encoding: Encoding, box: dict[str, Range], deadline: Deadline = NEVER) -> Facet | Verdict | None:
-    return encoding.validity.broken_facet(box, lambda: Session(encoding.terms), deadline)
+    return encoding.validity.broken_facet(Grid(box), lambda: Session(encoding.terms), deadline)
 
 
 @drawn(40)
@@ -259,7 +259,7 @@ def test_crowded_bounds_are_thinned_by_a_solver(shift: int) -> None:
     session = Mock(wraps=lambda: Session(encoding.terms))
     for low, high in ((-4, 4), *product((-5, 0), (0, 5))):
         box = {"k": (Fraction(low), Fraction(high))}
-        broken = encoding.validity.broken_facet(box, session, NEVER)
+        broken = encoding.validity.broken_facet(Grid(box), session, NEVER)
         assert (broken is None) == (low >= -4 and high <= 4)
         assert session.called
     for unbounded in ((None, Fraction(4)), (Fraction(-4), None)):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
+from robust.irr.containment import Questions
 from robust.plan.load import load_plan
 from robust.plan.model import ZERO, Parameter, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
@@ -52,14 +53,20 @@ def loose(k: int) -> ParametrizedPlan:
     return plan_of(i, parameters=(parameter("k", k),), constraints=constraints)
 
 
+def ask_solvers(monkeypatch) -> None:
+    """Solvers are asked about parameters alone, too."""
+    monkeypatch.setattr(Questions, "_takes_apart", lambda *_: False)
+
+
 def fail_at_query(monkeypatch, number: int, error) -> None:
     """The query of that number ends with KeyboardInterrupt, or UNKNOWN as if out of time."""
+    ask_solvers(monkeypatch)
     original, count = Session.check, []
 
-    def failing(self, question, deadline):
+    def failing(self, question, deadline, *effort):
         count.append(question)
         if len(count) < number:
-            return original(self, question, deadline)
+            return original(self, question, deadline, *effort)
         if error == "time":
             return Verdict.UNKNOWN
         raise error

@@ -22,7 +22,7 @@ from robust.plan.simulate import simulate
 from robust.qe.box import Box, Interval, Side
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Statistics, Verdict
-from tests.irr.building import fail_at_query, lasts, loose, parameter, shipped, timed, weighted
+from tests.irr.building import ask_solvers, fail_at_query, lasts, loose, parameter, shipped, timed, weighted
 from tests.plan.building import DURATION, END, START, F, G, above, action, at_most, number, plan_of, reference, value
 
 PLAN = timed(parameter("k", 6), pieces=lasts(3, 11))
@@ -136,7 +136,8 @@ def test_an_empty_envelope_is_no_mistake() -> None:
 # -- containment -------------------------------------------------------------------------------------------------------
 
 
-def test_containment_does_not_ask_again() -> None:
+def test_containment_does_not_ask_again(monkeypatch) -> None:
+    ask_solvers(monkeypatch)
     containment = Containment(RelationalEncoding(PLAN))
     counted: list[int] = []
     for within in (box(3, 11), box(4, 10), box(3, 12), box(11, 12), box(2, 3)):
@@ -166,6 +167,7 @@ def test_refutations_are_remembered_and_whole() -> None:
 @pytest.mark.parametrize("solver", ["z3", "cvc5"])
 @pytest.mark.parametrize("method", ["irr", "widen", "optimal"])
 def test_searches_ask_the_solver_that_they_name(monkeypatch, method, solver) -> None:
+    ask_solvers(monkeypatch)
     asked: set[str] = set()
     make = Session.__init__
     monkeypatch.setattr(
@@ -187,7 +189,7 @@ def test_searches_ask_the_solver_that_they_name(monkeypatch, method, solver) -> 
 
 @pytest.mark.parametrize("options", [{"method": "widen"}, {"method": "optimal", "contain_nominal": True}])
 def test_the_nominal_point_is_known_before_anything_wider(monkeypatch, options) -> None:
-    fail_at_query(monkeypatch, 4, "time")
+    fail_at_query(monkeypatch, 7, "time")
     result = envelope(PLAN, **options)
     assert (result.status, result.verified, result.box) == (Status.TIMEOUT, True, box(6, 6))
     assert (result.trace, result.first_widening_seconds) == ((), None)

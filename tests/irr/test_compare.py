@@ -20,7 +20,7 @@ from robust.qe.compute import RegionStatus
 from robust.qe.estimate import VolumeBounds
 from robust.smt.limits import Deadline
 from robust.smt.session import Session
-from tests.irr.building import lasts, parameter, shipped, timed
+from tests.irr.building import ask_solvers, lasts, parameter, shipped, timed
 from tests.plan.building import DURATION, END, START, F, above, at_least, at_most, increase, number, value
 
 BETA = Fraction(1)
@@ -275,6 +275,8 @@ def test_stages_have_equal_parts_of_the_time_that_is_left(monkeypatch) -> None:
 @pytest.mark.parametrize("stage", [*METHODS, "region", "faces and witnesses"])
 def test_interrupted_at_any_stage(monkeypatch, stage: str, query: bool) -> None:
     """Before it begins, or by its first query."""
+
+    ask_solvers(monkeypatch)
 
     def stop(*_: object) -> None:
         raise KeyboardInterrupt

@@ -13,7 +13,7 @@ from fractions import Fraction
 
 from robust.encode.interface import Facet
 from robust.encode.network import Difference, TemporalNetwork
-from robust.encode.variables import Range, is_over_parameters, least, variable
+from robust.encode.variables import Grid, is_over_parameters, least, variable
 from robust.plan.model import ZERO, ParameterReference, TimePoint
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
@@ -37,17 +37,17 @@ class Projection:
                 self._edges.append(inequality.as_difference())
 
     def broken_facet(
-        self, ranges: Mapping[str, Range], make_session: Callable[[], Session], deadline: Deadline
+        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline
     ) -> Facet | Verdict | None:
         """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time.
 
-        `ranges` is the box; `make_session` opens a solver session over the same terms, only if it comes to that.
+        `make_session` opens a solver session over the same terms, only if it comes to that.
         """
         for facet in self.facets:
-            if facet.breaks_in(ranges):
+            if facet.breaks_in(box):
                 return facet
         try:
-            broken = _Elimination(self._edges, ranges, self._terms, make_session, deadline).broken_loop()
+            broken = _Elimination(self._edges, box, self._terms, make_session, deadline).broken_loop()
         except OutOfTimeError:
             return Verdict.UNKNOWN
         if broken is not None:
@@ -57,7 +57,7 @@ class Projection:
     def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
         ranges = {name: (value, value) for name, value in values.items()}
-        found = self.broken_facet(ranges, lambda: Session(self._terms), NEVER)
+        found = self.broken_facet(Grid(ranges), lambda: Session(self._terms), NEVER)
         return found if isinstance(found, Facet) else None
 
 
@@ -67,12 +67,12 @@ class _Elimination:
     def __init__(
         self,
         edges: list[Difference],
-        ranges: Mapping[str, Range],
+        box: Grid,
         terms: Terms,
         make_session: Callable[[], Session],
         deadline: Deadline,
     ) -> None:
-        self._ranges = ranges
+        self._box = box
         self._terms = terms
         self._make_session = make_session
         self._deadline = deadline
@@ -118,7 +118,7 @@ class _Elimination:
     def _join(self, source: TimePoint, target: TimePoint, edges: list[Difference]) -> None:
         if source == target:
             facets = (Facet(-edge.weight, edge.origins) for edge in edges)
-            self._broken = self._broken or next((facet for facet in facets if facet.breaks_in(self._ranges)), None)
+            self._broken = self._broken or next((facet for facet in facets if facet.breaks_in(self._box)), None)
             return
         known = self._outgoing[source].setdefault(target, [])
         self._incoming[target].add(source)
@@ -131,7 +131,7 @@ class _Elimination:
 
     def _is_covered(self, edge: Difference, by: Difference) -> bool:
         """Whether the weight of `by` is at least as great all over the box."""
-        margin = least(by.weight - edge.weight, self._ranges)
+        margin = least(by.weight - edge.weight, self._box.ranges)
         return margin is not None and margin >= 0
 
     def _without_redundant(self, edges: list[Difference]) -> Iterator[Difference]:
@@ -151,7 +151,7 @@ class _Elimination:
 
     def _open_session(self) -> Session:
         session = self._make_session()
-        for name, (low, high) in self._ranges.items():
+        for name, (low, high) in self._box.ranges.items():
             value = variable(ParameterReference(name))
             if low is not None:
                 session.add(self._terms.at_least(value - low))

@@ -81,7 +81,7 @@ class _Native:
     def _write(self, root: Nnf, symbols: dict[str, Any]) -> Any:
         manager = self.manager
 
-        def number(value: Fraction) -> Any:
+        def number(value: Fraction | int) -> Any:
             return manager.mkReal(value.numerator, value.denominator)
 
         def joined(kind: Kind, parts: list[Any]) -> Any:
