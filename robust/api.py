@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from robust.plan.model import ParametrizedPlan
     from robust.plan.pddl.syntax import Domain, Problem
     from robust.plan.timed import TimedPlan
-    from robust.qe.compute import RegionResult
+    from robust.qe.compute import RegionResult, RegionSearch
     from robust.smt.export import Exporter
 
 Given = ParamSpec("Given")
@@ -345,7 +345,7 @@ def envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> EnvelopeResult
 # -- region and compare ------------------------------------------------------------------------------------------------
 
 
-def searching_region(plan: ParametrizedPlan, options: RegionOptions) -> Search[RegionResult]:
+def searching_region(plan: ParametrizedPlan, options: RegionOptions) -> RegionSearch:
     """What :func:`region` runs."""
     from robust.qe.compute import RegionSearch
 
@@ -359,6 +359,7 @@ def searching_region(plan: ParametrizedPlan, options: RegionOptions) -> Search[R
         solver=options.solver,
         timeout=options.limit,
         on_piece=options.on_piece,
+        on_cell=options.on_cell,
     )
 
 
@@ -367,7 +368,7 @@ def region(plan: ParametrizedPlan, options: RegionOptions) -> RegionResult:
     """All parameter values under which the plan is valid, exactly: its robustness envelope [IRR, Definition 2].
 
     Returns:
-        The envelope, or, out of time or after Ctrl-C, an outer bound of it.
+        The envelope; or, out of time or after Ctrl-C, an outer bound of it, an inner one, and how much lies between.
 
     Raises:
         InputError: wrong options.

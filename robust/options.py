@@ -577,6 +577,9 @@ class RegionOptions(Search):
     on_piece: Callable[[Polyhedron], None] | None = option(
         None, "called with each polyhedron of bad parameter values when it is found", shown=False
     )
+    on_cell: Callable[[Polyhedron], None] | None = option(
+        None, "called with each polyhedron of good parameter values when it is found", shown=False
+    )
 
 
 class RegionCommand(RegionOptions, Slice, AskCommand):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import count
 from typing import TYPE_CHECKING
 
 from robust.cli.build import action
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from robust.irr.compare import Comparison
     from robust.irr.search import EnvelopeResult
     from robust.plan.model import ParametrizedPlan
-    from robust.qe.compute import RegionResult
+    from robust.qe.compute import RegionResult, RegionSearch
 
 CODES = {
     "proved": 0,
@@ -161,23 +160,29 @@ def _controllability(
 
 @action(RegionCommand)
 def region(options: RegionCommand, run: Run) -> int:
-    """For exactly which parameter values is the plan valid? Out of time, an outer bound is printed."""
+    """For exactly which parameter values is the plan valid? Out of time, an outer and an inner bound are printed."""
     from robust.api import searching_region
     from robust.show import documents, regions
 
     plan: ParametrizedPlan | None = None
-    pieces = count(1)
+    search: RegionSearch | None = None
+    found = {"bad": 0, "good": 0}
 
-    def on_piece(_piece: object) -> None:
-        run.display.say(f"polyhedra of bad values: {next(pieces)}")
+    def progress(kind: str) -> None:
+        found[kind] += 1
+        share = search and search.open_share
+        known = f"polyhedra of bad values: {found['bad']}, of good values: {found['good']}"
+        run.display.say(f"{known}, open: {float(share.value):.1%}" if share else known)
 
     def begin() -> Search[RegionResult]:
-        nonlocal plan
+        nonlocal plan, search
         plan = load(options, run, nominal_needed=False)
         if options.plot is not None:
             regions.shown_axes(plan, options.axes or ())
         run.display.say("encoding")
-        return searching_region(plan, options.changed(timeout=run.remaining, on_piece=on_piece))
+        callbacks = {"on_piece": lambda _: progress("bad"), "on_cell": lambda _: progress("good")}
+        search = searching_region(plan, options.changed(timeout=run.remaining, **callbacks))
+        return search
 
     def show(result: RegionResult) -> None:
         def tell(out: Console) -> None:
@@ -188,14 +193,15 @@ def region(options: RegionCommand, run: Run) -> int:
 
         run.answer(lambda: documents.region(result, options.separation), tell)
 
-    found = run.best(begin, show)
-    result = found
+    whole = run.best(begin, show)
+    result = whole
     if run.guard.cause is None:  # else there is no time left for a shorter form
-        simpler = run.also("simplifying", lambda: replace(found, region=regions.in_form(found.region, options.form)))
-        result = simpler or found
+        simpler = run.also("simplifying", lambda: replace(whole, region=regions.in_form(whole.region, options.form)))
+        result = simpler or whole
     show(result)
     if options.plot is not None and plan is not None:
-        regions.plot_slice(result.region, plan, options.plot, options.axes or ())
+        inner = None if result.is_exact else result.inner
+        regions.plot_slice(result.region, plan, options.plot, options.axes or (), inner=inner)
     return 0 if result.is_exact else 3
 
 

@@ -24,7 +24,7 @@ from robust.encode.variables import (
     is_over_parameters,
     variable,
 )
-from robust.plan.model import ParameterReference, TimePoint
+from robust.plan.model import ZERO, ParameterReference, TimePoint
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms

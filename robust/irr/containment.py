@@ -127,9 +127,7 @@ class Questions(ABC, Generic[Found]):
                 return found
         return None
 
-    def _ask(
-        self, question: Question, box: Box, deadline: Deadline, hard: list[Question] | None
-    ) -> Found | None:
+    def _ask(self, question: Question, box: Box, deadline: Deadline, hard: list[Question] | None) -> Found | None:
         """What is found; what needs more than a little time is added to the hard questions, where these are given."""
         if not question.opened:
             self._open(question, deadline)

@@ -29,6 +29,7 @@ from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
+from robust.qe.slabs import Growing
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +75,13 @@ def touching(pieces: Iterable[Polyhedron], box: Box, face: Face) -> Iterator[Pol
     end = box[face[0]].end(face[1])
     if end is None:
         return
+    growing = Growing(box, {face: (end, Fraction(1))})
     for piece in pieces:
         if _may_touch(piece, box, face):
             if len(piece.constraints) == 1 and not piece.constraints[0].is_equality:
                 yield piece  # what one constraint allows is all there is to it
                 continue
-            least = least_stretch(piece, box, {face: (end, Fraction(1))})
+            least = least_stretch(piece, growing)
             if least is not None and least.value == 0:
                 yield piece
 

@@ -15,7 +15,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
+from functools import partial
 from graphlib import CycleError, TopologicalSorter
+from types import MappingProxyType
 
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
@@ -26,9 +28,12 @@ from robust.qe.conjunctions import Conjunction, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import Context, Definition, Query, create_eliminator, outside
+from robust.qe.inner import Factor, FactorSearch, Group, drawn_share, independent_groups, inner_region, open_share
 from robust.qe.nnf import FALSE, TRUE, Junction, Nnf, Reader, conjunction, disjunction, names_in, negation
-from robust.qe.polyhedron import Polyhedron
+from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
+from robust.qe.share import OpenShare
+from robust.qe.symmetry import Symmetry, find_symmetry
 from robust.smt.limits import Deadline, DiedError, OutOfTimeError
 from robust.smt.session import Session, Statistics, Verdict
 
@@ -282,6 +287,10 @@ class RegionResult:
     `region` is the envelope itself where `status` is COMPLETE; otherwise every point of the envelope is in it, but not
     every point of it is in the envelope. `pieces` counts the polyhedra of bad values that were found. `reason` says
     which failure of a solver ended an enumeration that is UNKNOWN.
+
+    `factors` say the same of independent groups of parameters, one by one, and have inner bounds beside the outer ones;
+    back ends other than `project`, which find no inner bounds, leave them out. `open_share` is how much lies between
+    the two; None where it is not known, or the envelope is exact.
     """
 
     status: RegionStatus
@@ -294,6 +303,8 @@ class RegionResult:
     seconds: float
     pieces: int
     statistics: Statistics = field(default_factory=Statistics)
+    factors: tuple[Factor, ...] = ()
+    open_share: OpenShare | None = None
     reason: str | None = None
 
     @property
@@ -304,6 +315,18 @@ class RegionResult:
     def cut_short(self) -> bool:
         """Whether something ended the enumeration before it was done."""
         return not self.is_exact
+
+    def inner(self, at: Point = MappingProxyType({})) -> Region:
+        """An inner bound, with some parameters fixed: the envelope, or as much of what is proved as is not too long."""
+        if self.is_exact:
+            return self.region.slice(at)
+        return inner_region(self.region.parameters, self.factors, at)
+
+    def is_proved(self, point: Point) -> bool:
+        """Whether a point is known to be in the envelope."""
+        if self.is_exact:
+            return point in self.region
+        return bool(self.factors) and all(factor.is_proved(point) for factor in self.factors)
 
     @property
     def meaning(self) -> str:
@@ -334,7 +357,9 @@ class RegionSearch:
         solver: `z3` or `cvc5`, for the queries of our own back ends.
         encoding: `relational` or `positions`.
         timeout: seconds after which what has been found is returned with status TIMEOUT; None never.
-        on_piece: called with each polyhedron of bad parameter values when it is found.
+        on_piece: called with each polyhedron of bad parameter values when it is found; where parameters are
+            interchangeable, what it holds may be bad only if they ascend.
+        on_cell: called with each polyhedron of good parameter values, likewise.
     """
 
     def __init__(
@@ -349,19 +374,24 @@ class RegionSearch:
         encoding: str = "relational",
         timeout: float | None = None,
         on_piece: Callable[[Polyhedron], None] | None = None,
+        on_cell: Callable[[Polyhedron], None] | None = None,
     ) -> None:
         self._plan = plan
         self._epsilon = epsilon
         self._names = (backend, splitting, learning, encoding, solver)
         self._learning = learning
         self._on_piece = on_piece
+        self._on_cell = on_cell or (lambda _cell: None)
         self._started = time.perf_counter()
         self._deadline = Deadline.after(timeout)
         self._statistics = Statistics()
         self._parameters = tuple(parameter.name for parameter in plan.parameters)
         self._bounds = declared_bounds(plan)
         self._pieces: list[Conjunction] = []
-        """The bad set so far."""
+        """What is bad by itself; the rest is known to the groups."""
+        self._factors: list[FactorSearch] = []
+        self._found = 0
+        self._share: OpenShare | None = None
         self._region: Region | None = None
 
     def run(self) -> RegionResult:
@@ -383,24 +413,44 @@ class RegionSearch:
         except KeyboardInterrupt:
             status = RegionStatus.INTERRUPTED
         # Half-spaces become sides of the polyhedron to subtract from.
-        half_spaces = [piece[0] for piece in self._pieces if len(piece) == 1 and not piece[0].is_equality]
-        others = [piece for piece in self._pieces if len(piece) != 1 or piece[0].is_equality]
+        bad = self._bad
+        half_spaces = [piece[0] for piece in bad if len(piece) == 1 and not piece[0].is_equality]
+        others = [piece for piece in bad if len(piece) != 1 or piece[0].is_equality]
         sides = [side.negation()[0] for side in half_spaces]
         self._region = self._without(Polyhedron(self._parameters, (*self._bounds, *sides)).simplified(), others)
-        return replace(self._result(status, self._region), reason=reason)
+        if status is RegionStatus.COMPLETE:
+            return self._result(status, self._region, None)
+        self._share = self.open_share
+        try:
+            self._share = open_share(self._factors)
+        except KeyboardInterrupt:
+            status = RegionStatus.INTERRUPTED
+        return replace(self._result(status, self._region, self._share), reason=reason)
 
     def so_far(self, *, timed_out: bool) -> RegionResult:
         """What the pieces leave that are known by now, if the search is given up: out of time, or interrupted."""
         status = RegionStatus.TIMEOUT if timed_out else RegionStatus.INTERRUPTED
-        plain = self._without(Polyhedron(self._parameters, self._bounds), list(self._pieces))
-        return self._result(status, self._region or plain)
+        plain = self._without(Polyhedron(self._parameters, self._bounds), self._bad)
+        return self._result(status, self._region or plain, self.open_share)
+
+    @property
+    def open_share(self) -> OpenShare | None:
+        """How much is open by now, if random points have been drawn already."""
+        return self._share or drawn_share(self._factors)
+
+    @property
+    def _bad(self) -> list[Conjunction]:
+        """The bad set so far."""
+        return [*self._pieces, *(piece for factor in self._factors for piece in factor.lifted)]
 
     def _without(self, base: Polyhedron, pieces: Iterable[Conjunction]) -> Region:
         return Region.difference(base, (Polyhedron(self._parameters, piece) for piece in pieces))
 
-    def _result(self, status: RegionStatus, found: Region) -> RegionResult:
+    def _result(self, status: RegionStatus, found: Region, share: OpenShare | None) -> RegionResult:
         seconds = time.perf_counter() - self._started
-        return RegionResult(status, found, *self._names, seconds, len(self._pieces), self._statistics)
+        factors = tuple(factor.factor() for factor in self._factors)
+        counts = self._found, self._statistics
+        return RegionResult(status, found, *self._names, seconds, *counts, factors, share)
 
     def _search(self) -> None:
         backend, splitting, _, name, solver = self._names
@@ -424,8 +474,35 @@ class RegionSearch:
             self._add(eliminator.eliminate(_with_existence(problem, existence), self._known(), self._deadline))
             return
         self._add(existence)
+        if backend == "project" and splitting == "full" and self._learning:
+            self._search_factors(context, problem)
+            return
         for query in problem.violations:
             self._add(eliminator.eliminate(query, self._known(), self._deadline))
+
+    def _search_factors(self, context: Context, problem: Problem) -> None:
+        """Group by group, up to symmetry; again without where that leaves too much to describe."""
+        facets = list(self._pieces)
+        symmetry = find_symmetry(self._plan, self._deadline)
+        sides = [side for facet in facets for constraint in facet for side in constraint.negation()]
+        if () in facets:
+            sides.append(LinearConstraint.false())
+        base = Polyhedron(self._parameters, (*self._bounds, *sides))
+        groups = [
+            Group(names, queries, base.project(names), tuple(self._known()), self._plan.nominal, symmetry.within(names))
+            for names, queries in independent_groups(self._parameters, problem.violations, facets)
+        ]
+        search = partial(FactorSearch, context, deadline=self._deadline, on_piece=self._tell, on_cell=self._on_cell)
+        self._factors = [search(group) for group in groups]
+        pending = list(range(len(groups)))
+        while pending:
+            for index in [*pending]:
+                factor = self._factors[index]
+                factor.run()
+                if factor.done and factor.lift():
+                    pending.remove(index)
+                elif factor.done:
+                    self._factors[index] = search(replace(groups[index], symmetry=Symmetry()))
 
     def _known(self) -> list[Conjunction]:
         """What a problem need not describe again."""
@@ -437,8 +514,12 @@ class RegionSearch:
     def _add(self, pieces: Iterable[Conjunction]) -> None:
         for piece in pieces:
             self._pieces.append(piece)
-            if self._on_piece is not None:
-                self._on_piece(Polyhedron(self._parameters, piece))
+            self._tell(Polyhedron(self._parameters, piece))
+
+    def _tell(self, piece: Polyhedron) -> None:
+        self._found += 1
+        if self._on_piece is not None:
+            self._on_piece(piece)
 
 
 def _with_existence(problem: Problem, existence: Iterable[Conjunction]) -> Query:

@@ -27,7 +27,7 @@ class Sense(Enum):
     LESS = "<"
     EQUAL = "="
 
-    def holds(self, left: Fraction, right: Fraction) -> bool:
+    def holds(self, left: Fraction | int, right: Fraction | int) -> bool:
         """Whether `left sense right`."""
         if self is Sense.EQUAL:
             return left == right

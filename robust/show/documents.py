@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from robust.options import CheckCommand
     from robust.plan.model import Parameter
     from robust.plan.simulate import Violation
+    from robust.qe import inner
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult
 
@@ -424,6 +425,51 @@ class Polyhedron(JsonObject):
     constraints: list[Constraint]
 
 
+class Outer(JsonObject):
+    """A polyhedron from which others are removed"""
+
+    base: list[Constraint]
+    minus: list[Polyhedron]
+
+
+class Factor(JsonObject):
+    """What is known of the values of an independent group of parameters
+
+    Attributes:
+        ascending: lists of interchangeable parameters; a point is asked about with each of them in ascending order, to
+            which its values are brought by swaps
+        swaps: for each list, how the first of it changes places with each other: pairs that change places together
+        outer: no point outside is valid
+        inner: points in one of these polyhedra are valid, as to this group; null: all points in `outer` are
+    """
+
+    parameters: list[str]
+    ascending: list[list[str]]
+    swaps: list[list[list[tuple[str, str]]]]
+    outer: Outer
+    inner: list[Polyhedron] | None
+
+
+class OpenShare(JsonObject):
+    """How much of a box lies between both bounds
+
+    Attributes:
+        value: the share; of random points, if there is a confidence
+        lower: at least so much, with the confidence
+        upper: at most so much, with the confidence
+        confidence: null: exact
+        points: how many random points
+        box: what it is a share of
+    """
+
+    value: Rational
+    lower: Rational
+    upper: Rational
+    confidence: Rational | None
+    points: Count | None
+    box: dict[str, Ends]
+
+
 class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     """robust region --json: the robustness envelope, or an outer bound of it
 
@@ -436,6 +482,9 @@ class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
         base: form difference: the polyhedron from which others are removed
         minus: form difference: what is removed
         pieces: polyhedra of bad parameter values that were found
+        factors: the same for independent groups of parameters and up to permutations, with inner bounds; a point is
+            valid if it is so as to every group; empty if that says no more than the region, or nothing is known
+        open_share: null if complete, or not known
     """
 
     RULES: ClassVar[Document] = {
@@ -462,12 +511,37 @@ class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     pieces: Count
     seconds: Seconds
     statistics: Statistics
+    factors: list[Factor]
+    open_share: OpenShare | None
 
 
 def region(result: RegionResult, epsilon: Fraction) -> Document:
     shown = {key: value for key, value in result.region.as_dict().items() if key != "schema"}
     shown["reason"] = UNSET if result.reason is None else result.reason
-    return document(like(Region, result, epsilon=epsilon, statistics=like(Statistics, result.statistics), **shown))
+    more = not result.is_exact or len(result.factors) > 1 or any(one.symmetry for one in result.factors)
+    share = result.open_share
+    return document(
+        like(
+            Region,
+            result,
+            epsilon=epsilon,
+            statistics=like(Statistics, result.statistics),
+            factors=[_factor(one) for one in result.factors] if more else [],
+            open_share=None if share is None else like(OpenShare, share, box=box_of(share.box)),
+            **shown,
+        )
+    )
+
+
+def _factor(factor: inner.Factor) -> Factor:
+    outer, proved = factor.outer.as_dict(), factor.inner.as_dict()
+    return Factor(
+        parameters=list(factor.parameters),
+        ascending=[list(names) for names in factor.symmetry.classes],
+        swaps=[[list(swap) for swap in swaps] for swaps in factor.symmetry.swaps],
+        outer=Outer(base=outer["base"], minus=outer["minus"]),
+        inner=proved.get("polyhedra"),
+    )
 
 
 class Volume(JsonObject):

@@ -39,6 +39,7 @@ def draw_region(
     at: Point | None = None,
     boxes: Mapping[str, Box] | None = None,
     points: Mapping[str, Point] | None = None,
+    inner: Region | None = None,
 ) -> Figure:
     """A drawing of one or two parameters, as a figure that belongs to no window.
 
@@ -46,6 +47,7 @@ def draw_region(
         region: what is drawn, as far as it is near what is bounded in it, the boxes and the points.
         axes: the parameters to show.
         at: values for parameters that are not shown; the region is sliced there, and projected along the rest.
+        inner: an inner bound over the parameters that are shown, if the region is an outer one.
         boxes, points: what to draw on top, by the name to show in the legend; only their shown parameters matter.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
@@ -59,6 +61,8 @@ def draw_region(
     FigureCanvasAgg(figure)
     canvas = figure.add_subplot()
     (_draw_line if flat else _draw_plane)(canvas, shown, rectangle, boxes, points)
+    if inner is not None:
+        _draw_inner(canvas, inner, shown.parameters, rectangle)
     if boxes or points:
         canvas.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize="small", frameon=False)
     return figure
@@ -132,6 +136,19 @@ def _draw_plane(
     canvas.set_ylim(*map(float, rectangle[1]))
     canvas.set_xlabel(names[0])
     canvas.set_ylabel(names[1])
+
+
+def _draw_inner(canvas: Axes, inner: Region, names: tuple[str, ...], rectangle: Rectangle) -> None:
+    """What is proved, darker than what is not known to be bad."""
+    label = "proved valid"
+    for piece in (Polyhedron(names, (*piece.constraints, *_clip(names, rectangle))) for piece in inner.pieces):
+        if len(names) == 1:
+            _bar(canvas, piece, rectangle, 0, GREEN, label=label)
+        elif len(corners := [(float(x), float(y)) for x, y in _corners(piece)]) > 2:
+            canvas.fill(
+                *zip(*corners, strict=True), facecolor=GREEN, edgecolor=GREEN, linewidth=0.4, zorder=2, label=label
+            )
+        label = "_" + label.lstrip("_")
 
 
 def _coloured(boxes: Mapping[str, Box]) -> Iterable[tuple[str, tuple[str, Box]]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from html import escape
 from pathlib import Path
@@ -22,7 +22,8 @@ from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Side
 from robust.qe.compute import RegionResult, RegionStatus
 from robust.qe.constraint import Sense
-from robust.qe.polyhedron import Polyhedron
+from robust.qe.inner import Factor
+from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
 from robust.show.drawing import save
@@ -30,6 +31,8 @@ from robust.show.text import percentage, print_advice, show_table, table
 
 MANY = 20
 """Pieces up to which a region is shown as a union by default."""
+HUGE = 300
+"""Pieces up to which those that others contain are left out of a difference."""
 _STOPPED = {RegionStatus.TIMEOUT: "out of time", RegionStatus.INTERRUPTED: "interrupted"}
 
 
@@ -53,10 +56,10 @@ def in_form(region: Region, form: str | None) -> Region:
 
 
 def tidied(region: Region) -> Region:
-    """The region simplified; of many pieces only those that others contain are left out, which is quick."""
+    """The region simplified; of many pieces only those that others contain are left out, and of very many none."""
     if len(region.pieces) <= MANY or region.base is None:
         return region.simplified()
-    return Region.difference(region.base, absorb(region.pieces))
+    return region if len(region.pieces) > HUGE else Region.difference(region.base, absorb(region.pieces))
 
 
 # -- output ----------------------------------------------------------------------------------------------------------
@@ -71,15 +74,66 @@ def print_latex(out: Console, result: RegionResult) -> None:
 
 def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
     """Inequalities, and what they mean; unless `quiet` also how they were found."""
-    for line in region_lines(result.region, exact=result.is_exact):
+    ordered = result.is_exact and len(result.region.pieces) > MANY and any(one.symmetry for one in result.factors)
+    exact = result.is_exact
+    lines = _ordered_lines(result.factors) if ordered else region_lines(result.region, exact=exact)
+    for line in lines:
+        out.print(Text(line), soft_wrap=True)
+    for line in () if exact else _inner_lines(result):
         out.print(Text(line), soft_wrap=True)
     if not quiet:
         out.print()
-    if not result.is_exact:
+    if not exact:
         text = f"{_stopped(result)}: an outer bound of the envelope; outside the plan can fail, inside it may"
         out.print(Text(text, style="yellow"), soft_wrap=True)
+        out.print(Text(_open_text(result), style="yellow"), soft_wrap=True)
     if not quiet:
         out.print(_summary(result), soft_wrap=True)
+
+
+def _ordered_lines(factors: Sequence[Factor]) -> Iterator[str]:
+    """The region up to permutations of parameters, for each group of them; all have to hold."""
+    for index, one in enumerate(factors):
+        yield from ("",) if index else ()
+        yield from _ordering(one)
+        yield from region_lines(in_form(one.outer, None), exact=True)
+
+
+def _ordering(factor: Factor) -> Iterator[str]:
+    for names in factor.symmetry.classes:
+        yield f"In ascending order of {', '.join(names)}, which are interchangeable:"
+
+
+def _inner_lines(result: RegionResult) -> Iterator[str]:
+    """What is proved, group by group of parameters, or nothing."""
+    if not any(one.inner.pieces or one.inner.base is not None for one in result.factors):
+        return
+    for one in result.factors:
+        yield ""
+        yield from _ordering(one)
+        among = f" as to {', '.join(one.parameters)}" if len(result.factors) > 1 else ""
+        if one.inner.base is not None:
+            yield from region_lines(in_form(one.inner, None), exact=True)
+            continue
+        yield f"The plan is certain to be valid{among} if all lines of one of these groups hold"
+        for index, piece in enumerate(one.inner.pieces, start=1):
+            yield f"  {index}."
+            yield from (f"     {line}" for line in polyhedron_lines(piece) or ["no condition"])
+
+
+def _open_text(result: RegionResult) -> str:
+    """How much lies between both bounds."""
+    cells = sum(len(one.inner.pieces) for one in result.factors)
+    proved = f"proved valid: {_polyhedra(cells)}"
+    share = result.open_share
+    if share is None:
+        return proved
+    ends = f"{_percent(share.value)}"
+    if share.confidence is not None:
+        between = f"{_percent(share.lower)} to {_percent(share.upper)}"
+        ends = f"about {ends} ({between} with confidence {_percent(share.confidence)}, {share.points} random points)"
+    box = ", ".join(f"{name} ∈ {interval_text(one)}" for name, one in share.box.intervals.items())
+    return f"{proved}; open: {ends} of {box}"
 
 
 def _summary(result: RegionResult) -> Text:
@@ -87,9 +141,12 @@ def _summary(result: RegionResult) -> Text:
     if result.is_exact:
         text.append("complete", style="green")
         text.append(": the exact envelope; ")
-    found = "1 polyhedron" if result.pieces == 1 else f"{result.pieces} polyhedra"
-    text.append(f"{found} of bad values, {result.backend}, {duration(result.seconds)}.")
+    text.append(f"{_polyhedra(result.pieces)} of bad values, {result.backend}, {duration(result.seconds)}.")
     return text
+
+
+def _polyhedra(count: int) -> str:
+    return "1 polyhedron" if count == 1 else f"{count} polyhedra"
 
 
 def region_lines(region: Region, *, exact: bool) -> Iterator[str]:
@@ -173,16 +230,23 @@ def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
 
 
 def plot_slice(
-    region: Region, plan: ParametrizedPlan, path: Path, axes: Sequence[str], boxes: Mapping[str, Box] | None = None
+    region: Region,
+    plan: ParametrizedPlan,
+    path: Path,
+    axes: Sequence[str],
+    *,
+    boxes: Mapping[str, Box] | None = None,
+    inner: Callable[[Point], Region] | None = None,
 ) -> None:
-    """Draw one or two parameters, the others at their nominal values."""
+    """Draw one or two parameters, the others at their nominal values; also an inner bound, if there is one."""
     from robust.show.region_plot import draw_region  # noqa: PLC0415 - late, as all that leads to matplotlib
 
     shown = shown_axes(plan, axes)
     nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}
     rest = {name: value for name, value in nominal.items() if name not in shown}
+    proved = None if inner is None else inner(rest)
     points = {"nominal values": nominal} if plan.has_nominal else {}
-    save(lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points), path)
+    save(lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points, inner=proved), path)
 
 
 # -- comparisons -----------------------------------------------------------------------------------------------------
@@ -292,7 +356,7 @@ def plot_comparison(result: Comparison, path: Path, axes: Sequence[str]) -> None
     if result.region is None:
         return
     boxes = {_NAMES[entry.method]: entry.result.box for entry in result.entries if entry.result.verified}
-    plot_slice(result.region.region, result.plan, path, axes, boxes)
+    plot_slice(result.region.region, result.plan, path, axes, boxes=boxes)
 
 
 _PAGE = Template("""<!DOCTYPE html>

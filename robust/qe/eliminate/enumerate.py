@@ -8,6 +8,7 @@ Quine, modulo linear arithmetic).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -155,7 +156,7 @@ class Project(Eliminator):
     name = "project"
 
     def eliminate(self, query: Query, known: Iterable[Conjunction], deadline: Deadline) -> Iterator[Conjunction]:
-        search = _Search(self.context, query, deadline)
+        search = PieceSearch(self.context, query, deadline)
         for piece in known:
             search.exclude(piece)
         while (found := search.next_piece()) is not None:
@@ -163,7 +164,7 @@ class Project(Eliminator):
             search.exclude(found)
 
 
-class _Search:
+class PieceSearch:
     """The sessions of one query: where pieces come from, what they must not lose, and what is known already."""
 
     def __init__(self, context: Context, query: Query, deadline: Deadline) -> None:
@@ -203,15 +204,19 @@ class _Search:
             made.exclude(piece)
         return made
 
-    def next_piece(self) -> Conjunction | None:
+    def next_piece(self, within: Iterable[LinearConstraint] = ()) -> Conjunction | None:
         """A polyhedron of kept symbols that the query covers and that is not covered yet; None if there is none.
+
+        With `within` it has a point that satisfies these constraints, but does not end there.
 
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        if not satisfiable(self._asked, self._query.name, self._deadline):
-            return None
-        model = self._asked.values(self._reader.symbols(self._names))
+        sides = [self._reader.write(constraint) for constraint in within]
+        with self._asked.frame(*sides) if sides else nullcontext():
+            if not satisfiable(self._asked, self._query.name, self._deadline):
+                return None
+            model = self._asked.values(self._reader.symbols(self._names))
         leaves = self._needs.generalize(self._implicant(model))
         constraints = tuple(leaf for leaf in leaves if isinstance(leaf, LinearConstraint))
         if not self._projects:
