@@ -148,10 +148,12 @@ class ExactSearch(Search):
                 self._stops[name, side] = self._stop((name, side), end)
 
     def _stop(self, face: Face, end: Fraction) -> Stop:
-        """What a known piece breaks that touches the face, else what breaks just beyond."""
+        """What known pieces break that touch the face, the first of it in the plan's order; else what breaks beyond."""
         beyond = self.box.moved(face, end + face[1].sign * JUST)
-        known = (one for one in touching(self._pieces, self.box, face) if one in self._bad.reasons)
-        piece = next(known, None) or self._bad.piece_beyond(beyond, self.deadline)
+        order = {one.name: index for index, one in enumerate(self.encoding.obligations)}
+        known = [one for one in touching(self._pieces, self.box, face) if one in self._bad.reasons]
+        first = min(known, key=lambda one: order.get(self._bad.reasons[one], -1), default=None)
+        piece = first or self._bad.piece_beyond(beyond, self.deadline)
         if piece is None:
             return APPROACHED
         if piece not in self._bad.existence:
