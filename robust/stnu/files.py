@@ -15,7 +15,7 @@ import json
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import lcm
 from pathlib import Path
@@ -137,7 +137,12 @@ def _fields(value: Json, names: Sequence[str]) -> Mapping[str, Json]:
 
 
 def network_json(network: Network) -> str:
-    """A network as JSON; a number that is no finite decimal is a text such as "1/3"."""
+    """A network as JSON, with node 0 as its origin; a number that is no finite decimal is a text such as "1/3".
+
+    Raises:
+        UnsupportedError: for a node 0 that is not the origin.
+    """
+    network = _with_origin(network, "0")
 
     def name(node: str) -> Any:
         return int(node) if re.fullmatch("0|-?[1-9][0-9]{0,17}", node) else node
@@ -159,6 +164,20 @@ def network_json(network: Network) -> str:
 
 def _listed(items: Sequence[str]) -> list[str]:
     return [f"  {item}{',' if number < len(items) else ''}" for number, item in enumerate(items, start=1)]
+
+
+def _with_origin(network: Network, name: str) -> Network:
+    """The same network, whose origin has the name by which a format knows it."""
+    if network.origin == name:
+        return network
+    if name in network.nodes:
+        raise UnsupportedError(f"found node {name!r} that is not the origin, expected another name in this format")
+    if network.origin is None:
+        return network
+    new = {node: name if node == network.origin else node for node in network.nodes}
+    links = tuple(replace(link, source=new[link.source], target=new[link.target]) for link in network.links)
+    layout = {new[node]: at for node, at in network.layout.items()}
+    return Network(network.name, tuple(new.values()), links, name, layout)
 
 
 # -- GraphML: reading --------------------------------------------------------------------------------------------------
@@ -243,7 +262,8 @@ class _Reader:
             self._open[-1].data[self._key] = "".join(self._text).strip(), self._place()
         elif tag in _KEYS:
             done = self._open.pop()
-            {"node": self.nodes.append, "edge": self.edges.append}.get(tag, lambda _: None)(done)
+            if tag != "graph":
+                (self.nodes if tag == "node" else self.edges).append(done)
 
 
 def parse_graphml(text: str, file: str) -> Network:
@@ -404,8 +424,10 @@ def graphml(network: Network) -> tuple[str, int]:
     """A network as GraphML in whole numbers, and by what its times are multiplied for that.
 
     Raises:
-        UnsupportedError: for a contingent link without an upper bound, which the format does not have.
+        UnsupportedError: for a contingent link without an upper bound, which the format does not have, and for a node
+            Z that is not the origin.
     """
+    network = _with_origin(network, "Z")
     for link in network.contingents:
         if link.upper is None:
             raise UnsupportedError(f"contingent link {link} has no upper bound; expected one, or a .json file")

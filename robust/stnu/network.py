@@ -239,8 +239,8 @@ class Edge:
 
     def __str__(self) -> str:
         value = "-inf" if self.value is None else format_number(self.value)
-        label = {"lower": "c:", "upper": "C:"}.get(self.case, "")
-        return f"{self.source} --{label}{value}-> {self.target}"
+        how = {"lower": ", as short as may be", "upper": ", as long as may be"}.get(self.case, "")
+        return f"{self.target} - {self.source} <= {value}  ({self.link}{how})"
 
 
 _CASES = {stnu.Way.SHORTEST: "lower", stnu.Way.LONGEST: "upper"}

@@ -17,7 +17,7 @@ def network(*links, origin=None):
 
 
 def random_network(rng, executable=3, contingents=2, requirements=5, size=5, *, negative=True, chained=True):
-    """A random network with integer bounds; a contingent link may end before it starts. None if it contradicts itself."""
+    """The links of a random network with integer bounds; a contingent link may end before it starts."""
     names = [f"x{i}" for i in range(executable)]
     ends = [f"c{i}" for i in range(contingents)]
     links = []

@@ -11,7 +11,7 @@ from robust import stnu
 from robust.errors import InputError
 from robust.smt.limits import Deadline
 from robust.stnu import RepairStatus, Side
-from robust.stnu.repair import RepairSearch
+from robust.stnu.repair import RepairSearch, _Candidate
 from tests.execute import controllability_oracles as oracles
 from tests.stnu.networks import explicit, network, random_network
 
@@ -26,7 +26,7 @@ def slow(*values):
 def refuted(seeds, *shape):
     """Random networks that are not controllable, with random weights."""
     for seed in seeds:
-        rng = Random(seed)
+        rng = Random(seed)  # noqa: S311
         try:
             found = network(*random_network(rng, *shape))
         except InputError:
@@ -101,8 +101,6 @@ def by_z3(found, weights):
 
 
 def search_candidate(point):
-    from robust.stnu.repair import _Candidate
-
     return _Candidate((), {name: value for name, value in point.items() if value}, Fraction(0))
 
 
