@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from robust.api import Search
     from robust.show.stnu import Judged
     from robust.stnu.network import Network
-    from robust.stnu.repair import Repair
+    from robust.stnu.repairs import Repair
 
 Result = TypeVar("Result")
 
@@ -69,7 +69,7 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
     """What is the least change of bounds after which a network is controllable? Ctrl-C prints the best so far."""
     from robust.show import stnu as show
     from robust.smt.limits import Deadline
-    from robust.stnu.repair import RepairSearch
+    from robust.stnu.repairs import RepairSearch
 
     def judge(network: Network) -> Repair:
         def begin() -> Search[Repair]:

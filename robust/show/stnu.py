@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from robust.errors import RobustError
-    from robust.stnu.check import CheckResult
-    from robust.stnu.dispatch import DispatchResult, Execution
+    from robust.stnu.minimal import DispatchResult, Execution
     from robust.stnu.network import Network
-    from robust.stnu.repair import Repair
+    from robust.stnu.repairs import Repair
+    from robust.stnu.verdicts import CheckResult
 
 Result = TypeVar("Result")
 

@@ -9,11 +9,35 @@
 
 from __future__ import annotations
 
-from robust.stnu.check import CheckResult, Verdict, check, refutes
-from robust.stnu.dispatch import DispatchResult, Execution, dispatch
-from robust.stnu.files import load, write
-from robust.stnu.network import Edge, Link, Network, Side
-from robust.stnu.repair import Change, Repair, RepairStatus, repair
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from robust.stnu.files import load, write
+    from robust.stnu.minimal import DispatchResult, Execution, dispatch
+    from robust.stnu.network import Edge, Link, Network, Side
+    from robust.stnu.repairs import Change, Repair, RepairStatus, repair
+    from robust.stnu.verdicts import CheckResult, Verdict, check, refutes
+
+_HOME = {
+    "Change": "robust.stnu.repairs",
+    "CheckResult": "robust.stnu.verdicts",
+    "DispatchResult": "robust.stnu.minimal",
+    "Edge": "robust.stnu.network",
+    "Execution": "robust.stnu.minimal",
+    "Link": "robust.stnu.network",
+    "Network": "robust.stnu.network",
+    "Repair": "robust.stnu.repairs",
+    "RepairStatus": "robust.stnu.repairs",
+    "Side": "robust.stnu.network",
+    "Verdict": "robust.stnu.verdicts",
+    "check": "robust.stnu.verdicts",
+    "dispatch": "robust.stnu.minimal",
+    "load": "robust.stnu.files",
+    "refutes": "robust.stnu.verdicts",
+    "repair": "robust.stnu.repairs",
+    "write": "robust.stnu.files",
+}
 
 __all__ = [
     "Change",
@@ -34,3 +58,10 @@ __all__ = [
     "repair",
     "write",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """Import on first use: a verdict needs no solver."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'robust.stnu' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)

@@ -11,7 +11,7 @@ from robust import stnu
 from robust.errors import InputError
 from robust.smt.limits import Deadline
 from robust.stnu import RepairStatus, Side
-from robust.stnu.repair import RepairSearch, _Candidate
+from robust.stnu.repairs import RepairSearch, _Candidate
 from tests.execute import controllability_oracles as oracles
 from tests.stnu.networks import explicit, network, random_network
 

@@ -6,28 +6,33 @@ an upper bound down. Each unit of a change costs the weight of its link.
 The search follows conflicts (Yu, Fang and Williams, 2014: *Resolving uncontrollable conditional temporal problems
 using continuous relaxations*). A semi-reducible negative cycle shows that a network is not controllable as long as the
 whole walk and the pieces after its lower-case edges are negative; each length is linear in the changes, so in every
-repair one of them is at least 0. Candidates are choices of one such inequality for each conflict, with the cheapest
-changes that satisfy them, found by exact linear programming. They are examined in the order of their costs, so that the
-first controllable one is optimal, and the cost of the next one is a lower bound at any time. Going on with the cheapest
-choice at once, before anything else, finds a repair early that may not be the cheapest.
+repair one of them is at least 0. A solver looks for cheaper and cheaper choices of one such inequality for each
+conflict, exact linear programming makes the best of each choice, and when there is no cheaper one, its cost is a lower
+bound. If the network with these changes is controllable, they are optimal; else it has another conflict. Going on from
+there with the cheapest inequality of one conflict after the other finds a repair early that may not be the cheapest.
 """
 
 from __future__ import annotations
 
-import heapq
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
-from itertools import count
+from math import inf
 
+from robust.encode.variables import variable
 from robust.execute.stnu import NegativeCycle, Step, Way, dynamic, explain
 from robust.numbers import format_number
+from robust.plan.model import ParameterReference
+from robust.plan.polynomial import Polynomial
 from robust.qe.constraint import LinearConstraint
+from robust.qe.eliminate.enumerate import satisfiable
 from robust.qe.simplex import maximize
 from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Session
+from robust.smt.terms import Terms
 from robust.stnu.network import Link, Network, Role, Side
 
 _NOTHING = Fraction(0)
@@ -166,15 +171,14 @@ class RepairSearch:
         self._examined = 0
         self._best: _Candidate | None = None
         self._lowest = _NOTHING
-        self._queue: list[tuple[Fraction, int, _Candidate]] = []
-        self._number = count()
+        self._terms = Terms()
+        self._session = Session(self._terms)
+        self._asserted = 0
 
     def run(self) -> Repair:
         """Search until the best repair is proved to be the cheapest, or time is out."""
         try:
-            root = _Candidate((), {}, _NOTHING)
-            self._dive(root)
-            self._put(root)
+            self._dive(_Candidate((), {}, _NOTHING))
             return self._search()
         except OutOfTimeError:
             return self.so_far(timed_out=True)
@@ -187,38 +191,76 @@ class RepairSearch:
     # -- the search ----------------------------------------------------------------------------------------------------
 
     def _search(self) -> Repair:
-        seen: set[frozenset[LinearConstraint]] = set()
-        while self._queue:
-            self._lowest, _, candidate = self._queue[0]
-            if self._best is not None and self._lowest >= self._best.cost:
+        while self._best is None or self._best.cost > self._lowest:
+            candidate = self._cheapest_known()
+            if candidate is None:
                 break
-            conflict = self._conflict(candidate)
-            heapq.heappop(self._queue)
-            if conflict is None:
+            self._lowest = candidate.cost
+            if self._conflict(candidate) is None:
                 self._best = candidate
-                break
-            for child in self._children(candidate, conflict):
-                key = frozenset(choice for choice, _ in child.chosen)
-                if key not in seen:
-                    seen.add(key)
-                    self._put(child)
+            else:
+                self._dive(candidate)
         if self._best is None:
             return self._result(RepairStatus.IMPOSSIBLE)
         self._lowest = self._best.cost
         return self._result(RepairStatus.OPTIMAL if self._best.cost else RepairStatus.UNNEEDED)
 
-    def _put(self, candidate: _Candidate) -> None:
-        if self._best is None or candidate.cost < self._best.cost:
-            heapq.heappush(self._queue, (candidate.cost, next(self._number), candidate))
+    def _cheapest_known(self) -> _Candidate | None:
+        """The cheapest changes that no known conflict forbids; None if they are no cheaper than the best repair."""
+        terms, found = self._terms, None
+        for conflict in self._conflicts[self._asserted :]:
+            self._session.add(terms.disjunction(choice.to_formula(terms) for choice in conflict.choices))
+        self._asserted = len(self._conflicts)
+        names = sorted({n for known in self._conflicts for choice in known.choices for n in choice.parameters})
+        price = sum((variable(ParameterReference(n)).scaled(self._weight[n]) for n in names), Polynomial({}))
+        always = [constraint.to_formula(terms) for constraint in self._always(names)]
+        symbols = [terms.real(ParameterReference(name)) for name in names]
+        least = self._best
+        while True:
+            cheaper = [] if least is None else [terms.greater(Polynomial.constant(least.cost) - price)]
+            with self._session.frame(*always, *cheaper):
+                if not satisfiable(self._session, "cheaper changes that no known conflict forbids", self._deadline):
+                    return found
+                values = self._session.values(symbols)
+            point = _Zeros({name: Fraction(value) for name, value in values.items()})
+            chosen = ((next(c for c in one.choices if c.evaluate(point)), one) for one in self._conflicts)
+            least = found = self._cheapest(tuple(chosen))
 
     def _dive(self, candidate: _Candidate) -> None:
-        """Satisfy one conflict after the other in the cheapest way; the end is a repair, unless there is none."""
+        """Satisfy one conflict after the other by the cheapest change of one bound; the end is a repair, if there is
+        one, and its inequalities may have a cheaper one.
+        """
         while (conflict := self._conflict(candidate)) is not None:
-            cheapest = min(self._children(candidate, conflict), key=lambda child: child.cost, default=None)
-            if cheapest is None:
+            step = self._cheapest_step(candidate, conflict)
+            if step is None or (self._best is not None and step.cost >= self._best.cost):
                 return
-            candidate = cheapest
+            candidate = step
         self._best = candidate
+        polished = self._cheapest(candidate.chosen)
+        if polished is not None and polished.cost < candidate.cost and self._conflict(polished) is None:
+            self._best = polished
+
+    def _cheapest_step(self, candidate: _Candidate, conflict: _Conflict) -> _Candidate | None:
+        """The candidate with one more change of one bound, by which the conflict is gone; None if no change does it."""
+        found: _Candidate | None = None
+        for choice in conflict.choices:
+            missing = choice.value(_Zeros(candidate.point)) - choice.constant
+            for name, factor in choice.coefficients:
+                amount = missing / -factor
+                cost = candidate.cost + amount * self._weight[name]
+                if factor < 0 and amount <= self._room(name, candidate) and (found is None or cost < found.cost):
+                    point = {**candidate.point, name: candidate.point.get(name, _NOTHING) + amount}
+                    found = _Candidate((*candidate.chosen, (choice, conflict)), point, cost)
+        return found
+
+    def _room(self, name: str, candidate: _Candidate) -> Fraction | float:
+        """How far a bound may move on: a contingent link keeps a length."""
+        number, _ = self._bound_of[name]
+        link = self._network.links[number]
+        if not link.is_contingent or link.lower is None or link.upper is None:
+            return inf
+        taken = (candidate.point.get(_name((number, side)), _NOTHING) for side in Side)
+        return link.upper - link.lower - sum(taken, _NOTHING)
 
     def _conflict(self, candidate: _Candidate) -> _Conflict | None:
         """A conflict that the changes leave; None if the network is controllable with them."""
@@ -254,28 +296,24 @@ class RepairSearch:
             if any(factor > 0 for factor in coefficients.values()):
                 yield LinearConstraint.of(coefficients, ">=", -length)
 
-    def _children(self, candidate: _Candidate, conflict: _Conflict) -> Iterator[_Candidate]:
-        for choice in conflict.choices:
-            self._deadline.enforce()
-            child = self._cheapest((*candidate.chosen, (choice, conflict)))
-            if child is not None:
-                yield child
-
     def _cheapest(self, chosen: tuple[tuple[LinearConstraint, _Conflict], ...]) -> _Candidate | None:
         """The cheapest changes that satisfy inequalities and leave contingent links some length; None if none do."""
         names = sorted({name for choice, _ in chosen for name in choice.parameters})
-        constraints = [choice for choice, _ in chosen]
-        constraints += [LinearConstraint.of({name: 1}, ">=", 0) for name in names]
-        for name in names:
-            number, _ = self._bound_of[name]
-            link = self._network.links[number]
-            if link.is_contingent and link.lower is not None and link.upper is not None:
-                both = {_name((number, side)): 1 for side in Side if _name((number, side)) in names}
-                constraints.append(LinearConstraint.of(both, "<=", link.upper - link.lower))
+        constraints = [*(choice for choice, _ in chosen), *self._always(names)]
         best = maximize(names, constraints, {name: -self._weight[name] for name in names})
         if best is None or best.value is None:
             return None
         return _Candidate(chosen, {name: value for name, value in best.point.items() if value}, -best.value)
+
+    def _always(self, names: Sequence[str]) -> Iterator[LinearConstraint]:
+        """Changes go one way, and leave contingent links some length."""
+        for name in names:
+            yield LinearConstraint.of({name: 1}, ">=", 0)
+            number, _ = self._bound_of[name]
+            link = self._network.links[number]
+            if link.is_contingent and link.lower is not None and link.upper is not None:
+                both = {_name((number, side)): 1 for side in Side if _name((number, side)) in names}
+                yield LinearConstraint.of(both, "<=", link.upper - link.lower)
 
     # -- results -------------------------------------------------------------------------------------------------------
 

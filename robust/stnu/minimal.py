@@ -23,8 +23,8 @@ from robust.plan.model import ZERO, TimePoint
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Interval
 from robust.smt.limits import Deadline
-from robust.stnu.check import CheckResult, Verdict, check
 from robust.stnu.network import Network
+from robust.stnu.verdicts import CheckResult, Verdict, check
 
 _NOTHING = Fraction(0)
 GRAIN = 10**6
