@@ -242,15 +242,18 @@ class RepairSearch:
 
     def _cheapest_step(self, candidate: _Candidate, conflict: _Conflict) -> _Candidate | None:
         """The candidate with one more change of one bound, by which the conflict is gone; None if no change does it."""
+        best: tuple[Fraction, bool] | None = None
         found: _Candidate | None = None
         for choice in conflict.choices:
             missing = choice.value(_Zeros(candidate.point)) - choice.constant
             for name, factor in choice.coefficients:
                 amount = missing / -factor
-                cost = candidate.cost + amount * self._weight[name]
-                if factor < 0 and amount <= self._room(name, candidate) and (found is None or cost < found.cost):
+                # Of equal costs, a requirement is easier to change than nature.
+                rank = amount * self._weight[name], self._network.links[self._bound_of[name][0]].is_contingent
+                if factor < 0 and amount <= self._room(name, candidate) and (best is None or rank < best):
+                    best = rank
                     point = {**candidate.point, name: candidate.point.get(name, _NOTHING) + amount}
-                    found = _Candidate((*candidate.chosen, (choice, conflict)), point, cost)
+                    found = _Candidate((*candidate.chosen, (choice, conflict)), point, candidate.cost + rank[0])
         return found
 
     def _room(self, name: str, candidate: _Candidate) -> Fraction | float:
