@@ -12,9 +12,10 @@ long.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import lcm
 from random import Random
 
 from robust.execute.dispatchable import DispatchNetwork, NaturalLink, Windows, strategy
@@ -171,12 +172,7 @@ def _minimal(full: DispatchNetwork) -> Iterator[tuple[int, int, Fraction]]:
     distance = [dict(found) for found in full.above]
     groups = _rigid(full, distance)
     first = sorted(group[0][0] for group in groups)
-    kept = {(a, b) for a in first for b in first if b in distance[a]}
-    for a in first:
-        reached = sorted((b for b in first if (a, b) in kept), key=lambda b: (distance[a][b], b))
-        for c in reached:
-            if any(_dominates(distance, kept, a, b, c) for b in reached if b != c):
-                kept.discard((a, c))
+    kept = _undominated(first, distance)
     yield from ((a, b, distance[a][b]) for a, b in sorted(kept))
     for group in groups:
         leader = group[0][0]
@@ -198,12 +194,28 @@ def _between(distance: list[dict[int, Fraction]], a: int, others: Iterable[int])
             yield b, a, distance[b][a]
 
 
-def _dominates(distance: list[dict[int, Fraction]], kept: set[tuple[int, int]], a: int, b: int, c: int) -> bool:
-    """Whether the edge from a to c says nothing beside those of b, both before it or both after it."""
-    whole, first, second = distance[a][c], distance[a].get(b), distance[b].get(c)
-    if first is None or second is None or first + second != whole:
-        return False
-    return (first < 0 and (a, b) in kept) if whole < 0 else (second >= 0 and (b, c) in kept)
+def _undominated(points: Sequence[int], distance: list[dict[int, Fraction]]) -> set[tuple[int, int]]:
+    """The edges between points without fixed distances that say something beside all others.
+
+    An edge from a to c is dominated by the one from b to c, if both are not negative, and by the one from a to b, if
+    both are negative, where the way over b is not longer.
+    """
+    scale = lcm(*(weight.denominator for a in points for weight in distance[a].values()))
+    row = {a: {b: int(weight * scale) for b, weight in distance[a].items()} for a in points}
+    kept = {a: {b for b in row[a] if b in row} for a in points}
+    for a in points:
+        for c in sorted(kept[a], key=lambda b: (row[a][b], b)):
+            whole = row[a][c]
+            for b in kept[a] if whole < 0 else row[a]:
+                if b == c or b not in row:
+                    continue
+                second = row[b].get(c)
+                if second is None or row[a][b] + second != whole:
+                    continue
+                if (row[a][b] < 0) if whole < 0 else (second >= 0 and c in kept[b]):
+                    kept[a].discard(c)
+                    break
+    return {(a, b) for a in points for b in kept[a]}
 
 
 def _rigid(full: DispatchNetwork, distance: list[dict[int, Fraction]]) -> list[list[list[int]]]:

@@ -1,11 +1,15 @@
 """`robust stnu`: several files, exit codes, answers for people and programs, untimely ends; exports of plans."""
 
 import json
+import os
+from fractions import Fraction
 
 import pytest
 
+from benchmarks.irr.stnu import team_network
 from robust import stnu
-from tests.cli.running import NAVIGATION, answer_of, assert_one_line, command, example
+from robust.stnu.files import network_json
+from tests.cli.running import LOAD, NAVIGATION, answer_of, assert_one_line, command, example, stopped
 
 FINE = """{"nodes": [{"node_id": "A"}, {"node_id": "C"}, {"node_id": "D"}], "constraints": [
 {"first_node": "A", "second_node": "C", "type": "stcu", "min_duration": 1, "max_duration": 7},
@@ -168,3 +172,28 @@ def test_a_converted_plan_and_its_network(tmp_path):
     ended = command("convert", *example(), "--stnu", target, "-o", tmp_path / "other.stn")
     assert_one_line(ended)
     assert "found a network, which is not converted" in ended.err
+
+
+# -- untimely ends -----------------------------------------------------------------------------------------------------
+
+
+def test_ctrl_c_prints_the_best_repair_so_far(here):
+    """A schedule of a team that takes long to repair: what is known is a repair, or at least a bound."""
+    (here / "team.json").write_text(network_json(team_network(300, 0)), encoding="utf-8")
+    ended = stopped("stnu", "repair", "team.json", "--json", after=4 * LOAD)
+    answer = answer_of(ended, "robust/stnu-repair/1")
+    (one,) = answer["results"]
+    assert (ended.code, answer["status"], one["error"]) == (3, "interrupted", None)
+    assert ended.seconds < 2 * LOAD
+    assert one["repair"] in {"feasible", "unknown"}
+    assert (one["repair"] == "feasible") is (one["cost"] is not None)
+    assert one["cost"] is None or Fraction(one["cost"]) - Fraction(one["bound"]) == Fraction(one["gap"]) > 0
+
+
+def test_ctrl_c_prints_the_verdicts_so_far(here):
+    """The second network never comes."""
+    os.mkfifo(here / "late.pipe")
+    ended = stopped("stnu", "check", "fine.json", "late.pipe", "--json", after=2 * LOAD)
+    answer = answer_of(ended, "robust/stnu-check/1")
+    assert (ended.code, answer["status"]) == (3, "interrupted")
+    assert [one["verdict"] for one in answer["results"]] == ["controllable"]
