@@ -40,7 +40,11 @@ def load(path: str | os.PathLike[str]) -> Network:
         UnsupportedError: for a network with choices or observations.
     """
     text, file = read_text(path), os.fspath(path)
-    return parse_graphml(text, file) if text.lstrip().startswith("<") else parse_network_json(text, file)
+    begin = text.lstrip()[:1]
+    if begin not in {"<", "{"}:
+        found = shorten(text.split("\n", 1)[0]) if begin else "an empty file"
+        raise InputError(f"found {found}, expected a network as GraphML (.stnu) or JSON", Location(file, 1))
+    return parse_graphml(text, file) if begin == "<" else parse_network_json(text, file)
 
 
 def write(network: Network, path: Path) -> tuple[str, int]:

@@ -44,6 +44,12 @@ def test_check_one(here):
     assert command("stnu", "check", "late.json", "--quiet").out.count("\n") == 1
     assert_one_line(command("stnu", "check", "bad.json"))
     assert_one_line(command("stnu", "check", "gone.json"))
+    (here / "empty.json").write_text("", encoding="utf-8")
+    (here / "plan.stn").write_text("# a plan\n", encoding="utf-8")
+    for name, found in (("empty.json", "an empty file"), ("plan.stn", "'# a plan'")):
+        ended = command("stnu", "check", name)
+        assert_one_line(ended)
+        assert ended.err.endswith(f"{name}:1: found {found}, expected a network as GraphML (.stnu) or JSON\n")
     assert command("stnu", "check").code == 2
 
 
