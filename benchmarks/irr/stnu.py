@@ -26,6 +26,8 @@ from ..engine.show import Columns, Panel, Series, Table, middle, number
 AGENTS = 5
 MEETINGS, TIGHT = 3, (6, 8, 10, 15)
 """How many activities have to begin soon after that of another agent, and how soon."""
+BREAKS = ((5, 10, 20), (2, 5, 10))
+"""The longest breaks, of networks with even seeds, most of which are controllable, and of the others."""
 DISPATCHED = 200
 """Time points up to which a minimal dispatchable network is made: it takes all shortest paths."""
 
@@ -59,7 +61,7 @@ def team_network(size: int, seed: int) -> stnu.Network:
         links.append(_link(f"s{at}", f"e{at}", low, low + rng.randint(1, 6), contingent=True))
         before = at - AGENTS
         if before >= 0:
-            slack = rng.choice([2, 5, 10])
+            slack = rng.choice(BREAKS[seed % 2])
             links.append(_link(f"e{before}", f"s{at}", 0, slack))
             other = before - before % AGENTS + rng.randrange(AGENTS)
             if other != before and (at in tight or rng.random() < 0.2):
