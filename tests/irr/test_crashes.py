@@ -49,9 +49,9 @@ def dies_at(monkeypatch) -> Callable[[Callable[[str], bool]], list[str]]:
         asked: list[str] = []
         check_, solve = Session.check, sessions._solve
 
-        def noted(self: Session, question: str, deadline=NEVER):
+        def noted(self: Session, question: str, deadline=NEVER, effort=0):
             asked.append(question)
-            return check_(self, question, deadline)
+            return check_(self, question, deadline, effort)
 
         monkeypatch.setattr(Session, "check", noted)
 
