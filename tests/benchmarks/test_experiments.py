@@ -17,7 +17,7 @@ import pytest
 from benchmarks.catalogue import EXPERIMENTS, Entry
 from benchmarks.engine.show import Table
 from benchmarks.irr.contenders import IRR, OPTIMAL, RECORDED_BOX, REGIONS, WIDEN
-from benchmarks.irr.growth import MORE_PARAMETERS, MORE_REFUELS, PARAMETERS, POINTS
+from benchmarks.irr.growth import ALL_REFUELS, DELIVERIES, MORE_PARAMETERS, MORE_REFUELS, PARAMETERS, POINTS
 from robust.errors import InputError
 from tests.benchmarks.conftest import checked, example, navigation, rendered, run
 from tests.cli.running import command, environment
@@ -36,6 +36,11 @@ TINY: dict[str, tuple[dict[str, Any], int, str]] = {
     "figure5": ({"suite": ...}, 2, "poorest"),
     "backends": ({"series": (replace(PARAMETERS, sizes=(1, 2)),), "contenders": REGIONS[:2]}, 4, "project"),
     "encodings": ({"series": (replace(POINTS, sizes=(2, 4)),)}, 4, "relational"),
+    "widening": (
+        {"series": (replace(DELIVERIES, sizes=(2,)), replace(ALL_REFUELS, sizes=(2,)))},
+        4,
+        "widen, solver",
+    ),
     "figure4": ({"suite": ..., "sizes": (1,), "baseline_limit": 120, "contenders": (WIDEN, OPTIMAL)}, 6, "0 + 0 of 4"),
     "conversions": ({"drawn": 2, "delivery": 1, "planned": 0}, 3, "over-all condition"),
     "logs": ({"suite": ..., "validator": BINARY}, 2, "1 of 1 that VAL calls valid, 1 of 1 that VAL calls invalid"),
