@@ -208,7 +208,7 @@ class LogReport(Report[LogRow]):
     def remarks(self) -> Sequence[str]:
         notes = [
             "processor time of whole processes; shift: how far a start or a duration is from what was printed",
-            f"asked: convert at most {CONVERT_S:g} s and {CONVERT_MB:g} MiB, check at most {CHECK_S:g} s",
+            f"limits: convert at most {CONVERT_S:g} s and {CONVERT_MB:g} MiB, check at most {CHECK_S:g} s",
         ]
         if any(row.val is None for row in self.rows):
             notes.append("VAL was not found: its verdicts are the recorded ones (option --validator)")
@@ -230,7 +230,7 @@ class LogReport(Report[LogRow]):
         return [
             f"as they should be: {listed}",
             "at most " + ", ".join(f"{name} {number(value)} {unit}" for name, (value, unit) in most.items()),
-            f"within what was asked: {sum(row.within for row in self.rows)} of {len(self.rows)}",
+            f"within the limits: {sum(row.within for row in self.rows)} of {len(self.rows)}",
         ]
 
     def panels(self) -> list[Panel]:
