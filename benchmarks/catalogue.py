@@ -136,6 +136,15 @@ class EncodingsOptions(BackendsOptions):
     """
 
 
+class WideningOptions(BackendsOptions):
+    """Time of IRR and of exact widening on plans with many parameters, and the share of the solver.
+
+    Exact widening beside IRR on plans with many parameters.
+    """
+
+    limit: float | None = _limit("120", _KILLED)
+
+
 class Figure4Options(LongOptions, Plot):
     """Run every method on delivery plans of 1 to 33 parameters, and ask whether the boxes are controllable.
 
@@ -316,6 +325,7 @@ EXPERIMENTS = {
         Entry("figure5", "irr.figure5", Figure5Options),
         Entry("backends", "irr.growth", BackendsOptions),
         Entry("encodings", "irr.growth", EncodingsOptions),
+        Entry("widening", "irr.growth", WideningOptions),
         Entry("figure4", "irr.figure4", Figure4Options),
         Entry("conversions", "irr.conversions", ConversionOptions),
         Entry("logs", "irr.logs", LogsOptions),

@@ -83,6 +83,8 @@ class Run:
     message: str | None = None
     checks: int | None = None
     queries: int | None = None
+    solver_s: float | None = None
+    """The part of the search that was spent in solvers."""
     first_widening_s: float | None = None
     first_widening_wall_s: float | None = None
     """From the start of the process to the first wider box, at most: the end of the process counts too."""
@@ -145,13 +147,15 @@ def read_run(verb: str, found: Ended) -> Run:
 
 def _envelope(answer: Mapping[str, Any], found: Ended) -> tuple[Ending, dict[str, Any]]:
     statistics = answer.get("statistics")
+    statistics = statistics if isinstance(statistics, dict) else {"queries": answer.get("queries")}
     search, first = answer["seconds"], answer["first_widening_s"]
     late = None if search is None or first is None else round(found.seconds - search + first, 4)
     return Ending(answer["status"]), {
         "search_s": search,
         "message": answer.get("reason"),
         "checks": answer["checks"],
-        "queries": (statistics if isinstance(statistics, dict) else answer).get("queries"),
+        "queries": statistics.get("queries"),
+        "solver_s": statistics.get("seconds"),
         "first_widening_s": first,
         "first_widening_wall_s": late,
         "box": {name: ends_of(_interval(ends)) for name, ends in answer["parameters"].items()},

@@ -1,4 +1,4 @@
-"""`robust bench scaling`, `backends` and `encodings`: how time grows with the size of generated plans.
+"""`robust bench scaling`, `backends`, `encodings` and `widening`: how time grows with the size of generated plans.
 
 Every run is a whole process with a limit of its own. An alternative that has run out of time, or failed, is not tried
 on larger plans of the same series. The instances of `scaling` are of the generating-set domain: its actions are not
@@ -19,13 +19,14 @@ from typing import Any, ClassVar
 from robust.codec import plain
 from robust.show.drawing import BLUE, VERMILION
 
-from ..catalogue import BackendsOptions, EncodingsOptions, ScalingOptions
+from ..catalogue import BackendsOptions, EncodingsOptions, ScalingOptions, WideningOptions
 from ..engine.experiment import Experiment, Task
 from ..engine.measure import COST, FAILURES, Ending, Files, Run
-from ..engine.show import OTHER, STYLES, Columns, Panel, Series, Table, family, number
+from ..engine.show import NOTHING, OTHER, STYLES, Columns, Panel, Series, Table, family, number
 from ..engine.sweep import restored
 from ..generators.sizes import write_instance, write_unordered
-from .contenders import REGIONS, Contender, ContendersReport, run_cell
+from .contenders import OURS, REGIONS, Contender, ContendersReport, run_cell
+from .figure4 import own_instance
 from .recorded import envelope_as_dict
 
 NUMBERS: Mapping[str, Callable[[int], tuple[int, int]]] = {
@@ -33,14 +34,25 @@ NUMBERS: Mapping[str, Callable[[int], tuple[int, int]]] = {
     "parameters": lambda size: (12, size),
 }
 """Of refuelings and of parameters, in the series of `scaling`."""
-WRITERS: Mapping[str, Callable[[Path, int], Files]] = {
+Writer = Callable[[Path, int], Files | tuple[Files, Sequence[str]]]
+
+
+def write_delivery(directory: Path, parameters: int) -> tuple[Files, Sequence[str]]:
+    """A delivery plan with so many uncertain durations."""
+    instance = own_instance(parameters, 0)
+    return instance.write(directory), instance.options
+
+
+WRITERS: Mapping[str, Writer] = {
     "more-refuels": lambda directory, size: write_instance(directory, *NUMBERS["refuels"](size)),
     "more-parameters": lambda directory, size: write_instance(directory, *NUMBERS["parameters"](size)),
     "refuels": lambda directory, size: write_instance(directory, max(4, size), size),
     "parameters": lambda directory, size: write_unordered(directory, size, size),
     "points": lambda directory, size: write_unordered(directory, size // 2, 1),
+    "all-refuels": lambda directory, size: write_instance(directory, size, size),
+    "deliveries": write_delivery,
 }
-"""How to write plans of any size into a directory."""
+"""How to write plans of any size into a directory, with the options of what plan files cannot say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +68,7 @@ class Ladder:
 
 _LADDERS = json.loads(Path(__file__).with_name("ladders.json").read_text(encoding="utf-8"))
 LADDERS: tuple[Ladder, ...] = restored(_LADDERS, tuple[Ladder, ...])
-MORE_REFUELS, MORE_PARAMETERS, REFUELS, PARAMETERS, POINTS = LADDERS
+MORE_REFUELS, MORE_PARAMETERS, REFUELS, PARAMETERS, POINTS, DELIVERIES, ALL_REFUELS = LADDERS
 BY_DEFAULT = Contender("irr", "IRR, default schedule", "envelope", ("--method", "irr", "--beta", "1"))
 ENCODINGS_BY_NAME = tuple(
     Contender(name, name, "envelope", (*BY_DEFAULT.options, "--encoding", name)) for name in ("relational", "positions")
@@ -83,8 +95,9 @@ class GrowthRow:
 def run_growth(ladder: Ladder, contender: Contender, size: int, limit: float | None) -> GrowthRow:
     """Generate the plan and run the alternative on it."""
     with TemporaryDirectory(prefix="robust-bench-") as directory:
-        files = WRITERS[ladder.plans](Path(directory), size)
-        return GrowthRow(ladder.name, contender.name, size, contender.run(files, limit=limit))
+        made = WRITERS[ladder.plans](Path(directory), size)
+        files, extra = made if isinstance(made[0], tuple) else (made, ())
+        return GrowthRow(ladder.name, contender.name, size, contender.run(files, limit=limit, extra=extra))
 
 
 def too_much(task: Task, rows: Sequence[GrowthRow]) -> GrowthRow | None:
@@ -241,6 +254,30 @@ class EncodingsReport(GrowthReport):
     CONTENDERS = ENCODINGS_BY_NAME
 
 
+class WideningReport(GrowthReport):
+    """IRR (β = 1, doubling) and exact widening (`robust bench widening`): seconds of whole processes, and the share of
+    the search that is spent in the solver."""
+
+    TITLE = "Widening beside IRR"
+    SERIES = (DELIVERIES, ALL_REFUELS)
+    CONTENDERS = OURS
+
+    def printed(self, row: GrowthRow) -> dict[str, Any]:
+        return {**super().printed(row), "solver_s": None if row.run is None else row.run.solver_s}
+
+    def _table(self, ladder: Ladder) -> Table:
+        runs = {one.name: self.runs(ladder, one) for one in self.contenders}
+        seconds: Columns[int] = family("{}, s", runs, lambda name, size: run_cell(runs[name].get(size)))
+        shares: Columns[int] = family("{}, solver", runs, lambda name, size: _share(runs[name].get(size)))
+        tried = sorted({size for found in runs.values() for size in found})
+        return Table.of(ladder.title, {ladder.axis: str, **seconds, **shares}, tried, whole=False)
+
+
+def _share(run: Run | None) -> str:
+    """Of the search, in solvers."""
+    return NOTHING if run is None or run.solver_s is None or not run.search_s else f"{run.solver_s / run.search_s:.0%}"
+
+
 def _tasks(report: type[SeriesReport], options: ScalingOptions, _: object) -> list[Task]:
     return [
         Task(f"{ladder.name} {size}, {contender.name}", (ladder, contender, size, options.limit))
@@ -257,3 +294,4 @@ def _experiment(name: str, options: type[ScalingOptions], report: type[SeriesRep
 SCALING = _experiment("scaling", ScalingOptions, ScalingReport, unit="instances")
 BACKENDS = _experiment("backends", BackendsOptions, BackendsReport, settled=too_much)
 ENCODINGS = _experiment("encodings", EncodingsOptions, EncodingsReport, settled=too_much)
+WIDENING = _experiment("widening", WideningOptions, WideningReport, settled=too_much)

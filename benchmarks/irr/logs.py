@@ -113,7 +113,7 @@ def measure_log(directory: Path, log: Log, validator: Path | None, limit: float 
     """Convert a log, check what is written, and validate the printed steps with VAL if it is there.
 
     Raises:
-        RobustError: if a command ends without an answer, or not in time.
+        RobustError: if a command ends without an answer, or not in time, or the log has another number of steps.
     """
     pddl = [str((directory / name).resolve()) for name in (log.domain, log.problem)]
     printed = directory / log.log
@@ -122,16 +122,18 @@ def measure_log(directory: Path, log: Log, validator: Path | None, limit: float 
         words = ["convert", *pddl, str(printed.resolve()), "--output", str(network)]
         convert, answer = _answer(words, limit)
         timed = read_timed_plan(printed)
+        if len(timed.steps) != log.steps:
+            raise RobustError(f"found {len(timed.steps)} steps, expected {log.steps}")
         proved = answer["verdict"] == "proved"
         checked = _answer(["check", *pddl, str(network)], limit) if proved else None
         steps.write_text(write_timed_plan(timed), encoding="utf-8")
         val = None if validator is None else measured([str(validator), "-t", TOLERANCE, *pddl, str(steps)], limit=limit)
     return LogRow(
         log.name,
-        len(timed.steps),
+        log.steps,
         Cost.of(convert),
         str(answer["verdict"]),
-        None if proved else answer["violations"][0]["detail"],
+        None if proved else _reason(answer["violations"]),
         answer["constraints"],
         _shift(timed, answer["schedule"]) if proved else None,
         None if checked is None else _proof(*checked),
@@ -148,6 +150,12 @@ def _answer(words: Sequence[str], limit: float | None) -> tuple[Ended, dict[str,
         reason = "out of time" if found.timed_out else answer.get("error", {}).get("message") or complaint(found)
         raise RobustError(f"robust {words[0]}: {reason}")
     return found, answer
+
+
+def _reason(violations: Sequence[Mapping[str, str]]) -> str:
+    """The first obligation that breaks, and how."""
+    first = min(violations, key=lambda one: Fraction(one["time"]))
+    return f"{first['obligation']}: {first['detail']}"
 
 
 def _proof(found: Ended, answer: Mapping[str, Any]) -> Proof:
@@ -200,7 +208,7 @@ class LogReport(Report[LogRow]):
     def remarks(self) -> Sequence[str]:
         notes = [
             "processor time of whole processes; shift: how far a start or a duration is from what was printed",
-            f"asked: convert at most {CONVERT_S:g} s and {CONVERT_MB:g} MiB, check at most {CHECK_S:g} s",
+            f"limits: convert at most {CONVERT_S:g} s and {CONVERT_MB:g} MiB, check at most {CHECK_S:g} s",
         ]
         if any(row.val is None for row in self.rows):
             notes.append("VAL was not found: its verdicts are the recorded ones (option --validator)")
@@ -222,7 +230,7 @@ class LogReport(Report[LogRow]):
         return [
             f"as they should be: {listed}",
             "at most " + ", ".join(f"{name} {number(value)} {unit}" for name, (value, unit) in most.items()),
-            f"within what was asked: {sum(row.within for row in self.rows)} of {len(self.rows)}",
+            f"within the limits: {sum(row.within for row in self.rows)} of {len(self.rows)}",
         ]
 
     def panels(self) -> list[Panel]:

@@ -127,14 +127,17 @@ class Paths:
         """The least slack of a path from a component to each other; None where there is none."""
         row = self._rows.get(start)
         if row is None:
-            row = self._rows[start] = [None] * len(self._slack)
+            following = self._slack
+            row = self._rows[start] = [None] * len(following)
+            row[start] = 0
             heap = [(0, start)]
             while heap:
                 slack, one = heappop(heap)
-                if row[one] is None:
-                    row[one] = slack
-                    for other, more in self._slack[one]:
-                        if row[other] is None:
+                if row[one] == slack:
+                    for other, more in following[one]:
+                        known = row[other]
+                        if known is None or slack + more < known:
+                            row[other] = slack + more
                             heappush(heap, (slack + more, other))
         return row
 
@@ -235,13 +238,17 @@ class Paths:
                 if self._slack_of(bound) < self._slack_of(best[pair]):
                     best[pair] = bound
         fixed = {(component[one[0]], component[one[1]]): self._slack_of(one) for one in given}
+        direct = [dict(following) for following in self._slack]
         for (source, target), bound in best.items():
             slack = self._slack_of(bound)
             if fixed.get((source, target), slack + 1) <= slack:
                 continue
+            between = [one for one in self._slack[source] if one[0] != target and one[1] <= slack]
+            # Mostly two bounds imply a third one, which takes no search.
+            if any(first + direct[middle].get(target, slack + 1) <= slack for middle, first in between):
+                continue
             if not any(
-                middle != target and (rest := self._row(middle)[target]) is not None and first + rest <= slack
-                for middle, first in self._slack[source]
+                (rest := self._row(middle)[target]) is not None and first + rest <= slack for middle, first in between
             ):
                 kept.append(bound)
         for bounds_within in inner.values():

@@ -528,7 +528,8 @@ class Converting:
         causal = causal_network(original, chosen.pinned_durations)
         fixed = (*causal.durations, *chosen.pinned_starts(original.times))
         network = distances.Network(causal.points, (*causal.certain, *causal.edges))
-        needed = (*fixed, *network.needed(causal.edges, causal.certain))
+        irredundant = network.needed(causal.edges, causal.certain)
+        needed = (*fixed, *irredundant)
         found, proof = tightener.forced(needed)
         self._known = _Network((*needed, *(one.edge for one in found)), tuple(found), check=proof)
         tightened = tightener.loosened(needed, found)
@@ -538,7 +539,9 @@ class Converting:
         if not (chosen.parameters or chosen.beside or (not bounds and _is_propositional(original.plan))):
             tightener.say("dropping edges")
             kept = tightener.in_less_time.without_removable(fixed, every, {*causal.links, *bounds})
-        edges = distances.Network(causal.points, (*causal.certain, *kept)).needed(kept, causal.certain)
+        edges = irredundant
+        if kept != list(causal.edges):
+            edges = distances.Network(causal.points, (*causal.certain, *kept)).needed(kept, causal.certain)
         if not (chosen.parameters or chosen.beside):
             fixed = _without_implied_ranges(fixed, edges)
         redundant = len(every) - len(edges)

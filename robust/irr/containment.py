@@ -24,8 +24,8 @@ from robust.smt.terms import Formula
 
 Found = TypeVar("Found")
 
-LITTLE = 300_000
-"""Steps of a solver: about a hundredth of a second."""
+EFFORTS = 300_000, 3_000_000, 30_000_000, 0
+"""Steps of a solver for each question before another gets more: about 10 ms, 0.1 s, 1 s, and without a limit."""
 
 
 @dataclass
@@ -112,23 +112,21 @@ class Questions(ABC, Generic[Found]):
             raise OutOfTimeError(self.statistics.failure)
         if facet is not None:
             return self._of_facet(facet, box)
-        # What breaks is found soon, what holds is proved late: at first no question gets more than a little time.
-        hard: list[Question] = []
-        return self._first(self._questions, box, deadline, hard) or self._first(hard, box, deadline, None)
-
-    def _first(
-        self, questions: Sequence[Question], box: Box, deadline: Deadline, hard: list[Question] | None
-    ) -> Found | None:
-        for question in questions:
-            found = self._ask(question, box, deadline, hard)
-            if found is not None:
-                self._questions.remove(question)
-                self._questions.insert(0, question)
-                return found
+        # What breaks is found soon, what holds is proved late: so all questions get a little time before any gets more.
+        questions = list(self._questions)
+        for effort in EFFORTS:
+            hard: list[Question] = []
+            for question in questions:
+                found = self._ask(question, box, deadline, effort, hard)
+                if found is not None:
+                    self._questions.remove(question)
+                    self._questions.insert(0, question)
+                    return found
+            questions = hard
         return None
 
-    def _ask(self, question: Question, box: Box, deadline: Deadline, hard: list[Question] | None) -> Found | None:
-        """What is found; what needs more than a little time is added to the hard questions, where these are given."""
+    def _ask(self, question: Question, box: Box, deadline: Deadline, effort: int, hard: list[Question]) -> Found | None:
+        """What is found; a question that needs more than the effort is added to the hard ones."""
         if not question.opened:
             self._open(question, deadline)
         if question.session is None:
@@ -141,13 +139,13 @@ class Questions(ABC, Generic[Found]):
         ):
             return None
         with session.frame(*(formula for name in question.parameters for formula in self._bounds(name, box[name]))):
-            verdict = session.check(question.obligation.name, deadline, 0 if hard is None else LITTLE)
+            verdict = session.check(question.obligation.name, deadline, effort)
             if verdict is Verdict.SATISFIABLE:
                 return self._of_model(question, session, box)
         if verdict is Verdict.UNSATISFIABLE:
             question.proved_for = box.intervals
-        elif hard is None or deadline.passed:
-            raise OutOfTimeError
+        elif not effort or deadline.passed or session.failure is not None:
+            raise OutOfTimeError(session.failure)
         else:
             hard.append(question)
         return None
@@ -163,7 +161,7 @@ class Questions(ABC, Generic[Found]):
         session = self.open_session()
         session.add_all(formulas, deadline)
         # What no parameter values at all can break is not asked about one box after the other.
-        verdict = session.check(question.obligation.name, deadline, LITTLE)
+        verdict = session.check(question.obligation.name, deadline, EFFORTS[0])
         if verdict is Verdict.UNKNOWN:
             deadline.enforce()
         if verdict is not Verdict.UNSATISFIABLE:

@@ -34,6 +34,15 @@ class Least:
     attained: bool
 
 
+def _stops(piece: Polyhedron, growing: Growing) -> bool:
+    """Whether the box meets a bad polyhedron as soon as it grows."""
+    bound = piece.slabs.least_stretch(growing)
+    if bound is None or bound[0] > 0:
+        return False
+    least = least_stretch(piece, growing)
+    return least is not None and not least.value
+
+
 STRETCH = "\u03bb"
 """The variable by which moving faces are scaled; no parameter can have this name."""
 
@@ -44,8 +53,7 @@ def least_stretch(piece: Polyhedron, growing: Growing) -> Least | None:
     if least is None or piece.slabs.exact:
         return None if least is None else Least(*least)
     # Sides of other parameters leave room for every value: a box is nowhere empty.
-    mentioned = {name for constraint in piece.constraints for name in constraint.parameters}
-    used = [name for name in piece.parameters if name in mentioned]
+    used = [name for name in piece.parameters if name in piece.mentioned]
     box, moving = growing.box, growing.moving
     constraints = [*piece.constraints, LinearConstraint.of({STRETCH: 1}, ">=", 0)]
     for name, side in product(used, Side):
@@ -154,6 +162,8 @@ class Widening:
         self._nominal = {parameter.name: parameter.nominal for parameter in self.parameters}
         self._weight = {parameter.name: parameter.weight for parameter in self.parameters}
         self._box = Box.nominal(self.parameters)
+        self._met: list[Least | None] = []
+        """The stretches of the pieces in this round, as far as they were asked for."""
 
     def run(self) -> None:
         """Move all faces as far as they go.
@@ -180,6 +190,7 @@ class Widening:
 
     def _farthest(self, moving: list[Face]) -> Least | None:
         """The least stretch at which the box meets bad values, confirmed; None if it never does."""
+        self._met = []
         while True:
             least = self._least_stretch(moving)
             if self._is_inside(self._stretched(moving, least)):
@@ -192,7 +203,9 @@ class Widening:
             near = [piece for piece, found in self._stretches(moving) if found == least]
             going: list[Face] = []
             for face in moving:
-                if self._can_go([*going, face], moving, least, near):
+                # A piece that does not stop those who go stops nobody else whom it does not mention.
+                around = [piece for piece in near if face[0] in piece.mentioned]
+                if self._can_go([*going, face], moving, least, around):
                     going.append(face)
             if self._is_inside(self._ahead(going, moving, least)):
                 return going, [face for face in moving if face not in going]
@@ -202,24 +215,31 @@ class Widening:
             # The value itself is bad for someone: who may include it?
             ahead = self._ahead(going, moving, least)
             return not any(piece.meets(ahead) for piece in near)
-        room = self._room(going, moving, least, near)
-        return room is None or room > 0
+        growing = self._beyond(going, moving, least) if near else None
+        return growing is None or not any(_stops(piece, growing) for piece in near)
 
-    def _room(
-        self, going: list[Face], moving: list[Face], least: Least, pieces: Iterable[Polyhedron]
-    ) -> Fraction | None:
-        """How much farther some faces can go, by what is known, while the others stay; None is without limit."""
+    def _beyond(self, going: list[Face], moving: list[Face], least: Least) -> Growing:
+        """Some faces go farther, while the others stay."""
         box = self._stretched([face for face in moving if face not in going], Least(least.value, attained=False))
-        speeds = {face: (self._place(face, least.value), self._weight[face[0]]) for face in going}
-        growing = Growing(box, speeds)
-        found = [found.value for piece in pieces if (found := least_stretch(piece, growing)) is not None]
-        return min(found, default=None)
+        return Growing(box, {face: (self._place(face, least.value), self._weight[face[0]]) for face in going})
+
+    def _room(self, going: list[Face], moving: list[Face], least: Least) -> Fraction | None:
+        """How much farther some faces can go, by what is known, while the others stay; None is without limit."""
+        growing = self._beyond(going, moving, least)
+        room: Fraction | None = None
+        for piece in self.pieces:
+            near = piece.slabs.least_stretch(growing)
+            if near is not None and (room is None or near[0] < room):
+                found = least_stretch(piece, growing)
+                if found is not None and (room is None or found.value < room):
+                    room = found.value
+        return room
 
     def _ahead(self, going: list[Face], moving: list[Face], least: Least) -> Box:
         """The box with `going` a little farther than the other moving faces: by half the room that is known."""
         step = Fraction(0)
         if not least.attained:
-            room = self._room(going, moving, least, self.pieces) if going else None
+            room = self._room(going, moving, least) if going else None
             step = Fraction(1) if room is None else room / 2
         stuck = self._stretched([face for face in moving if face not in going], least)
         return self._stretched(going, Least(least.value + step, attained=False), stuck)
@@ -228,10 +248,11 @@ class Widening:
 
     def _stretches(self, moving: list[Face]) -> Iterator[tuple[Polyhedron, Least]]:
         """At which stretch each known piece meets the box, if ever."""
-        speeds = {face: (self._nominal[face[0]], self._weight[face[0]]) for face in moving}
-        growing = Growing(self._box, speeds)
-        for piece in self.pieces:
-            least = least_stretch(piece, growing)
+        # Within a round the box and what moves are the same, so only new pieces are asked.
+        if len(self._met) < len(self.pieces):
+            growing = Growing(self._box, {face: (self._nominal[face[0]], self._weight[face[0]]) for face in moving})
+            self._met += [least_stretch(piece, growing) for piece in self.pieces[len(self._met) :]]
+        for piece, least in zip(self.pieces, self._met, strict=True):
             if least is not None:
                 yield piece, least
 

@@ -270,8 +270,11 @@ def _needed(
     facets = _facets(parameters, inequalities, interior)
     if len(facets) == len(inequalities):
         return tuple(inequalities)
-    candidates = [c for i, c in enumerate(inequalities) if i not in facets and c.is_strict]
     kept = [inequalities[i] for i in sorted(facets)]
+    around = tableau(parameters, kept)
+    around.restore()
+    candidates = [c for i, c in enumerate(inequalities) if i not in facets and c.is_strict]
+    candidates = [c for c in candidates if violates(around.maximize(integer_form(c, parameters)[0]), c)]
     for candidate in list(candidates):
         others = [other for other in candidates if other is not candidate]
         if not _cuts(parameters, [*kept, *others], candidate):

@@ -16,31 +16,28 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from itertools import islice
 from math import factorial, prod
 
 from robust.qe.box import Box, Interval
-from robust.qe.conjunctions import Conjunction, variables_of
+from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import ZERO, LinearConstraint
-from robust.qe.eliminate.enumerate import Outlook, PieceSearch, satisfiable
-from robust.qe.eliminate.interface import Context, Query, outside
-from robust.qe.nnf import conjunction, disjunction, names_in, negation
+from robust.qe.eliminate.enumerate import PieceSearch, satisfiable
+from robust.qe.eliminate.interface import Context, Query
+from robust.qe.generalize import MOST_IMAGES, Lifting, Widening
+from robust.qe.nnf import names_in
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import LONG, Region, absorb
 from robust.qe.share import POINTS, Judged, OpenShare, Samples, open_points, product_share, volumes
 from robust.qe.symmetry import Symmetry
 from robust.smt.limits import Deadline
 
-HOPELESS = 5
-"""Pieces in a row that cannot be widened after which that is not tried any more."""
 PATIENCE = 20.0
 """Seconds of looking for bad pieces alone, or a third of the time limit; then as long for good cells, in turn."""
+RADII = (Fraction(1, 8), Fraction(1), Fraction(8))
+"""Half the widths of first boxes."""
 SLICE = 1.0
 """Seconds for each of several groups in turn."""
-SOME_IMAGES = 300
-IMAGES = 3000
-"""Images of one piece that are described one by one: while pieces are looked for, and at the end."""
 
 
 def independent_groups(
@@ -123,7 +120,7 @@ class Factor:
         """Polyhedra of good values in any order; those with too many images, or too many holes, are left out."""
         if self.inner.base is not None and len(self.inner.pieces) > LONG:
             return []
-        found = (self.symmetry.images(piece.constraints, IMAGES) for piece in self.inner.as_union().pieces)
+        found = (self.symmetry.images(piece.constraints, MOST_IMAGES) for piece in self.inner.as_union().pieces)
         return [image for images in found for image in images or ()]
 
 
@@ -138,147 +135,8 @@ def inner_region(parameters: tuple[str, ...], factors: Sequence[Factor], at: Poi
         pieces = (Polyhedron(rest, tuple(side.substitute(at) for side in piece)) for piece in factor.good_pieces())
         solid = [piece for piece in pieces if not piece.is_empty]
         met = (one.intersection(piece) for one in products for piece in solid)
-        products = list(islice((one for one in met if not one.is_empty), IMAGES))
+        products = list(islice((one for one in met if not one.is_empty), MOST_IMAGES))
     return Region.union_of(rest, absorb(products) if len(products) <= LONG else products)
-
-
-class Widening:
-    """Makes bad pieces larger where several obligations together leave no way out.
-
-    In a piece some schedule breaks one obligation. Values of which every schedule breaks some obligation, whichever it
-    is, are bad as well. Without a schedule values are bad too, so nothing need be known of that.
-    """
-
-    def __init__(self, context: Context, base: Polyhedron, queries: Sequence[Query], deadline: Deadline) -> None:
-        self._context = context
-        self._base = base
-        self._box = set(_box_sides(base))
-        self._queries = queries
-        self._deadline = deadline
-        self._failures = 0
-        self._excluded: list[Conjunction] = []
-
-    @cached_property
-    def _fine(self) -> Outlook:
-        """Schedules that break nothing; opened once there is something to widen."""
-        made = Outlook(self._context.session(), self._context.reader, self._deadline)
-        for query in self._queries:
-            definitions = (definition.formula for definition in query.definitions)
-            made.add(*query.network, *definitions, query.remainder, negation(query.violation))
-        for piece in self._excluded:
-            made.exclude(piece)
-        return made
-
-    def exclude(self, piece: Conjunction) -> None:
-        """The piece is known to be bad."""
-        self._excluded.append(piece)
-        if "_fine" in self.__dict__:
-            self._fine.exclude(piece)
-
-    def widened(self, piece: Conjunction) -> Conjunction:
-        """A bad piece that holds this one: of its sides, and those of the box around it, as few as suffice."""
-        if self._failures >= HOPELESS or len(variables_of(piece)) <= 1:
-            return piece
-        hull = (side for side in _box_sides(self._base.restricted(piece)) if side not in self._box)
-        sides = tuple(dict.fromkeys((*piece, *hull)))
-        if not self._fine.excludes(sides):
-            self._failures += 1
-            return piece
-        self._failures = 0
-        return self._fine.generalize(sides)
-
-
-class Lifting:
-    """Makes pieces that are bad in ascending order into pieces that are bad in any order.
-
-    A piece is lifted to a polyhedron around it of which every image, where classes ascend, is inside the known pieces.
-    """
-
-    def __init__(self, context: Context, base: Polyhedron, symmetry: Symmetry, deadline: Deadline) -> None:
-        self._context = context
-        self._deadline = deadline
-        self._base = base
-        self._box = set(_box_sides(base))
-        self._symmetry = symmetry
-        self._pieces: list[Conjunction] = []
-        self.lifted: list[Conjunction] = []
-        self._known = self._outlook()
-        self._covered = self._outlook()
-
-    def _outlook(self) -> Outlook:
-        """What is left of the base."""
-        made = Outlook(self._context.session(), self._context.reader, self._deadline)
-        made.add(*self._base.constraints)
-        return made
-
-    def add(self, piece: Conjunction) -> None:
-        """A piece that is bad in ascending order; lifted at once if that is quick."""
-        self._known.exclude(piece)
-        self._pieces.append(piece)
-        if not self._covered.excludes(piece):
-            found = self._first_images([piece, self._hull(piece)], SOME_IMAGES)
-            self.lifted += self._cover(found or [])
-
-    def finish(self) -> bool:
-        """Lift the pieces that are needed, again; whether none of them has too many images."""
-        self._covered = self._outlook()
-        kept: list[Conjunction] = []
-        finished = True
-        for piece in self._needed():
-            if not self._covered.excludes(piece):
-                ordered = (*self._symmetry.ascending, *piece)
-                candidates = (self._minimal(sides) for sides in (piece, self._hull(piece), ordered))
-                found = self._first_images(candidates, IMAGES)
-                finished = finished and found is not None
-                kept += self._cover(found or [])
-        if finished:
-            self.lifted = kept
-        return finished
-
-    def _needed(self) -> list[Conjunction]:
-        """The pieces without those that others cover together; simple ones stay rather than others, and come first."""
-        simple_first = sorted(self._pieces, key=lambda piece: (len(piece), len(variables_of(piece))))
-        beyond = {piece: outside(piece) for piece in simple_first}
-        everything = self._outlook()
-        for piece in reversed(simple_first):
-            others = [side for other, side in beyond.items() if other != piece]
-            if everything.excludes(piece, *others):
-                del beyond[piece]
-        return list(beyond)
-
-    def _first_images(self, candidates: Iterable[Conjunction], most: int) -> list[Conjunction] | None:
-        found = (self._images(candidate, most) for candidate in candidates)
-        return next((images for images in found if images is not None), None)
-
-    def _cover(self, images: list[Conjunction]) -> list[Conjunction]:
-        for image in images:
-            self._covered.exclude(image)
-        return images
-
-    def _hull(self, piece: Conjunction) -> Conjunction:
-        """The sides of the box around a piece in ascending order, without those of the box around everything."""
-        return tuple(side for side in _box_sides(self._base.restricted(piece)) if side not in self._box)
-
-    def _minimal(self, sides: Conjunction) -> Conjunction:
-        """As many of the sides left out as can be, one after the other."""
-        for side in sides:
-            others = tuple(other for other in sides if other is not side)
-            if self._images(others, IMAGES) is not None:
-                sides = others
-        return sides
-
-    def _images(self, candidate: Conjunction, most: int) -> list[Conjunction] | None:
-        """All images if there are not too many, and all are bad."""
-        found = self._symmetry.images(candidate, most)
-        if found is None or not self._known.excludes((), disjunction(conjunction(image) for image in found)):
-            return None
-        return found
-
-
-def _box_sides(polyhedron: Polyhedron) -> list[LinearConstraint]:
-    """The sides of the box around a polyhedron."""
-    extents = polyhedron.bounding_box()
-    return [LinearConstraint.false()] if extents is None else list(Box(extents).constraints())
 
 
 def _side(piece: Polyhedron, point: Point) -> LinearConstraint:
@@ -438,16 +296,32 @@ class FactorSearch:
         if point is None:
             self._pending.clear()
             return
-        found = self._cell(point)
+        if not self.good and not self._is_bad(point):
+            self._box_around(point)
+        found = None if self._is_bad(point) else self._cell(point)
         if found is not None:
-            self.good.append(found)
-            self.samples.include(found)
-            self._on_cell(found)
+            self._prove(found)
+
+    def _prove(self, cell: Polyhedron) -> None:
+        self.good = [other for other in self.good if not other.is_subset_of(cell)]
+        self.good.append(cell)
+        self.samples.include(cell)
+        self._on_cell(cell)
+
+    def _box_around(self, point: Point) -> None:
+        """A first box of good values, for those who will not wait for a cell: it is proved sooner, because it decides
+        more of what happens when, and grows as long as nothing bad reaches into it."""
+        for radius in RADII:
+            ends = {name: Interval(value - radius, value + radius) for name, value in point.items()}
+            box = self._base.restricted(Box(ends).constraints())
+            if any(not box.is_disjoint_from(piece) for piece in self._pieces) or self._piece_in(box) is not None:
+                return
+            self._prove(box)
 
     def _open_point(self, samples: Samples) -> Point | None:
         """The nominal point, if nothing is known of it; else a random one, or any; None if there is none."""
         first, self._first = self._first, None
-        if first is not None and first in self._base and not self._is_known(first):
+        if first is not None and first in self._base and not self._is_bad(first):
             return first
         if samples.undecided:
             return samples.point(min(samples.undecided))
@@ -460,8 +334,8 @@ class FactorSearch:
         values = session.values(reader.symbols(self._parameters))
         return {name: Fraction(values.get(name, 0)) for name in self._parameters}
 
-    def _is_known(self, point: Point) -> bool:
-        return any(point in known for known in (*self._pieces, *self.good))
+    def _is_bad(self, point: Point) -> bool:
+        return any(point in piece for piece in self._pieces)
 
     def _cell(self, point: Point) -> Polyhedron | None:
         """A good polyhedron around the point; None if the point is bad, which the pieces tell then."""

@@ -12,7 +12,7 @@ from enum import Enum
 from fractions import Fraction
 from functools import lru_cache
 from itertools import chain, repeat
-from math import prod
+from math import lcm, prod
 from typing import Any, TypeVar, assert_never
 
 from pysmt import operators
@@ -194,11 +194,15 @@ class Layout:
     def truths(self, model: Model) -> list[bool]:
         """The truth of every node under values of all symbols; symbols without a value are 0, or false."""
         values: dict[str, Any] = {name: model.get(name, Fraction(0)) for name in self.names}
+        # A truth value is a whole number as well, so one denominator is enough for all.
+        unit = lcm(*(value.denominator for value in values.values()))
+        whole = {name: value.numerator * (unit // value.denominator) for name, value in values.items()}
         truth: list[bool] = []
         for node, operands in zip(self.nodes, self.operands, strict=True):
             match node:
-                case LinearConstraint():
-                    truth.append(node.evaluate(values))
+                case LinearConstraint(coefficients, relation, constant):
+                    total = sum([factor * whole[name] for name, factor in coefficients])
+                    truth.append(relation.holds(total * constant.denominator, constant.numerator * unit))
                 case Literal(name, value):
                     truth.append(bool(values[name]) is value)
                 case Junction(conjunctive, _):

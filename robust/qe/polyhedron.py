@@ -81,6 +81,11 @@ class Polyhedron:
         return normal_form(self.parameters, self.constraints)
 
     @cached_property
+    def mentioned(self) -> frozenset[str]:
+        """The parameters that constraints mention."""
+        return frozenset(name for constraint in self.constraints for name in constraint.parameters)
+
+    @cached_property
     def slabs(self) -> Slabs:
         """The constraints against boxes."""
         return Slabs(self.constraints)

@@ -34,8 +34,13 @@ class Optimum:
 
     value: Fraction | None
     slope: Fraction
-    point: tuple[Fraction, ...]
+    vertex: tuple[tuple[int, int], ...]
+    """The point, as numerators and denominators: most are never looked at."""
     ray: tuple[Fraction, ...] | None = None
+
+    @property
+    def point(self) -> tuple[Fraction, ...]:
+        return tuple(Fraction(*each) for each in self.vertex)
 
     @property
     def is_attained(self) -> bool:
@@ -179,7 +184,7 @@ class Tableau:
             stop = above is not None and row[1] * above.denominator > above.numerator * row[0]
             entering = None if stop else self._least_column(row)
             if entering is None:
-                return Optimum(Fraction(row[1], row[0]), Fraction(row[2], row[0]), self.limit_point())
+                return Optimum(Fraction(row[1], row[0]), Fraction(row[2], row[0]), self._vertex())
             leaving = self._ratio_test(entering)
             if leaving is None:
                 return self._unbounded(entering, 1)
@@ -205,7 +210,7 @@ class Tableau:
         for variable in range(self.dimension):
             row = self._row_of(variable)
             ray.append(Fraction(sign * row[FIRST + column], row[0]))
-        return Optimum(None, Fraction(0), self.limit_point(), tuple(ray))
+        return Optimum(None, Fraction(0), self._vertex(), tuple(ray))
 
     def _pivot(self, leaving: int, column: int) -> None:
         """Exchange a basic variable and the variable of a column."""
@@ -231,9 +236,10 @@ class Tableau:
         self._columns[column] = leaving
         self._rows[entering] = solved
 
-    def limit_point(self) -> tuple[Fraction, ...]:
+    def _vertex(self) -> tuple[tuple[int, int], ...]:
         """The present vertex with δ = 0: in the closure of the constraints."""
-        return self._evaluate(Fraction(0))
+        rows = (self._rows.get(variable) for variable in range(self.dimension))
+        return tuple((0, 1) if row is None else (row[1], row[0]) for row in rows)
 
     def point(self) -> tuple[Fraction, ...]:
         """A point that satisfies every constraint, strict ones included, after a successful `restore`."""

@@ -89,15 +89,17 @@ def checked(report: Report[Any]) -> dict[str, Any]:
 
 @pytest.fixture
 def make_suite(tmp_path: Path) -> MakeSuite:
-    """Writes instances, and delivery plans, as a data set and returns its directory."""
+    """Writes instances, delivery plans and logs as a data set and returns its directory."""
 
-    def make(*instances: Any, delivery: Any = None) -> Path:
+    def make(*instances: Any, delivery: Any = None, logs: Any = None) -> Path:
         directory = tmp_path / "suite"
         (directory / "robot-delivery").mkdir(parents=True, exist_ok=True)
         (directory / "recorded-results.json").write_text(json.dumps(instances), encoding="utf-8")
         if delivery is not None:
             path = directory / "robot-delivery" / "instances.json"
             path.write_text(json.dumps(delivery), encoding="utf-8")
+        if logs is not None:
+            (directory / "plans.json").write_text(json.dumps(logs), encoding="utf-8")
         return directory
 
     return make

@@ -17,10 +17,11 @@ import pytest
 from benchmarks.catalogue import EXPERIMENTS, Entry
 from benchmarks.engine.show import Table
 from benchmarks.irr.contenders import IRR, OPTIMAL, RECORDED_BOX, REGIONS, WIDEN
-from benchmarks.irr.growth import MORE_PARAMETERS, MORE_REFUELS, PARAMETERS, POINTS
+from benchmarks.irr.growth import ALL_REFUELS, DELIVERIES, MORE_PARAMETERS, MORE_REFUELS, PARAMETERS, POINTS
 from robust.errors import InputError
 from tests.benchmarks.conftest import checked, example, navigation, rendered, run
 from tests.cli.running import command, environment
+from tests.val import BINARY
 
 ROOT = Path(__file__).parents[2]
 SMALL = (replace(MORE_REFUELS, sizes=(2, 3)), replace(MORE_PARAMETERS, sizes=(1, 2)))
@@ -35,25 +36,43 @@ TINY: dict[str, tuple[dict[str, Any], int, str]] = {
     "figure5": ({"suite": ...}, 2, "poorest"),
     "backends": ({"series": (replace(PARAMETERS, sizes=(1, 2)),), "contenders": REGIONS[:2]}, 4, "project"),
     "encodings": ({"series": (replace(POINTS, sizes=(2, 4)),)}, 4, "relational"),
+    "widening": (
+        {"series": (replace(DELIVERIES, sizes=(2,)), replace(ALL_REFUELS, sizes=(2,)))},
+        4,
+        "widen, solver",
+    ),
     "figure4": ({"suite": ..., "sizes": (1,), "baseline_limit": 120, "contenders": (WIDEN, OPTIMAL)}, 6, "0 + 0 of 4"),
     "conversions": ({"drawn": 2, "delivery": 1, "planned": 0}, 3, "over-all condition"),
     "stnu": ({"sizes": (10, 20), "networks": 2}, 4, "Schedules of teams"),
+    "logs": ({"suite": ..., "validator": BINARY}, 2, "1 of 1 that VAL calls valid, 1 of 1 that VAL calls invalid"),
     "table1": ({"problems": 1, "columns": (1,), "executors": ("dreex", "blex:0")}, 1, "BLEX(0)"),
     "figure20a": ({"instances": 3, "backends": ("oracle", "pitms")}, 6, "3 plans of seed 0"),
     "figure21": ({"instances": 3}, 3, "more implicants than models"),
     "figure17": ({"problems": 3, "largest": 20}, 3, "3 problems of seed 0"),
     "figure18": ({"problems": 2, "largest": 20}, 2, "of the sum of all of Kirk's times PIKE saves"),
 }
-READ = {"figure4", "conversions", "table1", "figure20a", "figure21", "figure17", "figure18"}
+READ = {"figure4", "conversions", "logs", "table1", "figure20a", "figure21", "figure17", "figure18"}
 """Those whose reports are made again of what was printed."""
 MAY_DISAGREE = {"table1"}
 """One problem is too little for the paper's claims."""
 
 
+def logged(directory: Path, late: str = "") -> dict[str, Any]:
+    """What a planner prints of the shipped example; not a valid plan if its last step is late."""
+    files = example()
+    steps = Path(files["plan"]).with_name("steps.plan").read_text(encoding="utf-8")
+    first, last = steps.rstrip().rsplit("\n", 1)
+    log = directory / f"planner{late}.log"
+    log.write_text(f"Solution found.\n{first}\n{late}{last}\n", encoding="utf-8")
+    names = {"name": log.stem, "domain": files["domain"], "problem": files["problem"], "log": str(log)}
+    return {**names, "steps": steps.count("["), "val": "invalid" if late else "valid"}
+
+
 @pytest.mark.parametrize("name", TINY)
 def test_a_small_run(name, make_suite, tmp_path):
     options, count, text = TINY[name]
-    suite = make_suite(navigation(), delivery=[{"instance": "n", "parameters": 2, **example()}])
+    delivery = [{"instance": "n", "parameters": 2, **example()}]
+    suite = make_suite(navigation(), delivery=delivery, logs=[logged(tmp_path), logged(tmp_path, late="1")])
     given = {key: suite if value is ... else value for key, value in options.items()}
     if name != "table1":
         given["limit"] = 120

@@ -6,15 +6,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.generators.sizes import write_instance
 from robust import RobustError
 from robust.api import check, compare, envelope, region
 from robust.errors import InputError
 from robust.irr.check import Answer
 from robust.plan.load import load_plan
 from robust.qe.box import Box, Interval
+from robust.qe.inner import FactorSearch
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.show.regions import MANY, in_form, polyhedron_lines, region_lines
+from robust.smt.limits import OutOfTimeError
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, NAVIGATION, answer_of, assert_one_line, command, example
 
@@ -236,6 +239,47 @@ def test_out_of_time_is_an_outer_bound():
     if answer["schema"] == "robust/region/1":
         assert answer["status"] == "timeout"
         assert answer["meaning"].startswith("an outer bound of the robustness envelope")
+
+
+@pytest.mark.parametrize(
+    ("name", "ascending"), [("generator", [["start_1", "start_2"]]), ("two_sample_navigation", [])]
+)
+def test_both_bounds_are_shown_where_a_search_is_cut(monkeypatch, tmp_path, name, ascending):
+    """After one good cell and the bad pieces that were found on the way."""
+
+    def run(self):
+        if not self.done:
+            self.grow()
+        raise OutOfTimeError
+
+    monkeypatch.setattr(FactorSearch, "run", run)
+    files, plot = example(directory=EXAMPLES / name), tmp_path / "region.svg"
+    ended = command("region", *files, "--json", "--plot", plot)
+    answer = answer_of(ended)
+    assert (ended.code, answer["status"]) == (3, "timeout")
+    (factor,) = answer["factors"]
+    assert factor["ascending"] == ascending
+    assert len(factor["inner"]) == 1
+    share = answer["open_share"]
+    assert share["lower"] == share["value"] == share["upper"]
+    assert share["confidence"] is None
+    assert 0 <= Fraction(share["value"]) < 1
+    assert "proved valid" in plot.read_text()
+    told = command("region", *files).out
+    assert "The plan is certain to be valid if all lines of one of these groups hold" in told
+    assert "proved valid: 1 polyhedron; open: " in told
+    assert ("which are interchangeable" in told) == bool(ascending)
+
+
+def test_long_regions_are_told_in_ascending_order(tmp_path):
+    files = write_instance(tmp_path, 4, 4)
+    told = command("region", *files).out
+    assert told.startswith("In ascending order of start_1, start_2, start_3, start_4, which are interchangeable:\n")
+    assert "  40 ≤ start_2 ≤ 86\n" in told
+    answer = answer_of(command("region", *files, "--json"))
+    assert len(answer["minus"]) == 22
+    (factor,) = answer["factors"]
+    assert (factor["inner"], factor["outer"]["minus"], answer["open_share"]) == (None, [], None)
 
 
 def test_outer_bounds_are_said_to_be_bounds():

@@ -108,5 +108,5 @@ def test_invalid_plans_are_refused_with_what_breaks(name):
     assert first.obligation == obligation
     assert obligation in str(refused.value)
     if apart is not None:
-        assert f"are {apart} apart, less than 1/1000" in str(refused.value)
-        assert "starts would have to move by up to 0.0005; --tolerance 0.0005 would do" in str(refused.value)
+        assert f"are {apart} apart, less than 0.001" in str(refused.value)
+        assert "starts would have to move by up to 0.0005, which --tolerance 0.0005 allows" in str(refused.value)

@@ -22,6 +22,7 @@ from robust.smt import session as sessions
 from robust.smt.limits import NEVER
 from robust.smt.session import Session
 from tests.cli.running import EXAMPLES, answer_of, assert_one_line, command, example
+from tests.irr.building import ask_solvers
 
 FILES = example(directory=EXAMPLES / "generator")
 BY_CVC5 = {"solver": "cvc5", "encoding": "positions"}
@@ -49,10 +50,11 @@ def dies_at(monkeypatch) -> Callable[[Callable[[str], bool]], list[str]]:
         asked: list[str] = []
         check_, solve = Session.check, sessions._solve
 
-        def noted(self: Session, question: str, deadline=NEVER):
+        def noted(self: Session, question: str, deadline=NEVER, effort=0):
             asked.append(question)
-            return check_(self, question, deadline)
+            return check_(self, question, deadline, effort)
 
+        ask_solvers(monkeypatch)
         monkeypatch.setattr(Session, "check", noted)
 
         def solved(solver):
@@ -123,7 +125,7 @@ def test_check_counts_its_failures(plan, dies_at):
 
 
 @pytest.mark.parametrize("method", ["irr", "widen", "optimal"])
-@pytest.mark.parametrize("number", [0, 12, 20, 30])
+@pytest.mark.parametrize("number", [0, 12, 20, 24])
 def test_boxes_so_far_are_kept(plan, dies_at, method, number):
     """Whatever the question is that it dies at: the box was proved, and nothing says that it is maximal."""
     asked: list[str] = []
@@ -140,7 +142,7 @@ def test_boxes_so_far_are_kept(plan, dies_at, method, number):
 def test_some_box_is_found_before_it_dies(plan, dies_at):
     whole = envelope(plan, **BY_CVC5)
     asked: list[str] = []
-    asked = dies_at(lambda _question: len(asked) > 30)
+    asked = dies_at(lambda _question: len(asked) > 24)
     found = envelope(plan, **BY_CVC5)
     assert found.verified
     assert whole.status is Status.COMPLETE

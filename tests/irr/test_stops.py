@@ -103,7 +103,7 @@ def test_of_many_statements_the_first_and_the_last_are_shown() -> None:
 @pytest.mark.parametrize("method", ["widen", "irr"])
 def test_a_search_that_is_cut_short_says_so(monkeypatch, method) -> None:
     plan = shipped("two_sample_navigation")
-    fail_at_query(monkeypatch, 12, "time")
+    fail_at_query(monkeypatch, 30, "time")
     result = envelope(plan, method=method)
     assert result.status is Status.TIMEOUT
     assert result.verified

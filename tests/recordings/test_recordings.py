@@ -13,7 +13,7 @@ from tests.recordings.recordings import CHECKOUT, DATA, Place, cases, difference
 GROUPS = ("help", "bad", "check", "convert", "envelope", "region", "execute", "certify", "compare", "pike", "demo")
 OTHER_WITNESSES = re.compile(
     r"check-all-positions-z3|convert-(causal-steps|fluent(-printed)?|one-duration|start)|envelope-(optimal-(generator|pour2)|verbose)|"
-    r"envelope-(json-(generator|pour[248])|text-generator)|demo-tour|region-latex-(difference|generator)"
+    r"envelope-(json-(generator|pour[248])|text-generator)|demo-tour|region-(latex-(difference|generator)|(form|json|generator)-.*)"
     r"|pike-check-(all-(oracle|text)|epsilon|(kitchen|wing)-oracle|text-(kitchen|wing))"
 )
 """Several answers are right, and which one is given depends on what the solver was asked before."""

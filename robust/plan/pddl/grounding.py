@@ -252,7 +252,7 @@ def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
     """The instance `identifier` of an action; InputError at `location` if name, kind or arguments do not fit.
 
     A fluent that nothing changes may be a divisor, and then its initial value is used, unless it is `parametrized`.
-    The parameter `duration`, if given, takes the place of what `?duration` is said to be equal to.
+    The parameter `duration`, if given, takes the place of what fixes `?duration`.
     """
     schema = _schema(domain, action, durative, location)
     names = tuple(argument.lower() for argument in arguments)
@@ -266,7 +266,7 @@ def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
         action=schema.name,
         arguments=names,
         durative=durative,
-        durations=tuple([_duration(bound, context, duration) for bound in schema.durations]),
+        durations=tuple([_duration(bound, context) for bound in schema.durations]),
         conditions=_distinct(
             TimedCondition(timed.timing, ground, text)
             for timed in schema.conditions
@@ -277,7 +277,21 @@ def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
         continuous_effects=tuple(effects.continuous),
         location=location,
     )
-    return replace(instance, mentions=_mentions(_texts(schema, context, duration), instance))
+    fixing = () if duration is None else instance.fixing
+    pairs = zip(schema.durations, instance.durations, strict=True)
+    kept = [bound for bound, constraint in pairs if constraint not in fixing]
+    if duration is not None and fixing:
+        instance = _with_duration(instance, duration)
+    return replace(instance, mentions=_mentions(_texts(schema, kept, context), instance))
+
+
+def _with_duration(instance: ActionInstance, parameter: str) -> ActionInstance:
+    """The instance with `(= ?duration parameter)` in place of what fixes its duration."""
+    first, *others = instance.fixing
+    condition = Comparison(_variable(Duration()) - _variable(ParameterReference(parameter)), Relation.EQUAL)
+    varied = replace(first, condition=condition, text=f"(= ?duration {parameter})")
+    kept = (varied if one is first else one for one in instance.durations if one not in others)
+    return replace(instance, durations=tuple(kept))
 
 
 def ground_goal(
@@ -358,11 +372,12 @@ def _mentions(texts: Iterable[tuple[Timing, _Text]], instance: ActionInstance) -
     return frozenset(Mention(timing, name, found[timing, name]) for timing, name in kept)
 
 
-def _texts(schema: syntax.ActionSchema, context: Context, duration: str | None) -> Iterator[tuple[Timing, _Text]]:
-    """All that an action reads; the bound that a parameter replaces is not read."""
-    for bound in schema.durations:
-        if not _is_replaced(bound, duration):
-            yield bound.timing, _numeric_text(context, bound.bound)
+def _texts(
+    schema: syntax.ActionSchema, durations: Iterable[syntax.DurationBound], context: Context
+) -> Iterator[tuple[Timing, _Text]]:
+    """All that an action reads, if these of its durations count."""
+    for bound in durations:
+        yield bound.timing, _numeric_text(context, bound.bound)
     for timed in schema.conditions:
         yield timed.timing, _text(timed.condition, context)
     yield from _texts_of_effects(schema.effects, context, _Text(decided=True))
@@ -499,18 +514,11 @@ def _conjuncts(lifted: syntax.LiftedCondition, context: Context) -> Iterator[tup
             yield lifted, context
 
 
-def _is_replaced(bound: syntax.DurationBound, duration: str | None) -> bool:
-    """Whether the parameter `duration` takes the place of what the bound says."""
-    return duration is not None and bound.comparator is syntax.Comparator.EQUAL
-
-
-def _duration(bound: syntax.DurationBound, context: Context, parameter: str | None) -> DurationConstraint:
+def _duration(bound: syntax.DurationBound, context: Context) -> DurationConstraint:
     difference = _variable(Duration()) - expression(bound.bound, context)
-    text = duration_text(bound, context.bindings)
-    if parameter is not None and _is_replaced(bound, parameter):
-        difference = _variable(Duration()) - _variable(ParameterReference(parameter))
-        text = f"(= ?duration {parameter})"
-    return DurationConstraint(bound.timing, comparison(bound.comparator, difference), text)
+    return DurationConstraint(
+        bound.timing, comparison(bound.comparator, difference), duration_text(bound, context.bindings)
+    )
 
 
 @dataclass(slots=True)
