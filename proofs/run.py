@@ -16,7 +16,7 @@ from proofs.theorems._library.solvers import SOLVERS, Answer, Solver
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "theorems.md"
 LIMIT = 30.0
-"""Seconds for one problem and one solver."""
+"""Seconds of processor time for one problem and one solver."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +47,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.write_docs and options.theorem:
         _complain("--write-docs is for all theorems; leave the names out")
         return 2
+    if options.write_docs and not PAGE.parent.is_dir():
+        _complain(f"found no folder {PAGE.parent} for the page; --write-docs is for a checkout of the source")
+        return 2
     theorems = [load(name) for name in options.theorem or names()]
     if options.smt2 is not None:
         return _write_problems(theorems, options.smt2)
@@ -61,10 +64,12 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m proofs", description="Check all theorems with both solvers.")
     parser.add_argument("theorem", nargs="*", help="names of theorems; all if there is none")
     parser.add_argument("--json", action="store_true", help="print JSON, with countermodels")
-    parser.add_argument("--models", action="store_true", help="print the countermodels")
+    parser.add_argument("--models", action="store_true", help="print the countermodels, and models of the assumptions")
     parser.add_argument("--write-docs", action="store_true", help="write docs/theorems.md if everything is as stated")
     parser.add_argument("--smt2", type=Path, metavar="DIR", help="write the problems as SMT-LIB 2 and stop")
-    parser.add_argument("--timeout", type=float, default=LIMIT, metavar="S", help="seconds per problem and solver")
+    parser.add_argument(
+        "--timeout", type=float, default=LIMIT, metavar="S", help="seconds of processor time per problem and solver"
+    )
     return parser
 
 
@@ -99,7 +104,7 @@ def _complain(text: str) -> None:
 
 
 def _row(name: str, source: str, scope: str, *columns: str) -> str:
-    return f"{name:<26} {source:<32} {scope:<8} " + " ".join(f"{column:<12}" for column in columns).rstrip()
+    return f"{name:<26} {source:<34} {scope:<21} " + " ".join(f"{column:<12}" for column in columns).rstrip()
 
 
 def _print(theorem: Theorem, outcomes: Sequence[Outcome], *, models: bool) -> None:
@@ -112,7 +117,7 @@ def _print(theorem: Theorem, outcomes: Sequence[Outcome], *, models: bool) -> No
         if not outcome.as_expected:
             told = ", ".join(f"{name}: {answer.verdict}" for name, answer in outcome.answers.items())
             _say(f"  {outcome.problem.name}: expected {outcome.problem.expected}, found {told}")
-        elif models and outcome in wrong:
+        elif models and outcome.problem.kind is not Kind.CLAIM:
             _say(f"  {outcome.problem.name}: {outcome.problem.words}")
             for name, answer in outcome.answers.items():
                 _say(f"    {name}: " + ", ".join(f"{term} = {value}" for term, value in answer.values.items()))

@@ -738,7 +738,7 @@ class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, Plot, 
             raise InputError("found neither PLAN nor --planner, expected one of them: where is the plan to come from?")
 
 
-class CertifyCommand(PlanParameters, Search, Output):
+class CertifyCommand(PlanningOutput, Search, Output):
     """Of `robust certify`; one file is a plan with choices, three are a domain, a problem and a plan."""
 
     files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
@@ -768,11 +768,22 @@ class CertifyCommand(PlanParameters, Search, Output):
             raise InputError("found --alethe with --kind region; expected it with plan, box or maximal")
 
 
-class VerifyCommand(PlanParameters, Limited, Json):
+class VerifyCommand(Separation, Limited, Json):
     """Of `robust verify`."""
 
     certificate: Path = argument(..., "a certificate", "CERT")
-    files: tuple[Path, ...] = argument((), "the input files that it is said to be about", "[FILES]", many=True)
+    files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
+    kind: str | None = option(
+        None,
+        "fail unless this, or more, is established",
+        choices=("plan", "box", "maximal", "region", "knowledge"),
+    )
+    box: Path | None = option(
+        None,
+        "fail unless all of this box is established: an answer of robust envelope in JSON",
+        metavar="FILE",
+        path=True,
+    )
 
 
 # -- networks with uncertainty -----------------------------------------------------------------------------------------

@@ -1,26 +1,31 @@
 """Commands that end when they have to.
 
 A command runs below a watcher (:mod:`robust.watcher`), which kills everything that the command has started once it
-ends, at the deadline, on Ctrl-C, and when this process dies, however that happens.
+ends, at the deadline, on Ctrl-C, and when this process dies, however that happens. What the command prints is read
+while it runs; only the end of it is kept.
 """
 
 from __future__ import annotations
 
 import os
+import select
 import signal
 import subprocess
 import sys
-import tempfile
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
 from typing import BinaryIO
 
-from robust.smt.limits import NEVER, Deadline, has_input
+from robust.smt.limits import GLANCE, NEVER, Deadline, raise_if_interrupted
 
 _WATCHER = Path(__file__).with_name("watcher.py")
+KEPT = 2**24
+"""Bytes of each stream that are kept, of what a command prints: the last ones."""
+_CHUNK = 2**16
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +33,8 @@ class Ended:
     """How a command ended, what it printed and what it cost.
 
     `exit_code` is negative where a signal ended it, as at the deadline, and 127 where it could not be started, which
-    `last_line` explains. `seconds` is wall time, `cpu_s` what all its threads computed, and `memory_mb` the most that
-    one of its processes had in memory.
+    `last_line` explains. Of texts longer than `KEPT`, only the last lines are here. `seconds` is wall time, `cpu_s`
+    what all its threads computed, and `memory_mb` the most that one of its processes had in memory.
     """
 
     exit_code: int
@@ -70,6 +75,7 @@ class Processes:
         folder: Path | None = None,
         memory_mb: int = 0,
         variables: Mapping[str, str] | None = None,
+        scratch: Path | None = None,
     ) -> Ended:
         """Run a command until it ends or the deadline passes; none of its descendants is left.
 
@@ -79,43 +85,47 @@ class Processes:
             folder: where it runs.
             memory_mb: the address space that each of its processes may have; without limit if zero.
             variables: what is added to the environment.
+            scratch: a folder that is removed if this process dies before the command has ended.
 
         Raises:
             KeyboardInterrupt: on Ctrl-C, once everything has been killed.
             StoppedError: if stopped meanwhile or before.
         """
         with (
-            tempfile.TemporaryFile() as out,
-            tempfile.TemporaryFile() as err,
+            _pipe() as (out, out_end),
+            _pipe() as (err, err_end),
             _pipe() as (report, report_out),
             _pipe() as (lifeline_in, lifeline),
             self._registered(lifeline),
         ):
             numbers = (str(report_out.fileno()), str(lifeline_in.fileno()), str(memory_mb * 2**20))
+            texts = {out.fileno(): _End(), err.fileno(): _End()}
             process = subprocess.Popen(  # noqa: S603 - our own commands, and the planner that the user names
-                (sys.executable, "-I", "-S", str(_WATCHER), *numbers, *command),
+                (sys.executable, "-I", "-S", str(_WATCHER), *numbers, str(scratch or ""), *command),
                 stdin=subprocess.DEVNULL,
-                stdout=out,
-                stderr=err,
+                stdout=out_end,
+                stderr=err_end,
                 cwd=folder,
                 env={**os.environ, **(variables or {})},
                 pass_fds=(report_out.fileno(), lifeline_in.fileno()),
                 start_new_session=True,
             )
             try:
-                report_out.close()
-                timed_out = not has_input(report.fileno(), deadline)
+                for end in (out_end, err_end, report_out):
+                    end.close()
+                timed_out = not _read_until_input(report.fileno(), texts, deadline)
             finally:
-                lifeline.close()
+                _let_go(lifeline)
                 process.wait()
             if self._stopped:
                 raise StoppedError
+            _read_the_rest(texts)
             facts = report.read().split() or (-signal.SIGKILL, 0, 0, 0)  # if somebody has killed the watcher
             return Ended(
                 exit_code=int(facts[0]),
                 timed_out=timed_out,
-                stdout=_text(out),
-                stderr=_text(err),
+                stdout=texts[out.fileno()].text,
+                stderr=texts[err.fileno()].text,
                 seconds=float(facts[1]),
                 cpu_s=float(facts[2]),
                 memory_mb=int(facts[3]) / 2**20,
@@ -126,7 +136,7 @@ class Processes:
         with self._lock:
             self._stopped = True
             for lifeline in self._lifelines:
-                lifeline.close()
+                _let_go(lifeline)
 
     @contextmanager
     def _registered(self, lifeline: BinaryIO) -> Iterator[None]:
@@ -148,6 +158,65 @@ def _pipe() -> Iterator[tuple[BinaryIO, BinaryIO]]:
         yield source, sink
 
 
-def _text(file: BinaryIO) -> str:
-    file.seek(0)
-    return file.read().decode("utf-8", "replace")
+class _End:
+    """The end of a stream."""
+
+    def __init__(self) -> None:
+        self._chunks: deque[bytes] = deque()
+        self._size = 0
+        self._cut = False
+
+    def add(self, chunk: bytes) -> None:
+        """Append, and forget what is too far back."""
+        self._chunks.append(chunk)
+        self._size += len(chunk)
+        while self._size - len(self._chunks[0]) >= KEPT:
+            self._size -= len(self._chunks.popleft())
+            self._cut = True
+
+    @property
+    def text(self) -> str:
+        """What is left, from the beginning of a line."""
+        data = b"".join(self._chunks)
+        if self._cut:
+            data = data[data.find(b"\n", len(data) - KEPT) + 1 :]
+        return data.decode("utf-8", "replace")
+
+
+def _read_until_input(report: int, texts: Mapping[int, _End], deadline: Deadline) -> bool:
+    """Read texts until the report can be read; False if the deadline passes first.
+
+    Looks up now and then, so that a Ctrl-C that Python lost in a finaliser is not waited out.
+    """
+    open_ones = set(texts)
+    while True:
+        raise_if_interrupted()
+        remaining = deadline.remaining
+        wait = GLANCE if remaining is None else min(GLANCE, remaining)
+        ready, _, _ = select.select([report, *open_ones], [], [], wait)
+        for reader in open_ones & set(ready):
+            if chunk := os.read(reader, _CHUNK):
+                texts[reader].add(chunk)
+            else:
+                open_ones.remove(reader)
+        if report in ready:
+            return True
+        if deadline.passed:
+            return False
+
+
+def _read_the_rest(texts: Mapping[int, _End]) -> None:
+    """Read what is in the pipes; somebody may have got away with an end of them, who is not waited for."""
+    for reader, text in texts.items():
+        for _ in range(KEPT // _CHUNK):
+            if not select.select([reader], [], [], 0)[0] or not (chunk := os.read(reader, _CHUNK)):
+                break
+            text.add(chunk)
+
+
+def _let_go(lifeline: BinaryIO) -> None:
+    """Have the watcher end the command; the byte says that this process lives."""
+    if not lifeline.closed:
+        with suppress(BrokenPipeError):  # the watcher has ended
+            os.write(lifeline.fileno(), b".")
+        lifeline.close()

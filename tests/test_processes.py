@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
@@ -14,10 +15,10 @@ from threading import Thread
 import pytest
 
 from robust.errors import SolverError
-from robust.processes import Ended, Processes, StoppedError
+from robust.processes import KEPT, Ended, Processes, StoppedError
 from robust.smt.limits import Deadline, OutOfTimeError, from_copy, stream_from_copy
 from robust.watcher import CANNOT_START
-from tests.children import WAIT, Told, interrupted_after
+from tests.children import WAIT, Told, eventually, interrupted_after
 
 
 def python(code: str) -> list[str]:
@@ -58,9 +59,36 @@ def test_more_output_than_a_pipe_holds() -> None:
     assert (len(ended.stdout), len(ended.stderr)) == (10**6 + 1, 10**6 + 1)
 
 
-def test_more_output_than_any_file_may_hold() -> None:
-    ended = Processes().run(["head", "-c", "300M", "/dev/zero"], Deadline.after(60))
+def test_more_than_any_file_may_hold(tmp_path: Path) -> None:
+    command = ["sh", "-c", "exec head -c 300M /dev/zero > zeros"]
+    ended = Processes().run(command, Deadline.after(60), folder=tmp_path)
     assert (ended.exit_code, ended.timed_out) == (-signal.SIGXFSZ, False)
+
+
+def test_the_end_of_what_is_printed_is_kept_and_no_more() -> None:
+    def peak() -> int:
+        tracemalloc.reset_peak()
+        return tracemalloc.get_traced_memory()[0]
+
+    tracemalloc.start()
+    try:
+        before = peak()
+        ended = run("for n in range(4 * 10**6): print(f'line {n:020}')\nprint('the end')")
+        assert tracemalloc.get_traced_memory()[1] - before < 5 * KEPT
+    finally:
+        tracemalloc.stop()
+    lines = ended.stdout.splitlines()
+    assert KEPT * 0.9 < len(ended.stdout) <= KEPT
+    assert lines[-2:] == [f"line {4 * 10**6 - 1:020}", "the end"]
+    assert all(len(line) == 25 for line in lines[:-1])
+    assert ended.exit_code == 0
+
+
+def test_a_command_that_prints_without_end_is_ended_at_the_limit() -> None:
+    ended = Processes().run(["yes", "x" * 999], Deadline.after(1))
+    assert ended.timed_out
+    assert len(ended.stdout) <= KEPT
+    assert set(ended.stdout.splitlines()[:-1]) == {"x" * 999}
 
 
 def test_signals_are_those_of_a_new_process() -> None:
@@ -160,6 +188,45 @@ def test_children_end_with_their_parent(told: Told, call: str) -> None:
         assert told.begun()
         parent.kill()
     assert told.gone()
+
+
+FORKING_AWAY = """
+import os, sys
+if os.fork() == 0:
+    os.setsid()
+    if os.fork() == 0:
+        {told}
+    os._exit(0)
+import time; time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+def test_those_who_fork_away_end_with_the_parent_and_so_does_its_folder(
+    told: Told, tmp_path: Path, number: signal.Signals
+) -> None:
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    (scratch / "file").touch()
+    away = FORKING_AWAY.format(told=told.code.replace("; ", "\n        "))
+    call = f"Processes().run([sys.executable, '-S', '-c', {away!r}], scratch=Path({str(scratch)!r}))"
+    code = f"import sys; from pathlib import Path; from robust.processes import *; {call}"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    with subprocess.Popen([sys.executable, "-c", code], env=environment) as parent:
+        assert told.begun()
+        assert scratch.exists()
+        parent.send_signal(number)
+    assert told.gone()
+    assert eventually(lambda: not scratch.exists())
+
+
+def test_a_folder_stays_as_long_as_the_parent_lives(tmp_path: Path) -> None:
+    for deadline, code in ((Deadline.after(0.3), WAIT), (Deadline(), "pass")):
+        Processes().run(python(code), deadline, scratch=tmp_path)
+        assert tmp_path.exists()
+    with pytest.raises(KeyboardInterrupt), interrupted_after(0.5):
+        Processes().run(python(WAIT), scratch=tmp_path)
+    assert tmp_path.exists()
 
 
 def test_no_descriptor_and_no_child_is_left() -> None:

@@ -1,7 +1,22 @@
 """[IRR] Theorem 2: the incremental search terminates; its loop as printed can get stuck."""
 
 from proofs.theorems._library.model import Lemma, Scope, Statement, Theorem, Variant
-from proofs.theorems._library.terms import conj, consts, disj, ite, le, minus, num, plus, times
+from proofs.theorems._library.terms import (
+    conj,
+    consts,
+    disj,
+    exists,
+    forall,
+    function,
+    implies,
+    ite,
+    le,
+    minus,
+    num,
+    plus,
+    sort,
+    times,
+)
 
 STEP, NEXT_STEP, PRECISION = "step", "next-step", "precision"
 BOUNDED = "the envelope is bounded: a box inside it is at most `extent` wide"
@@ -52,16 +67,79 @@ TURNS = Statement(
 SOME_LARGE = "the loop goes on: some step is at least half the precision"
 OPEN = "each parameter has a direction open"
 PICK = Statement(
-    consts("Real", PRECISION, "step-1", "step-2", "open-1", "open-2"),
+    (
+        sort("Parameter"),
+        *consts("Real", PRECISION),
+        *(function(name, ["Parameter"], "Real") for name in ("step", "open")),
+        *consts("Parameter", "one", "two"),
+    ),
     {
-        "the precision and the steps are positive": "(and (< 0.0 precision) (< 0.0 step-1) (< 0.0 step-2))",
-        OPEN: "(and (<= 1.0 open-1) (<= 1.0 open-2))",
-        SOME_LARGE: "(or (<= (/ precision 2.0) step-1) (<= (/ precision 2.0) step-2))",
+        "the precision and the steps are positive": conj(
+            "(< 0.0 precision)", forall({"p": "Parameter"}, "(< 0.0 (step p))")
+        ),
+        OPEN: forall({"p": "Parameter"}, "(<= 1.0 (open p))"),
+        SOME_LARGE: exists({"p": "Parameter"}, "(<= (/ precision 2.0) (step p))"),
     },
-    "(or (and (<= (/ precision 2.0) step-1) (< 0.0 open-1)) (and (<= (/ precision 2.0) step-2) (< 0.0 open-2)))",
-    {"precision β": PRECISION, "step of γ₁": "step-1", "step of γ₂": "step-2"},
+    exists({"p": "Parameter"}, "(and (<= (/ precision 2.0) (step p)) (< 0.0 (open p)))"),
+    {"precision β": PRECISION, "step of γ₁": "(step one)", "step of γ₂": "(step two)"},
 )
-PICK_PRINTED = "(or (and (<= precision step-1) (< 0.0 open-1)) (and (<= precision step-2) (< 0.0 open-2)))"
+PICK_PRINTED = exists({"p": "Parameter"}, "(and (<= precision (step p)) (< 0.0 (open p)))")
+
+# -- the sum over all parameters --------------------------------------------------------------------------------------
+OTHERS = "a turn changes what one parameter contributes, and nothing else"
+SUMS = "the measure is the sum of what the parameters contribute, added one after the other"
+CHANGE = "(- (after g) (before g))"
+SUM = Statement(
+    (
+        *(function(name, ["Int"], "Real") for name in ("before", "after", "sum-before", "sum-after")),
+        *consts("Int", "g", "k"),
+    ),
+    {
+        OTHERS: forall({"p": "Int"}, "(=> (distinct p g) (= (after p) (before p)))"),
+        SUMS: conj(
+            "(= (sum-before (+ k 1)) (+ (sum-before k) (before k)))",
+            "(= (sum-after (+ k 1)) (+ (sum-after k) (after k)))",
+        ),
+        "of the first parameters, the picked one among them or not, the sum has changed as much": (
+            f"(= (- (sum-after k) (sum-before k)) (ite (< g k) {CHANGE} 0.0))"
+        ),
+    },
+    f"(= (- (sum-after (+ k 1)) (sum-before (+ k 1))) (ite (< g (+ k 1)) {CHANGE} 0.0))",
+    {"sum before": "(sum-before (+ k 1))", "sum after": "(sum-after (+ k 1))"},
+)
+
+# -- termination ------------------------------------------------------------------------------------------------------
+POSITIVE = "the measure is never negative"
+SO_MANY = "as long as the loop goes on, the measure is at most the first less a β for each turn"
+COUNT = Statement(
+    consts("Real", "measure", "next-measure", "first", "turns"),
+    {
+        "a turn lowers the measure, counted in β, by one at least": "(<= next-measure (- measure 1.0))",
+        SO_MANY: "(<= measure (- first turns))",
+    },
+    "(<= next-measure (- first (+ turns 1.0)))",
+    {"measure": "measure", "after": "next-measure", "turns": "turns"},
+)
+ENDS = Statement(
+    (
+        function("measure", ["Int"], "Real"),
+        function("goes-on", ["Int"], "Bool"),
+        *consts("Int", "enough"),
+    ),
+    {
+        POSITIVE: forall({"n": "Int"}, "(=> (<= 0 n) (<= 0.0 (measure n)))"),
+        f"{SO_MANY} (by induction over turns, lemma count)": implies(
+            forall({"m": "Int"}, "(=> (and (<= 0 m) (<= m enough)) (goes-on m))"),
+            "(<= (measure enough) (- (measure 0) (to_real enough)))",
+        ),
+        "more turns than the first measure in β": "(and (<= 0 enough) (< (measure 0) (to_real enough)))",
+    },
+    exists({"m": "Int"}, "(and (<= 0 m) (<= m enough) (not (goes-on m)))"),
+    {"first measure": "(measure 0)", "turns": "enough", "measure then": "(measure enough)"},
+)
+
+FEW_TURNS = "a run"
+NEVER = "(and (= enough 3) (= (measure 0) 2.0) (goes-on 0) (goes-on 1) (goes-on 2) (goes-on 3) (not (goes-on 4)))"
 
 THEOREM = Theorem(
     name="irr_theorem_2",
@@ -71,12 +149,14 @@ THEOREM = Theorem(
     "6; as printed "
     "(line 6: Δ ≥ β/2, line 7: Δ ≥ β) the loop can go on with nothing to pick.",
     formalisation="The state of one parameter is its step Δ, the width of its interval, and how many directions Θ "
-    "has; the "
-    "other parameters enter as one number, since a turn changes one parameter only. Every turn lowers the measure "
-    "Σ 8Δ + 2(extent − width) + β|Θ|, which is never negative, by at least β: so there are at most (first "
-    "measure)/β turns.",
-    scope=Scope.GENERAL,
+    "has. Every turn lowers the measure Σ 8Δ + 2(extent − width) + β|Θ|, which is never negative, by at least β: a "
+    "ranking function. That the loop ends is the last claim: among more turns than the first measure has β, there is "
+    "one at which it does not go on.",
+    scope=Scope.INDUCTION,
     bound="any number of parameters, any envelope, any order of turns.",
+    formerly="the choice of a parameter for two parameters; that the loop ends was concluded in words",
+    trusted="The inductions over parameters and over turns, whose steps are proved; both begin with zero, for a sum "
+    "over no parameter and after no turn.",
     lemmas=(
         Lemma(
             "turn",
@@ -139,10 +219,50 @@ THEOREM = Theorem(
                     "goes on and the set to pick from is empty. Repair: β/2 in both.",
                     PICK.claiming(PICK_PRINTED).with_also(
                         "β = 1 and steps of 3/4",
-                        "(and (= precision 1.0) (= step-1 (/ 3.0 4.0)) (= step-2 (/ 3.0 4.0)))",
+                        conj(
+                            "(= precision 1.0)",
+                            forall({"p": "Parameter"}, "(and (or (= p one) (= p two)) (= (step p) (/ 3.0 4.0)))"),
+                        ),
                     ),
                 ),
             ),
+        ),
+        Lemma(
+            "sum",
+            "If one parameter changes, the sum over all changes as much.",
+            SUM,
+            (Variant("other parameters may change, too.", SUM.without(OTHERS)),),
+            interesting="(and (< 0 g) (= g k))",
+        ),
+        Lemma(
+            "count",
+            "A turn more lowers the measure, counted in β, by one more.",
+            COUNT,
+            (
+                Variant(
+                    "a turn need not lower the measure.",
+                    COUNT.without("a turn lowers the measure, counted in β, by one at least"),
+                ),
+            ),
+        ),
+        Lemma(
+            "end",
+            "Among more turns than the first measure has β, there is one at which the loop does not go on.",
+            ENDS,
+            (
+                Variant("the measure may fall below zero.", ENDS.without(POSITIVE).with_also(FEW_TURNS, NEVER)),
+                Variant(
+                    "turns need not lower the measure.",
+                    ENDS.without(f"{SO_MANY} (by induction over turns, lemma count)").with_also(FEW_TURNS, NEVER),
+                ),
+                Variant(
+                    "there may be fewer turns.",
+                    ENDS.without("more turns than the first measure in β").with_also(
+                        FEW_TURNS, "(and (= enough 1) (= (measure 0) 2.0) (goes-on 0) (goes-on 1) (not (goes-on 2)))"
+                    ),
+                ),
+            ),
+            interesting="(and (= enough 3) (= (measure 0) 2.0) (goes-on 0) (not (goes-on 1)))",
         ),
     ),
 )

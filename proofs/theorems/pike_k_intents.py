@@ -1,7 +1,7 @@
-"""[PIKE] §6.2.1, first observation: PIKE never replans on k-intents problems."""
+"""[PIKE] §6.2.1, first observation: why no choice has to be taken back in a k-intents problem."""
 
 from proofs.theorems._library.model import Lemma, Scope, Statement, Theorem, Variant
-from proofs.theorems._library.terms import const, consts, forall, function, ite, sort
+from proofs.theorems._library.terms import const, consts, forall, function, iff, ite, sort
 
 PAIR = {"i": "Pair"}
 WAITS = "PIKE makes a choice only after the human's choice of the same pair was observed"
@@ -49,14 +49,44 @@ LEFT = Statement(
     {"human chose": "(human pair)", "robot may choose": "(robot-later pair)"},
 )
 
+ACTIVITIES = "each outcome activates its activity: the human's has the effect, the robot's the condition"
+PLAN = Statement(
+    (
+        sort("Pair"),
+        sort("Value"),
+        *(function(name, ["Pair"], "Value") for name in ("human", "robot")),
+        *(function(name, ["Pair", "Value"], "Bool") for name in ("human-acts", "robot-acts")),
+        *(function(name, ["Pair", "Value"], "Real") for name in ("effect-at", "condition-at")),
+        const("pair", "Pair"),
+        *consts("Value", "one", "two"),
+    ),
+    {
+        ACTIVITIES: forall(
+            {"i": "Pair", "v": "Value"},
+            "(and (= (human-acts i v) (= (human i) v)) (= (robot-acts i v) (= (robot i) v)))",
+        ),
+        "the human's activity of a pair ends before the robot's starts": forall(
+            {"i": "Pair", "v": "Value", "w": "Value"}, "(< (effect-at i v) (condition-at i w))"
+        ),
+    },
+    iff(
+        forall(
+            {"i": "Pair", "v": "Value"},
+            "(=> (robot-acts i v) (and (human-acts i v) (< (effect-at i v) (condition-at i v))))",
+        ),
+        forall(PAIR, "(= (robot i) (human i))"),
+    ),
+    {"human chose": "(human pair)", "robot chose": "(robot pair)"},
+)
+
 THEOREM = Theorem(
     name="pike_k_intents",
-    title="No replanning for k-intents problems",
+    title="A k-intents problem stays solvable without taking choices back",
     source="[PIKE, §6.2.1, first Observation]",
-    words="Executing a k-intents problem, PIKE never replans: whatever the human has chosen so far, some correct "
-    "execution "
-    "continues, and once a human choice is observed the theory leaves one value for the robot's choice of the "
-    "pair, the same.",
+    words="In a k-intents problem, a scenario is causally complete exactly if both choices of each pair are the same. "
+    "An executive that waits for the human's choice of a pair and then makes the same always has a scenario left that "
+    "is, whatever the human has chosen so far; and after the human's choice there is no other value for the robot's. "
+    "The paper concludes that PIKE never replans; that PIKE waits and then makes that choice is not shown here.",
     formalisation="`Pair` and `Value` are arbitrary sets. The state says which human choices were observed and "
     "which robot "
     "choices made; the theory says that the two of each pair are the same. A scenario that continues is given.",
@@ -64,8 +94,22 @@ THEOREM = Theorem(
     bound="any number of pairs and outcomes, at any moment of the execution.",
     trusted="The activities of a k-intents problem follow each other without deadlines, so that every scenario is "
     "temporally "
-    "consistent whatever the durations turn out to be; the theory of such a problem is as stated.",
+    "consistent whatever the durations turn out to be. No activity deletes a condition.",
     lemmas=(
+        Lemma(
+            "theory",
+            "Each condition of an active activity has its effect before it exactly if the choices of each pair are "
+            "the same.",
+            PLAN,
+            (
+                Variant(
+                    "the robot's activity may start before the human's ends.",
+                    PLAN.without("the human's activity of a pair ends before the robot's starts").with_also(SMALL, ONE),
+                ),
+                Variant("any activity may be active.", PLAN.without(ACTIVITIES).with_also(SMALL, ONE)),
+            ),
+            interesting="(distinct one two)",
+        ),
         Lemma(
             "alive",
             "At every moment some scenario satisfies the theory and agrees with all choices so far.",

@@ -1,4 +1,4 @@
-"""[PIKE] Theorem 3.1: whether a plan has a correct execution is NP-complete; the reduction of Appendix B is correct."""
+"""[PIKE] Theorem 3.1: the reduction of Appendix B is correct; what else makes the problem NP-complete is in words."""
 
 from proofs.theorems._library.model import Lemma, Scope, Statement, Theorem, Variant
 from proofs.theorems._library.terms import conj, const, consts, exists, forall, function, iff, implies, sort
@@ -82,12 +82,11 @@ EXISTS = Statement(
 
 THEOREM = Theorem(
     name="pike_theorem_3_1",
-    title="Checking for a correct execution is NP-complete",
+    title="Satisfiability reduces to checking for a correct execution",
     source="[PIKE, Theorem 3.1, Appendix B]",
-    words="Whether a plan with choices has a correct execution is NP-complete. Hardness: the plan that Appendix B "
-    "makes of a "
-    "formula in conjunctive normal form has a correct execution if and only if the formula is satisfiable; models and "
-    "scenarios with a correct execution are the same.",
+    words="The plan that Appendix B makes of a formula in conjunctive normal form has a correct execution if and only "
+    "if the formula is satisfiable; models and scenarios with a correct execution are the same. This is the step of "
+    "the proof of NP-completeness that is about plans; the others are in words below.",
     formalisation="`Variable` and `Clause` are arbitrary sets, `holds` is an assignment and at the same time a "
     "scenario. The "
     "condition of a clause's activity has a support in a consistent schedule exactly if the assignment satisfies "

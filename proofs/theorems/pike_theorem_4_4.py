@@ -1,49 +1,36 @@
 """[PIKE] Theorem 4.4: partial executions are correct for the augmented plan exactly if they are for the plan."""
 
+from proofs.theorems._library.augmented import EXTENDED_RUN, ONE
 from proofs.theorems._library.model import Lemma, Scope, Statement, Theorem, Variant
-from proofs.theorems._library.terms import conj, const, exists, forall, function, iff, implies, sort
+from proofs.theorems._library.terms import exists, forall, function, iff
+from proofs.theorems.pike_theorem_4_3 import BACKWARDS, FORWARDS
+from proofs.theorems.pike_theorem_4_5 import COMPLETE
+from proofs.theorems.pike_theorem_4_6 import SPACE
 
-BOTH = {"s": "Extended", "r": "Schedule"}
-FORWARD = "Theorem 4.3: a correct execution of the plan has one of the augmented plan with the same schedule"
-BACK = "Theorem 4.3, backwards"
 OWN = "the partial execution assigns choices of the plan only: extending it depends on these"
 STATEMENT = Statement(
     (
-        sort("Scenario"),
-        sort("Extended"),
-        sort("Schedule"),
-        function("own", ["Extended"], "Scenario"),
-        function("traced", ["Scenario", "Schedule"], "Extended"),
-        function("correct", ["Scenario", "Schedule"], "Bool"),
-        function("augmented-correct", ["Extended", "Schedule"], "Bool"),
+        *SPACE,
         function("agrees", ["Scenario"], "Bool"),
         function("augmented-agrees", ["Extended"], "Bool"),
         function("continues", ["Schedule"], "Bool"),
-        const("scenario", "Scenario"),
-        const("extended", "Extended"),
-        const("run", "Schedule"),
     ),
-    {
-        FORWARD: forall(
-            {"f": "Scenario", "r": "Schedule"},
-            implies("(correct f r)", "(and (= (own (traced f r)) f) (augmented-correct (traced f r) r))"),
-        ),
-        BACK: forall(BOTH, "(=> (augmented-correct s r) (correct (own s) r))"),
-        OWN: forall({"s": "Extended"}, "(= (augmented-agrees s) (agrees (own s)))"),
-    },
+    {OWN: forall({"s": "Extended"}, "(= (augmented-agrees s) (agrees (own s)))")},
     iff(
-        exists(BOTH, "(and (augmented-agrees s) (continues r) (augmented-correct s r))"),
+        exists(
+            EXTENDED_RUN,
+            "(and (augmented-agrees s) (continues r) (consistent s r) (complete (own s) r))",
+        ),
         exists({"f": "Scenario", "r": "Schedule"}, "(and (agrees f) (continues r) (correct f r))"),
     ),
     {
         "correct in the plan": "(correct scenario run)",
-        "correct in the augmented plan": "(augmented-correct extended run)",
+        "correct in the augmented plan": "(and (consistent extended run) (complete (own extended) run))",
         "the scenario agrees": "(agrees scenario)",
         "the extended scenario agrees": "(augmented-agrees extended)",
     },
-)
+).citing(FORWARDS, BACKWARDS, COMPLETE)
 SMALL = "one scenario, one extension, one schedule"
-ONE = conj(forall(BOTH, "(and (= s extended) (= r run))"), forall({"f": "Scenario"}, "(= f scenario)"))
 
 THEOREM = Theorem(
     name="pike_theorem_4_4",
@@ -55,18 +42,22 @@ THEOREM = Theorem(
     "correct for the plan only.",
     formalisation="`agrees` says that a scenario extends the partial one, `continues` that a schedule extends the "
     "partial one; "
-    "correct means that an extending execution is correct (Definition 2.8). Theorem 4.3 enters as an assumption.",
+    "correct means that an extending execution is correct (Definition 2.8). Theorems 4.3 and 4.5 enter as "
+    "assumptions: the same formulas that their files prove.",
     scope=Scope.GENERAL,
     bound="any scenarios and schedules.",
-    trusted="Theorem 4.3 as proved in its file.",
     lemmas=(
         Lemma(
             "partial executions",
             "Some extension is correct in the one plan if and only if some is in the other.",
             STATEMENT,
             (
-                Variant("the augmented plan loses executions.", STATEMENT.without(FORWARD).with_also(SMALL, ONE)),
-                Variant("the augmented plan gains executions.", STATEMENT.without(BACK).with_also(SMALL, ONE)),
+                Variant(
+                    "the augmented plan loses executions.", STATEMENT.without(FORWARDS.words).with_also(SMALL, ONE)
+                ),
+                Variant(
+                    "the augmented plan gains executions.", STATEMENT.without(BACKWARDS.words).with_also(SMALL, ONE)
+                ),
             ),
             (
                 Variant(
@@ -79,7 +70,7 @@ THEOREM = Theorem(
                     ).with_also(SMALL, ONE),
                 ),
             ),
-            interesting="(and (agrees scenario) (continues run) (correct scenario run))",
+            interesting="(and (agrees scenario) (continues run) (correct scenario run) " + ONE + ")",
         ),
     ),
 )

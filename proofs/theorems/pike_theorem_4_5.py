@@ -1,27 +1,44 @@
 """[PIKE] Theorem 4.5: temporally consistent executions of the augmented plan that satisfy its theory are correct."""
 
-from proofs.theorems._library.augmented import EXCLUDED, HOLDS_NOW, ITSELF_EXCLUDED, PLAN, facts, rules, world
-from proofs.theorems._library.model import Lemma, Scope, Statement, Theorem, Variant
-from proofs.theorems._library.terms import const, consts, exists, implies
+from proofs.theorems._library.augmented import (
+    EXCLUDED,
+    EXTENDED_RUN,
+    HOLDS_NOW,
+    ITSELF_EXCLUDED,
+    NAMED,
+    PLAN,
+    facts,
+    rules,
+    world,
+)
+from proofs.theorems._library.model import Lemma, Result, Scope, Statement, Theorem, Variant
+from proofs.theorems._library.terms import const, consts, forall, implies
 
+COMPLETE = Result(
+    "pike_theorem_4_5",
+    "complete",
+    "Theorem 4.5: consistent executions that satisfy the theory are causally complete",
+    forall(EXTENDED_RUN, "(=> (and (causal s) (consistent s r)) (complete (own s) r))"),
+)
 SHOW = {
-    "producer at": "(time producer)",
-    "threat at": "(time threat)",
-    "consumer at": "(time (consumer condition))",
-    "producer active": "(active producer)",
-    "threat active": "(active threat)",
-    "the support is the producer": "(= (support condition) producer)",
-    "no support": "(none condition)",
+    "producer at": "(time run producer)",
+    "threat at": "(time run threat)",
+    "consumer at": "(time run (consumer condition))",
+    "producer active": "(active scenario producer)",
+    "threat active": "(active scenario threat)",
+    "the support is the producer": "(= (support extended condition) producer)",
+    "no support": "(none extended condition)",
 }
-ORDERED = "the execution meets the constraints that were added, for an arbitrary condition"
-THEORY = "the scenario satisfies the theory"
 STATEMENT = Statement(
-    (*PLAN, *rules(), const("condition", "Condition"), *consts("Event", "producer", "threat")),
-    {**facts(), ORDERED: "(ordered condition)", THEORY: "(theory condition)"},
-    implies("(active (consumer condition))", exists({"p": "Event"}, "(supported-by condition p)")),
+    (*PLAN, *rules(), *NAMED, const("condition", "Condition"), *consts("Event", "producer", "threat")),
+    facts(),
+    COMPLETE.formula,
     SHOW,
 )
-THREE = "three events, one condition"
+UNCONSTRAINED = Statement(
+    (*PLAN, *rules(consistent="(meets (own s) r)"), *STATEMENT.declarations[-6:]), facts(), COMPLETE.formula, SHOW
+)
+THREE = "three events, one condition, one execution"
 WORLD = world("producer", "threat", "(consumer condition)")
 
 THEOREM = Theorem(
@@ -32,9 +49,10 @@ THEOREM = Theorem(
     "complete: each condition of an active event has a producer strictly before it and no active threat from the "
     "one to the "
     "other. Algorithm 5 must look at the consumer's own event, too, or a threat there is missed.",
-    formalisation="One execution with arbitrarily many events and conditions, the rules of Algorithm 5 and Table 1 "
+    formalisation="Executions with arbitrarily many events and conditions, the rules of Algorithm 5 and Table 1 "
     "with the "
-    "cases of Figure 12 for the precedences that the distances tell; these hold in this execution. Orderings are "
+    "cases of Figure 12 for the precedences that the distances tell; these hold in every execution that meets the "
+    "constraints of the plan. Orderings are "
     "strict "
     "(ε → 0).",
     scope=Scope.GENERAL,
@@ -42,11 +60,16 @@ THEOREM = Theorem(
     lemmas=(
         Lemma(
             "complete",
-            "The condition of an active consumer has a support.",
+            "Every consistent execution of the augmented plan that satisfies the theory is causally complete.",
             STATEMENT,
             (
-                Variant("the theory is not asked for.", STATEMENT.without(THEORY).with_also(THREE, WORLD)),
-                Variant("the added constraints are not met.", STATEMENT.without(ORDERED).with_also(THREE, WORLD)),
+                Variant(
+                    "the theory is not asked for.",
+                    STATEMENT.claiming(
+                        forall(EXTENDED_RUN, implies("(consistent s r)", "(complete (own s) r)"))
+                    ).with_also(THREE, WORLD),
+                ),
+                Variant("the added constraints are not met.", UNCONSTRAINED.with_also(THREE, WORLD)),
                 Variant("the distances may err.", STATEMENT.without(HOLDS_NOW).with_also(THREE, WORLD)),
                 Variant("threats may be left out for no reason.", STATEMENT.without(EXCLUDED).with_also(THREE, WORLD)),
             ),
@@ -62,14 +85,14 @@ THEOREM = Theorem(
                     .with_also("two events, one condition", world("producer", "(consumer condition)"))
                     .with_also(
                         "the consumer's event deletes the condition",
-                        "(and (= threat (consumer condition)) (deletes threat condition) (= (time producer) 0.0) "
-                        "(= (time threat) 1.0) (not (deletes producer condition)))",
+                        "(and (= threat (consumer condition)) (deletes threat condition) (= (time run producer) 0.0) "
+                        "(= (time run threat) 1.0) (not (deletes producer condition)))",
                     ),
                 ),
             ),
-            interesting="(and (active (consumer condition)) (deletes threat condition) (active threat) "
-            "(< (time threat) (time (support condition))) (distinct threat (support condition)) "
-            "(distinct (consumer condition) threat) " + WORLD.replace("producer", "(support condition)") + ")",
+            interesting="(and (causal extended) (consistent extended run) (active scenario (consumer condition)) "
+            "(deletes threat condition) (active scenario threat) (< (time run threat) (time run producer)) "
+            "(= (support extended condition) producer) " + WORLD + ")",
         ),
     ),
 )

@@ -1,52 +1,34 @@
-"""[PIKE] Theorem 4.6: scenarios of the theory are those with a correct execution, if read about the plan's own "
-"choices."""
+"""[PIKE] Theorem 4.6: the theory has the scenarios with a correct execution, read about the plan's own choices."""
 
-from proofs.theorems._library.augmented import PLAN, facts, rules, world
+from proofs.theorems._library.augmented import (
+    EXECUTIONS,
+    NAMED,
+    ONE,
+    PLAN,
+    facts,
+    rules,
+    world,
+)
 from proofs.theorems._library.model import Lemma, Scope, Statement, Theorem, Variant
-from proofs.theorems._library.terms import conj, const, consts, exists, forall, function, iff, implies, sort
+from proofs.theorems._library.terms import conj, const, consts, exists, forall, function, iff, implies
+from proofs.theorems.pike_theorem_4_1 import NO_CONFLICT, SCHEDULE
+from proofs.theorems.pike_theorem_4_3 import BACKWARDS, FORWARDS
+from proofs.theorems.pike_theorem_4_5 import COMPLETE
 
-BOTH = {"s": "Extended", "r": "Schedule"}
 SPACE = (
-    sort("Scenario"),
-    sort("Extended"),
-    sort("Schedule"),
-    function("own", ["Extended"], "Scenario"),
+    *EXECUTIONS,
     *(function(name, ["Extended"], "Bool") for name in ("causal", "conflict-free")),
-    *(function(name, ["Extended", "Schedule"], "Bool") for name in ("consistent", "complete")),
-    function("correct", ["Scenario", "Schedule"], "Bool"),
+    function("consistent", ["Extended", "Schedule"], "Bool"),
+    *(function(name, ["Scenario", "Schedule"], "Bool") for name in ("complete", "correct")),
     function("schedule", ["Extended"], "Schedule"),
     function("traced", ["Scenario", "Schedule"], "Extended"),
-    const("scenario", "Scenario"),
-    const("extended", "Extended"),
-    const("run", "Schedule"),
+    *NAMED,
 )
-BY_4_1 = "Theorem 4.1: without a temporal conflict there is a consistent schedule, with one there is none"
-BY_4_5 = "Theorem 4.5: consistent executions that satisfy the theory are causally complete"
-BY_4_3 = (
-    "Theorem 4.3: a correct execution has one of the augmented plan that satisfies the theory, with the same schedule"
-)
-BY_4_3_BACK = "Theorem 4.3, backwards: correct executions of the augmented plan are correct in the plan"
-THEOREMS = {
-    BY_4_1: conj(
-        forall({"s": "Extended"}, "(=> (conflict-free s) (consistent s (schedule s)))"),
-        forall(BOTH, "(=> (consistent s r) (conflict-free s))"),
-    ),
-    BY_4_5: forall(BOTH, "(=> (and (causal s) (consistent s r)) (complete s r))"),
-    BY_4_3: forall(
-        {"f": "Scenario", "r": "Schedule"},
-        implies(
-            "(correct f r)",
-            "(and (= (own (traced f r)) f) (causal (traced f r)) (consistent (traced f r) r))",
-        ),
-    ),
-    BY_4_3_BACK: forall(BOTH, "(=> (and (consistent s r) (complete s r)) (correct (own s) r))"),
-}
-THEORY = "(and (causal s) (conflict-free s))"
 STATEMENT = Statement(
     SPACE,
-    THEOREMS,
+    {},
     iff(
-        exists({"s": "Extended"}, conj("(= (own s) scenario)", THEORY)),
+        exists({"s": "Extended"}, "(and (= (own s) scenario) (causal s) (conflict-free s))"),
         exists({"r": "Schedule"}, "(correct scenario r)"),
     ),
     {
@@ -55,44 +37,36 @@ STATEMENT = Statement(
         "consistent": "(consistent extended run)",
         "correct in the plan": "(correct scenario run)",
     },
-)
+).citing(NO_CONFLICT, SCHEDULE, COMPLETE, FORWARDS, BACKWARDS)
 SMALL = "one scenario, one extension, one schedule"
-ONE = conj(
-    forall({"s": "Extended", "r": "Schedule"}, "(and (= s extended) (= r run))"),
-    forall({"f": "Scenario"}, "(= f scenario)"),
-)
 EVERY = Statement(
     SPACE,
-    THEOREMS,
+    {},
     implies(
         "(and (causal extended) (conflict-free extended))",
-        exists({"r": "Schedule"}, "(and (consistent extended r) (complete extended r))"),
+        exists({"r": "Schedule"}, "(and (consistent extended r) (complete (own extended) r))"),
     ),
     STATEMENT.show,
-)
+).citing(SCHEDULE, COMPLETE)
 
-COMPLETE = "the execution is causally complete: each condition of an active consumer has a support"
-VALUES = "the support variables name these supports, the order variables say on which side threats are"
+SUPPORTED = "the support variables name supports, the order variables say on which side threats are"
 OWN_VALUES = Statement(
-    (*PLAN, *rules(), const("condition", "Condition"), *consts("Event", "producer", "idle")),
+    (*PLAN, *rules(), *NAMED, const("condition", "Condition"), *consts("Event", "producer", "idle")),
     {
         **facts(),
-        COMPLETE: forall(
+        SUPPORTED: forall(
             {"q": "Condition"},
-            implies("(active (consumer q))", exists({"p": "Event"}, "(supported-by q p)")),
-        ),
-        "the execution meets the constraints that were added": forall({"q": "Condition"}, "(ordered q)"),
-        VALUES: forall(
-            {"q": "Condition"},
-            implies("(active (consumer q))", "(and (not (none q)) (supported-by q (support q)))"),
+            implies(
+                "(active (own extended) (consumer q))",
+                "(and (not (none extended q)) (supported-by (own extended) run q (support extended q)))",
+            ),
         ),
     },
-    "(theory condition)",
+    "(=> (and (consistent extended run) (complete (own extended) run)) (causal extended))",
     {
-        "producer at": "(time producer)",
-        "consumer at": "(time (consumer condition))",
-        "no support": "(none condition)",
-        "theory satisfied": "(theory condition)",
+        "producer at": "(time run producer)",
+        "consumer at": "(time run (consumer condition))",
+        "no support": "(none extended condition)",
     },
 )
 
@@ -106,13 +80,12 @@ THEOREM = Theorem(
     "correct execution "
     "of the augmented plan may come with values of the support variables that the theory rejects.",
     formalisation="`Scenario` assigns the plan's choices, `Extended` the support and order variables, too; `own` "
-    "forgets these. "
-    "The other theorems enter as assumptions, each proved in its own file. The third lemma is about one execution, "
-    "as in "
-    "Theorem 4.5.",
+    "forgets these. The other theorems enter as assumptions: the same formulas that their files prove, with the same "
+    "symbols, which there are defined and are arbitrary here. The third lemma has their definitions.",
     scope=Scope.GENERAL,
     bound="any scenarios and schedules.",
-    trusted="Theorems 4.1, 4.3 and 4.5 as proved in their files.",
+    trusted="Consistent schedules of the augmented plan are defined by bounds in the file of Theorem 4.1, and by the "
+    "constraints in those of 4.3 and 4.5; lemma bounds of 4.1 shows that these are the same.",
     lemmas=(
         Lemma(
             "scenarios",
@@ -121,15 +94,24 @@ THEOREM = Theorem(
             (
                 Variant(
                     "temporal conflicts are not complete: a solution may have no schedule.",
-                    STATEMENT.with_changed(BY_4_1, "true").with_also(SMALL, ONE),
+                    STATEMENT.without(SCHEDULE.words).with_also(SMALL, ONE),
                 ),
                 Variant(
                     "the causal part is not sufficient: a solution may be consistent and not complete.",
-                    STATEMENT.without(BY_4_5).with_also(SMALL, ONE),
+                    STATEMENT.without(COMPLETE.words).with_also(SMALL, ONE),
                 ),
-                Variant("the augmented plan loses executions.", STATEMENT.without(BY_4_3).with_also(SMALL, ONE)),
+                Variant(
+                    "temporal conflicts are not sound: scenarios with a schedule may have one.",
+                    STATEMENT.without(NO_CONFLICT.words).with_also(SMALL, ONE),
+                ),
+                Variant(
+                    "the augmented plan loses executions.", STATEMENT.without(FORWARDS.words).with_also(SMALL, ONE)
+                ),
+                Variant(
+                    "the augmented plan gains executions.", STATEMENT.without(BACKWARDS.words).with_also(SMALL, ONE)
+                ),
             ),
-            interesting="(and (causal extended) (conflict-free extended))",
+            interesting=conj("(causal extended)", "(conflict-free extended)", ONE),
         ),
         Lemma(
             "solutions",
@@ -138,10 +120,10 @@ THEOREM = Theorem(
             (
                 Variant(
                     "temporal conflicts are not part of the theory.",
-                    EVERY.without(BY_4_1).with_also(SMALL, ONE),
+                    EVERY.without(SCHEDULE.words).with_also(SMALL, ONE),
                 ),
             ),
-            interesting="(and (causal extended) (conflict-free extended))",
+            interesting=conj("(causal extended)", "(conflict-free extended)", ONE),
         ),
         Lemma(
             "correct executions",
@@ -150,8 +132,9 @@ THEOREM = Theorem(
             (
                 Variant(
                     "support variables may name any event that the added constraints allow.",
-                    OWN_VALUES.with_changed(VALUES, forall({"q": "Condition"}, "(not (none q))")).with_also(
-                        "three events, one condition", world("producer", "idle", "(consumer condition)")
+                    OWN_VALUES.with_changed(SUPPORTED, forall({"q": "Condition"}, "(not (none extended q))")).with_also(
+                        "three events, one condition, one execution",
+                        world("producer", "idle", "(consumer condition)"),
                     ),
                 ),
             ),
@@ -164,16 +147,20 @@ THEOREM = Theorem(
                     "satisfied. The proof assumes suitable values of the variables that φ'_S has fixed already. "
                     "Repair: "
                     "state it of the plan's own scenario.",
-                    OWN_VALUES.without(VALUES)
-                    .with_also("two events, one condition", world("producer", "(consumer condition)"))
+                    OWN_VALUES.without(SUPPORTED)
+                    .with_also("two events, one condition, one execution", world("producer", "(consumer condition)"))
                     .with_also(
                         "their times, and ⊥",
-                        "(and (= (time producer) 0.0) (= (time (consumer condition)) 1.0) (none condition) "
-                        "(active producer))",
+                        "(and (= (time run producer) 0.0) (= (time run (consumer condition)) 1.0) "
+                        "(none extended condition) (active scenario producer))",
                     ),
                 ),
             ),
-            interesting="(active (consumer condition))",
+            interesting=conj(
+                "(consistent extended run)",
+                "(active scenario (consumer condition))",
+                world("producer", "idle", "(consumer condition)"),
+            ),
         ),
     ),
 )

@@ -1,30 +1,21 @@
 """[PIKE] Theorem 4.7: an event is executed exactly if the partial execution stays correct."""
 
+from proofs.theorems._library.augmented import EXTENDED_RUN, ONE
 from proofs.theorems._library.model import Lemma, Scope, Statement, Theorem, Variant
-from proofs.theorems._library.terms import conj, const, exists, forall, function, iff, implies, sort
+from proofs.theorems._library.terms import conj, const, exists, forall, function, iff, implies
+from proofs.theorems.pike_theorem_4_1 import NO_CONFLICT
+from proofs.theorems.pike_theorem_4_3 import BACKWARDS, FORWARDS
+from proofs.theorems.pike_theorem_4_5 import COMPLETE
+from proofs.theorems.pike_theorem_4_6 import SPACE
 
-BOTH = {"s": "Extended", "r": "Schedule"}
 BY_3_2 = "Theorem 3.2: a scenario meets the required constraints exactly if it has a consistent schedule that continues"
-BY_4_1 = "Theorem 4.1: scenarios with a consistent schedule have no temporal conflict"
-BY_4_5 = "Theorem 4.5: consistent executions that satisfy the theory are causally complete"
-BY_4_3 = "Theorem 4.3: correct executions have a traced scenario that satisfies the theory"
-BY_4_3_BACK = "Theorem 4.3, backwards: correct executions of the augmented plan are correct in the plan"
 COMMITTED = "what was committed before is true of every scenario with a consistent schedule that continues"
 THEORY = conj("(causal s)", "(conflict-free s)", "(committed s)")
 STATEMENT = Statement(
     (
-        sort("Scenario"),
-        sort("Extended"),
-        sort("Schedule"),
-        function("own", ["Extended"], "Scenario"),
-        function("traced", ["Scenario", "Schedule"], "Extended"),
-        function("correct", ["Scenario", "Schedule"], "Bool"),
-        *(function(name, ["Extended"], "Bool") for name in ("causal", "conflict-free", "committed", "required")),
-        *(function(name, ["Extended", "Schedule"], "Bool") for name in ("consistent", "complete", "continues")),
-        function("schedule", ["Extended"], "Schedule"),
-        const("scenario", "Scenario"),
-        const("extended", "Extended"),
-        const("run", "Schedule"),
+        *SPACE,
+        *(function(name, ["Extended"], "Bool") for name in ("committed", "required")),
+        function("continues", ["Extended", "Schedule"], "Bool"),
     ),
     {
         BY_3_2: conj(
@@ -32,33 +23,23 @@ STATEMENT = Statement(
                 {"s": "Extended"},
                 implies(
                     conj("(required s)", THEORY),
-                    "(and (consistent s (schedule s)) (continues s (schedule s)))",
+                    exists({"r": "Schedule"}, "(and (consistent s r) (continues s r))"),
                 ),
             ),
-            forall(BOTH, "(=> (and (consistent s r) (continues s r)) (required s))"),
+            forall(EXTENDED_RUN, "(=> (and (consistent s r) (continues s r)) (required s))"),
         ),
-        BY_4_1: forall(BOTH, "(=> (consistent s r) (conflict-free s))"),
-        BY_4_5: forall(BOTH, "(=> (and (causal s) (consistent s r)) (complete s r))"),
-        BY_4_3: forall(
-            {"f": "Scenario", "r": "Schedule"},
-            implies(
-                "(correct f r)",
-                "(and (= (own (traced f r)) f) (causal (traced f r)) (consistent (traced f r) r))",
-            ),
-        ),
-        BY_4_3_BACK: forall(BOTH, "(=> (and (consistent s r) (complete s r)) (correct (own s) r))"),
         "whether an execution continues depends on the plan's own choices and the schedule": forall(
             {"s": "Extended", "z": "Extended", "r": "Schedule"},
             "(=> (= (own s) (own z)) (= (continues s r) (continues z r)))",
         ),
-        COMMITTED: forall(BOTH, "(=> (and (consistent s r) (continues s r)) (committed s))"),
+        COMMITTED: forall(EXTENDED_RUN, "(=> (and (consistent s r) (continues s r)) (committed s))"),
         "every scenario of the plan extends to one of the augmented plan": forall(
             {"f": "Scenario"}, exists({"s": "Extended"}, "(= (own s) f)")
         ),
     },
     iff(
         exists({"s": "Extended"}, conj(THEORY, "(required s)")),
-        exists(BOTH, "(and (continues s r) (correct (own s) r))"),
+        exists(EXTENDED_RUN, "(and (continues s r) (correct (own s) r))"),
     ),
     {
         "required constraints met": "(required extended)",
@@ -66,12 +47,11 @@ STATEMENT = Statement(
         "continues": "(continues extended run)",
         "correct": "(correct (own extended) run)",
     },
-)
+).citing(NO_CONFLICT, COMPLETE, FORWARDS, BACKWARDS)
 SMALL = "one scenario, one extension, one schedule"
-ONE = conj(forall(BOTH, "(and (= s extended) (= r run))"), forall({"f": "Scenario"}, "(= f scenario)"))
 OVER_EXTENDED = iff(
     exists({"s": "Extended"}, conj(THEORY, "(required s)", "(assigned s)")),
-    exists(BOTH, "(and (continues s r) (assigned s) (consistent s r) (complete s r))"),
+    exists(EXTENDED_RUN, "(and (continues s r) (assigned s) (consistent s r) (complete (own s) r))"),
 )
 
 THEOREM = Theorem(
@@ -89,10 +69,10 @@ THEOREM = Theorem(
     "committed; "
     "`continues` says that an execution extends the partial one with the event at the present time. The other "
     "theorems enter as "
-    "assumptions, in their repaired form.",
+    "assumptions, in their repaired form: 4.1, 4.3 and 4.5 as the same formulas that their files prove.",
     scope=Scope.GENERAL,
     bound="any scenarios and schedules.",
-    trusted="Theorems 3.2, 4.1, 4.3 and 4.5 as proved in their files.",
+    trusted="Theorem 3.2 as proved in its file, which is about one scenario. Consistent schedules as in Theorem 4.6.",
     lemmas=(
         Lemma(
             "can execute",
@@ -103,8 +83,10 @@ THEOREM = Theorem(
                     "the required constraints are not sufficient for a schedule.",
                     STATEMENT.with_changed(BY_3_2, "true").with_also(SMALL, ONE),
                 ),
-                Variant("the causal part is not sufficient.", STATEMENT.without(BY_4_5).with_also(SMALL, ONE)),
-                Variant("the augmented plan loses executions.", STATEMENT.without(BY_4_3).with_also(SMALL, ONE)),
+                Variant("the causal part is not sufficient.", STATEMENT.without(COMPLETE.words).with_also(SMALL, ONE)),
+                Variant(
+                    "the augmented plan loses executions.", STATEMENT.without(FORWARDS.words).with_also(SMALL, ONE)
+                ),
                 Variant(
                     "something is committed that is not a consequence of the execution.",
                     STATEMENT.without(COMMITTED).with_also(SMALL, ONE),
@@ -130,7 +112,7 @@ THEOREM = Theorem(
                         "two extensions of one scenario, one of which has the values that are assigned",
                         conj(
                             "(distinct extended other)",
-                            forall(BOTH, "(and (or (= s extended) (= s other)) (= r run))"),
+                            forall(EXTENDED_RUN, "(and (or (= s extended) (= s other)) (= r run))"),
                             forall({"f": "Scenario"}, "(= f scenario)"),
                             "(assigned extended)",
                             "(not (assigned other))",
@@ -138,7 +120,7 @@ THEOREM = Theorem(
                     ),
                 ),
             ),
-            interesting="(and (continues extended run) (correct (own extended) run))",
+            interesting=conj("(continues extended run)", "(correct (own extended) run)", ONE),
         ),
     ),
 )

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robust.cli.build import action
-from robust.errors import InputError, Location, RefutedError
+from robust.errors import InputError, Location, RefutedError, UnsupportedError
+from robust.files import atomic_write
 from robust.numbers import parse_end, shorten
-from robust.options import CertifyCommand, VerifyCommand
+from robust.options import CertifyCommand, VerifyCommand, place_of
 from robust.plan.load import load_plan
 from robust.plan.pddl.forms import read_bytes, read_text
 from robust.qe.box import Box, Interval
@@ -20,12 +22,11 @@ from robust.smt.limits import Deadline, OutOfTimeError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robust.certify.document import CertificateWriter
+    from robust.certify.verify import Verification
     from robust.cli.guard import Run
     from robust.plan.model import ParametrizedPlan
     from robust.qe.region import Region
 
-PLAN_FILES = ("domain", "problem", "plan")
 CERTIFICATE = "a certificate as `robust certify` writes it"
 GZIP = b"\x1f\x8b"
 
@@ -33,40 +34,41 @@ GZIP = b"\x1f\x8b"
 @action(CertifyCommand)
 def certify(options: CertifyCommand, run: Run) -> int:
     """Write a certificate that a plan is valid, or that a plan with choices has no correct execution, and check it."""
+    kind = "knowledge" if len(_files(options)) == 1 else options.kind
 
-    def work() -> tuple[int, int | None, float, int, tuple[str, ...], float]:
+    def work() -> tuple[int, int | None, float, Verification, float]:
+        from robust.certify.tape import write
+        from robust.certify.verify import verify
+
         deadline = Deadline.after(run.remaining)
         started = time.perf_counter()
-        holes = None
-        if len(options.files) == 1:
-            writer = _knowledge(options, deadline)
-        else:
-            writer, holes = _plan(options, deadline, run)
-        size = writer.save(options.output)
-        seconds = time.perf_counter() - started
-        return size, holes, seconds, *_checked(options.output, _inputs(options), deadline)
+        files = _with_network(options, run)
+        lines, holes = _lines(options.changed(files=files), deadline, run)
+        size = write(lines, options.output)
+        made = time.perf_counter()
+        found = verify(options.output, files, epsilon=options.separation, kind=kind, deadline=deadline)
+        return size, holes, made - started, found, time.perf_counter() - made
 
-    size, holes, seconds, code, lines, checking = run.only(work)
-    if code:
-        raise InputError(f"the checker does not accept the certificate: {lines[0]}; please report this as a bug")
+    size, holes, seconds, found, checking = run.only(work)
+    if found.outcome.value:
+        reason = found.answer["reason"]
+        raise InputError(f"the checker does not accept the certificate: {reason}; please report this as a bug")
 
     from robust.show import documents, made
 
     answer = made.Certify(
-        kind="knowledge" if len(options.files) == 1 else options.kind,
         certificate=str(options.output),
         bytes=size,
         seconds=round(seconds, 6),
         checking_s=round(checking, 6),
-        established=_said(lines, "established"),
-        trusted=_said(lines, "trusted"),
         alethe_holes=holes,
+        **{key: found.answer[key] for key in ("kind", "claim", "epsilon", "files", "obligations", "refuted")},
     )
 
     def tell(_out: Console) -> None:
         print(f"certificate: {options.output}, {size} bytes, checked")
         if not options.quiet:
-            print("\n".join(lines))
+            print("\n".join(_shown(found)))
             if holes is not None:
                 print(f"alethe: {options.alethe}, {holes} holes")
 
@@ -76,119 +78,129 @@ def certify(options: CertifyCommand, run: Run) -> int:
 
 @action(VerifyCommand)
 def verify(options: VerifyCommand, run: Run) -> int:
-    """Say what a certificate establishes, and what is still trusted; 1 if it is rejected."""
+    """Say what a certificate establishes of the files; 1 if it is rejected, or if less than is asked for."""
     place = Location(str(options.certificate))
-    if not read_bytes(options.certificate, CERTIFICATE).startswith(GZIP):
+    if not run.only(lambda: read_bytes(options.certificate, CERTIFICATE)).startswith(GZIP):
         raise InputError(f"found a file that is not compressed by gzip, expected {CERTIFICATE}", place)
-    inputs = _inputs(options)
-    for file in inputs.values():
-        read_bytes(file)
-    code, lines, seconds = run.only(lambda: _checked(options.certificate, inputs, Deadline.after(run.remaining)))
-    if code == 2:
-        raise InputError(f"cannot read ({lines[0].removeprefix('unreadable: ')}), expected {CERTIFICATE}", place)
-    if not code and len(options.files) == 3:
-        code, lines = _matched(options, lines, Deadline.after(run.remaining))
+    for file in (*_files(options), *([options.box] if options.box is not None else [])):
+        run.only(partial(read_bytes, file))
 
+    def work() -> tuple[Verification, float]:
+        from robust.certify.verify import verify
+
+        started = time.perf_counter()
+        found = verify(
+            options.certificate,
+            options.files,
+            epsilon=options.separation,
+            kind=options.kind,
+            box=options.box,
+            deadline=Deadline.after(run.remaining),
+        )
+        return found, time.perf_counter() - started
+
+    found, seconds = run.only(work)
+
+    from robust.certify.verify import Outcome
     from robust.show import documents, made
 
+    if found.outcome is Outcome.UNREADABLE:
+        raise InputError(f"cannot read ({found.answer['reason']}), expected {CERTIFICATE}", place)
+    if found.outcome is Outcome.UNSUPPORTED:
+        raise UnsupportedError(f"the checker of certificates does not read this: {found.answer['reason']}")
+    said = ("kind", "claim", "epsilon", "box", "obligations", "refuted", "reason")
     answer = made.Verify(
-        verdict="rejected" if code else "established",
-        established=_said(lines, "established"),
-        trusted=_said(lines, "trusted"),
-        matched=bool(_said(lines, "matched")),
-        reason=lines[0].removeprefix("rejected: ") if code else None,
+        verdict=found.answer["verdict"],
+        files=found.answer["files"],
         seconds=round(seconds, 6),
+        **{key: found.answer.get(key) for key in said},
     )
-    run.answer(lambda: documents.document(answer), lambda _out: print("\n".join(lines)))
-    return code
+    run.answer(lambda: documents.document(answer), lambda _out: print("\n".join(_shown(found))))
+    return int(found.outcome.value)
 
 
-def _checked(certificate: Path, files: Mapping[str, Path], deadline: Deadline) -> tuple[int, tuple[str, ...], float]:
-    from robust.certify.verify import verify
-
-    started = time.perf_counter()
-    found = verify(certificate, files, deadline)
-    return found.outcome.value, found.lines, time.perf_counter() - started
-
-
-def _matched(options: VerifyCommand, lines: tuple[str, ...], deadline: Deadline) -> tuple[int, tuple[str, ...]]:
-    """The verdict once the certificate has been held against what this package makes of the files."""
-    from robust.certify.document import mismatch
-
-    plan = load_plan(*options.files, parameters=options.parameter, parameter_file=options.parameters)
-    found = mismatch(options.certificate, plan, deadline)
-    if found is not None:
-        return 1, (f"rejected: {options.certificate}: {found}",)
-    return 0, (*lines, "matched: ground plan and formulas are what robust makes of these files")
+def _shown(found: Verification) -> list[str]:
+    """The checker's answer, as it prints it itself."""
+    answer = found.answer
+    if found.outcome.value:
+        return [f"{answer['verdict']}: {answer['reason']}"]
+    digests = [f"of {kind}: sha256 {digest}" for kind, digest in answer["files"].items()]
+    counts = f"checked: {answer['obligations']} obligations, {answer['refuted']} of them not constant"
+    return [f"{answer['verdict']}: {answer['claim']}", *digests, counts]
 
 
-def _said(lines: tuple[str, ...], what: str) -> list[str]:
-    return [line.removeprefix(f"{what}: ") for line in lines if line.startswith(f"{what}: ")]
+def _files(options: CertifyCommand | VerifyCommand) -> tuple[Path, ...]:
+    if len(options.files) not in (1, 3):
+        raise InputError(f"found {len(options.files)} files, expected DOMAIN PROBLEM PLAN or one NETWORK")
+    return options.files
 
 
-def _inputs(options: CertifyCommand | VerifyCommand) -> dict[str, Path]:
-    """All input files by what they are, with the domain and the problem that a network names."""
-    files = options.files
-    if len(files) not in (0, 1, 3):
-        raise InputError(f"found {len(files)} files, expected DOMAIN PROBLEM PLAN or one NETWORK")
-    named = {"network": files[0]} if len(files) == 1 else dict(zip(PLAN_FILES, files, strict=False))
+def _with_network(options: CertifyCommand, run: Run) -> tuple[Path, ...]:
+    """The files that the certificate is about; a network that is made of steps is written beside it."""
+    from robust.plan.pddl.forms import read_plan_text
+    from robust.plan.stn import is_network
+
+    files = _files(options)
     if len(files) == 1:
-        from robust.pike_bridge.files import read_tpnu
-
-        document = read_tpnu(files[0])
-        named |= {"domain": document.beside(document.domain), "problem": document.beside(document.problem)}
-    if options.parameters is not None:
-        named["parameters"] = options.parameters
-    return named
-
-
-def _knowledge(options: CertifyCommand, deadline: Deadline) -> CertificateWriter:
-    from robust.certify.produce import FormulaCertificate, digests
-    from robust.certify.refute import NotRefutedError
-    from robust.pike_bridge.action_model import load_team_plan
-    from robust.pike_bridge.semantics import Semantics
-
-    semantics = Semantics(load_team_plan(options.files[0], epsilon=options.separation))
-    inputs = digests(_inputs(options))
-    certificate = FormulaCertificate(semantics.terms, name="correct execution", inputs=inputs)
-    try:
-        certificate.add(semantics.formulas, deadline)
-    except NotRefutedError:
-        raise RefutedError(
-            "the plan has a correct execution, so that its knowledge base is not empty; expected a plan without any",
-            Location(str(options.files[0])),
-        ) from None
-    return certificate.writer
+        return files
+    *problem, plan = files
+    text, file = read_plan_text(plan)
+    if is_network(text, file):
+        if str(plan) != "-":
+            return files
+        notes: Sequence[str] = ()
+    else:
+        text, notes = _network_of_steps(options, run, text, file)
+    target = options.output.with_suffix(".stn")
+    atomic_write(target, text, place_of("output"))
+    run.note(f"{file}: {'; '.join((*notes, f'the certificate is about {target}'))}")
+    return (*problem, target)
 
 
-def _plan(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[CertificateWriter, int | None]:
-    from robust.certify.produce import PlanCertificate, digests
+def _network_of_steps(options: CertifyCommand, run: Run, text: str, file: str) -> tuple[str, Sequence[str]]:
+    from robust.execute.convert import Ended, convert
+    from robust.plan.pddl.reader import read_domain, read_problem
+    from robust.plan.stn import write_stn
+    from robust.plan.timed import parse_timed_plan
+
+    domain = read_domain(options.files[0])
+    problem = read_problem(options.files[1], domain)
+    timed = parse_timed_plan(text, file, options.plan_number)
+    found = convert(
+        domain,
+        problem,
+        timed,
+        epsilon=options.separation,
+        tolerance=options.rounding,
+        solver=options.solver,
+        timeout=None if run.remaining is None else run.remaining / 2,
+        on_progress=run.display.say,
+    )
+    if found.ended is Ended.INTERRUPTED:
+        raise KeyboardInterrupt
+    return write_stn(found.stn), found.notes(timed)
+
+
+def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[Any], int | None]:
+    from robust.certify.produce import PlanCertificate, knowledge
     from robust.encode import create_encoding
 
-    named = _inputs(options)
-    plan = load_plan(*options.files, parameters=options.parameter, parameter_file=options.parameters)
+    if len(options.files) == 1:
+        return knowledge(options.files[0], options.separation, deadline), None
+    plan = load_plan(*options.files)
     encoding = create_encoding(options.encoding, plan, options.separation, deadline)
-    box = None if options.kind == "region" else _box(options, plan, deadline)
-    certificate = PlanCertificate(
-        encoding,
-        kind=options.kind,
-        inputs=digests(named),
-        box=box,
-        solver=options.solver,
-        deadline=deadline,
-        on_obligation=run.display.obligation,
+    made = PlanCertificate(
+        options.files, encoding, solver=options.solver, deadline=deadline, on_obligation=run.display.obligation
     )
-    if box is None:
-        certificate.add_region(_region(options, plan, deadline))
-    else:
-        certificate.add_box()
-    if options.kind == "maximal":
-        certificate.add_witnesses()
-    if options.alethe is None or box is None:
-        return certificate.writer, None
-    from robust.certify.verify import export
+    if options.kind == "region":
+        return made.of_region(_region(options, plan, deadline)), None
+    box = _box(options, plan, deadline)
+    lines = made.of_plan() if options.kind == "plan" else made.of_box(box, maximal=options.kind == "maximal")
+    if options.alethe is None:
+        return lines, None
+    from robust.certify.alethe import export
 
-    return certificate.writer, export(encoding, box, options.alethe, deadline)
+    return lines, export(encoding, box, options.alethe, deadline)
 
 
 def _region(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) -> Region:

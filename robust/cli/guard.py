@@ -85,6 +85,9 @@ class Guard:
         self._nudged = 0.0
         self._closed = False
         self._on_stuck: Callable[[], bool] | None = None
+        # Of nohup, SIGHUP stays ignored; a blocked signal is received even if it is ignored.
+        ignored = {signal.SIGHUP} if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN else set()
+        self._stops = STOPS - ignored
         self._watcher: threading.Thread | None = None
 
     def __enter__(self) -> Guard:
@@ -94,7 +97,7 @@ class Guard:
         self._handlers = {
             _NUDGE: signal.signal(_NUDGE, self._interrupt_main),
             # These run only if a thread that was there before takes the signal. z3 replaces that of SIGINT during its
-            # queries, which is what the watcher's own SIGINT is for. Of nohup, SIGHUP stays ignored.
+            # queries, which is what the watcher's own SIGINT is for.
             **{
                 number: signal.signal(number, self._note)
                 for number in STOPS
@@ -126,7 +129,7 @@ class Guard:
         """Stop watching for work that starts processes, and let the signals raise `KeyboardInterrupt`."""
         self.close()
         if threading.current_thread() is threading.main_thread():
-            for number in STOPS:
+            for number in self._stops:
                 signal.signal(number, signal.default_int_handler)
             signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
 
@@ -172,7 +175,7 @@ class Guard:
 
     def _watch(self) -> None:
         while True:
-            received = signal.sigtimedwait(STOPS, _TICK)
+            received = signal.sigtimedwait(self._stops, _TICK)
             if self._closed:
                 return
             if received is not None:

@@ -6,6 +6,7 @@ to stdout, everything else to stderr.
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Sequence
@@ -73,8 +74,7 @@ def run_command(arguments: Sequence[str]) -> int:
         except RobustError as error:
             return _report(arguments, error, type(error).__name__.removesuffix("Error").lower())
         except OSError as error:
-            place = f"{error.filename}: " if error.filename else ""
-            return _report(arguments, InputError(f"{place}{error.strerror or error}"), "input")
+            return _report_failure(arguments, error, guard)
         except Exception as error:  # the last resort: a user never sees a traceback unasked
             return _report_internal(arguments, error)
         finally:
@@ -117,6 +117,15 @@ def _report(
     except OSError:
         drop_output()  # there is no way left to say anything
     return code
+
+
+def _report_failure(arguments: Sequence[str], error: OSError, guard: Guard) -> int:
+    """What the system refused to do."""
+    if guard.cause is not None and error.errno == errno.EIO and not error.filename:
+        drop_output()  # the terminal is gone, which has sent SIGHUP
+        return UNDECIDED
+    place = f"{error.filename}: " if error.filename else ""
+    return _report(arguments, InputError(f"{place}{error.strerror or error}"), "input")
 
 
 def _report_misuse(arguments: Sequence[str], error: Exception) -> int:

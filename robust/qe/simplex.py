@@ -64,6 +64,8 @@ class Tableau:
         self._hopeless: frozenset[int] = frozenset()
         self.conflict: frozenset[int] = frozenset()
         """Slacks whose constraints contradict each other, once `restore` has failed."""
+        self.weights: dict[int, int] = {}
+        """Positive multiples of inequalities that add up to the conflict [Farkas 1902], if it rests on no equality."""
         self.only_strictly = False
         """Whether the conflict vanishes if its constraints include their boundaries."""
 
@@ -129,6 +131,11 @@ class Tableau:
             row[FIRST + self._columns.index(variable)] = 1
         return row
 
+    @property
+    def tight(self) -> list[int]:
+        """The slacks that are zero at the present vertex and, with the free variables that are too, determine it."""
+        return [variable for variable in self._columns if variable >= self.dimension]
+
     def restore(self) -> bool:
         """Pivot until every slack is non-negative; False, with `conflict` set, if the constraints are contradictory."""
         if self._hopeless:
@@ -141,7 +148,9 @@ class Tableau:
             row = self._rows[leaving]
             entering = self._least_column(row)
             if entering is None:
-                self.conflict = frozenset((leaving, *(v for j, v in enumerate(self._columns) if row[FIRST + j])))
+                self.weights = {v: -row[FIRST + j] for j, v in enumerate(self._columns) if row[FIRST + j]}
+                self.weights[leaving] = row[0]
+                self.conflict = frozenset(self.weights)
                 self.only_strictly = row[1] == 0
                 return False
             self._pivot(leaving, entering)

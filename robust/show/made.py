@@ -278,18 +278,34 @@ class Certify(Noted, tag_field="schema", tag="robust/certify/1"):
     bytes: Annotated[int, Meta(ge=1)]
     seconds: Seconds
     checking_s: Seconds
-    established: list[str]
-    trusted: list[str]
+    claim: str
+    epsilon: str
+    files: dict[str, str]
+    obligations: Count
+    refuted: Count
     alethe_holes: Count | None
 
 
+class Proved(JsonObject):
+    """The values of a parameter that have been proved."""
+
+    lower: str
+    upper: str
+    lower_closed: bool
+    upper_closed: bool
+
+
 class Verify(JsonObject, tag_field="schema", tag="robust/verify/1"):
-    """robust verify --json: what a certificate establishes."""
+    """robust verify --json: what a certificate establishes of files with these digests."""
 
     verdict: Annotated[str, one_of("established", "rejected")]
-    established: list[str]
-    trusted: list[str]
-    matched: bool
+    kind: str | None
+    claim: str | None
+    epsilon: str | None
+    box: dict[str, Proved] | None
+    files: dict[str, str]
+    obligations: Count | None
+    refuted: Count | None
     reason: str | None
     seconds: Seconds
 

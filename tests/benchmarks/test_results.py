@@ -170,8 +170,8 @@ def figure4() -> dict[str, Any]:
 
 
 def certificates() -> dict[str, Any]:
-    quick = Measured("a", "plan", 2, solve=1.0, produce=2.0, check=0.5, size=1000, established=2, folded=0)
-    slow = replace(quick, instance="b", check=2.5, size=2_000_000)
+    quick = Measured("a", "plan", 2, solve=1.0, produce=2.0, check=0.5, size=1000, obligations=2, refuted=1)
+    slow = replace(quick, instance="b", kind="box", check=2.5, size=2_000_000)
     wrong = replace(quick, instance="c", rejected="line 3: malformed")
     return CertificateReport(CERTIFICATES, CERTIFICATES.options(suite="."), None, (quick, slow, wrong)).as_dict()
 
@@ -249,10 +249,11 @@ SAID: list[tuple[list[dict[str, Any]], list[str]]] = [
         [certificates()],
         [
             "2 of 3 certificates of 3 plans are accepted",
-            "is 2.50 (b, plan)",
-            "has 2.00 MB (b, plan)",
+            "no box takes longer to check than 2.50 s (b); aim: 1 s",
+            "producing takes at most 2.0 times solving (b, box); aim: 3 for boxes",
+            "has 2000.0 kB (b, box); aim: less than 100 kB",
             "not accepted: c, plan: line 3: malformed",
-            "| b | 2 | 1.000, 2.000, 2.500; 2.50; 2000 kB | – | – |",
+            "| b | 2 | – | 1.000, 2.000, 2.500; 2.50; 1 of 2; 2000.0 kB | – |",
         ],
     ),
 ]

@@ -1,287 +1,355 @@
-"""The checker: small, alone, bounded in time and memory, and strict about everything that a certificate may say."""
+"""The checker: what it says, what it demands, and forgeries of every class that once was accepted."""
+
+from __future__ import annotations
 
 import ast
 import gzip
 import json
 import os
+import shutil
 import subprocess
 import sys
-import time
-from fractions import Fraction
-from itertools import chain, count, cycle, product, repeat
-from subprocess import PIPE, STDOUT
 
 import pytest
 
-from robust.certify.verify import checker_path
+from robust.api import envelope
+from robust.certify.tape import write
+from robust.certify.verify import FOLDER, Outcome, verify
+from robust.plan.load import load_plan
 from robust.qe.box import Interval
 from tests.certify import tools
+from tests.certify.texts import random_texts
 
-HEADER = {"format": "robust/certificate/1", "kind": "knowledge", "inputs": {}}
-REGION = {**HEADER, "kind": "region", "encoding": "relational", "parameters": []}
-FALSE = [["g", []], ["obligation", "correct execution"], ["root", -1, "t"], ["qed", [[1, 0], 0]], ["end"]]
-
-
-def rejected(tmp_path, *lines, header=HEADER):
-    tools.write_lines(tmp_path / "made.cert", [header, *lines])
-    return tools.rejection(tmp_path / "made.cert")
+ALLOWED = {"argparse", "collections", "dataclasses", "fractions", "functools", "gzip", "hashlib", "itertools", "json"}
+ALLOWED |= {"math", "pathlib", "re", "resource", "sys", "typing", "zlib"}
 
 
-def test_it_is_one_short_file_that_needs_the_standard_library_only():
-    text = checker_path().read_text(encoding="utf-8")
-    assert len(text.splitlines()) < 600
-    imported = {
-        (node.names[0].name if isinstance(node, ast.Import) else node.module).split(".")[0]
-        for node in ast.walk(ast.parse(text))
-        if isinstance(node, ast.Import | ast.ImportFrom)
-    }
-    assert imported <= sys.stdlib_module_names
+# -- the checker itself ----------------------------------------------------------------------------------------------
 
 
-def test_it_runs_alone(tmp_path):
-    path = tmp_path / "made.cert"
-    tools.write_lines(path, [HEADER, *FALSE])
-    words = [sys.executable, "-I", str(checker_path()), str(path)]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("established: the formula of the certificate has no model\n")
-    wrong = (([*words, "--network", str(path)], 1), ([*words, "--network", "/no"], 2), ([*words[:-1], "/no"], 2))
-    for others, code in wrong:
-        assert subprocess.run(others, capture_output=True, check=False).returncode == code
-
-
-@pytest.mark.parametrize(
-    "lines",
-    [
-        FALSE[:-1],
-        FALSE[1:],
-        [*FALSE, ["end"]],
-        [FALSE[0], FALSE[4]],
-        [["a", [[1, "boolean p"]], True], *FALSE[1:]],
-        [["g", [1]], *FALSE[1:]],
-        [["g", []], FALSE[1], ["root", 1, "t"], *FALSE[3:]],
-        [["a", [[1, "x"]], False], ["lemma", [-1], [1]], FALSE[1], ["root", 1, "t"], ["qed", [-1, 0]], FALSE[4]],
-        [["a", [[1, ""]], False], FALSE[4]],
-        [["a", [[1, "x"], [1, "x"]], False], FALSE[4]],
-        [["a", [[1, "x", "y"]], False], FALSE[4]],
-        [["a", [["1/0", "x"]], False], FALSE[4]],
-        [["a", [[1.5, "x"]], False], FALSE[4]],
-        [["a", [[float("inf"), "x"]], False], FALSE[4]],
-    ],
-)
-def test_what_does_not_follow_is_rejected(tmp_path, lines):
-    assert rejected(tmp_path, *FALSE) is None
-    assert rejected(tmp_path, *lines) is not None
-
-
-def test_multipliers_must_be_positive_and_add_up(tmp_path):
-    atoms = [["a", [[1, "x"]], False], ["a", [[-1, "x"], [-1]], False]]  # x ≥ 0 and −x − 1 ≥ 0
-    rest = [FALSE[1], ["root", 1, "t"], ["root", 2, "t"], ["qed", [0, 1, -1]], FALSE[4]]
-    assert rejected(tmp_path, *atoms, ["lemma", [-1, -2], [1, 1]], *rest) is None
-    for multipliers in ([1, 2], [-1, -1], [0, 1], [1], [1, 1, 1], [True, 1], ["1", 1]):
-        assert rejected(tmp_path, *atoms, ["lemma", [-1, -2], multipliers], *rest) is not None
-    assert rejected(tmp_path, *atoms, ["lemma", [1, 2], [1, 1]], *rest) is not None
-
-
-def test_bombs_are_refused_in_time_and_memory(tmp_path):
-    path = tmp_path / "bomb.cert"
-    path.write_bytes(gzip.compress(b"[" * (64 << 20), compresslevel=1))
-    started = time.perf_counter()
-    assert tools.rejection(path) is not None
-    assert sys.get_int_max_str_digits() <= 5001 or rejected(tmp_path, ["a", [[10**5000, "x"]], False]) is not None
-    for text in (b'{"format":' * 20000 + b"\n", b'{"n":' + b"9" * 100000 + b"}\n"):
-        path.write_bytes(gzip.compress(text))
-        assert tools.rejection(path) is not None
-    assert time.perf_counter() - started < 20
-
-
-def test_work_is_limited_by_the_size(tmp_path):
-    """One long clause that every hint names again."""
-    count = 4000
-    lines = [["a", [[1, str(number)]], True] for number in range(count)]
-    lines += [["g", list(range(1, count + 1))], FALSE[1], ["root", count + 1, "t"]]
-    lines += [["derive", [1], [[count + 1, 0]] * 30000]]
-    started = time.perf_counter()
-    assert rejected(tmp_path, *lines) is not None
-    assert time.perf_counter() - started < 20
+def test_it_is_short_and_needs_the_standard_library_only():
+    total = 0
+    for path in FOLDER.glob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        total += sum(bool(line.strip()) for line in text.splitlines())
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Import):
+                assert {alias.name for alias in node.names} <= ALLOWED, path
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 1 or (node.module or "").split(".")[0] in ALLOWED, path
+    assert total <= 1500
 
 
 @pytest.fixture(scope="module")
-def certified(tmp_path_factory):
-    """The lines of certificates of a maximal box and of a region."""
-    path = tmp_path_factory.mktemp("certificates") / "made.cert"
-    found = {}
-    for kind in ("maximal", "region"):
-        tools.certificate(tools.NAVIGATION, path, kind=kind)
-        found[kind] = tools.lines_of(path)
-    return found
+def box(tmp_path_factory):
+    """A maximal box and its certificate."""
+    path = tmp_path_factory.mktemp("box") / "box.cert"
+    lines = tools.made(tools.NAVIGATION, "maximal")
+    write(lines, path)
+    return path, lines
 
 
-def test_a_plan_may_not_change_after_something_was_concluded_from_it(certified, tmp_path):
-    header, *lines = certified["maximal"]
-    place = next(index for index, line in enumerate(lines) if line[0] == "schedule") + 1
-    constraint = next(line for line in lines if line[0] == "constraint")
-    assert rejected(tmp_path, *lines, header=header) is None
-    assert rejected(tmp_path, *lines[:place], constraint, *lines[place:], header=header) is not None
+def test_it_runs_from_a_copy_of_its_folder(box, tmp_path):
+    """With any hash seed; nothing of this package is on its path."""
+    copied = tmp_path / "checker"
+    shutil.copytree(FOLDER, copied, ignore=shutil.ignore_patterns("__pycache__"))
+    answers = set()
+    for seed in ("0", "1", "7"):
+        words = [sys.executable, "-m", "checker", str(box[0]), *map(str, tools.NAVIGATION)]
+        variables = {**os.environ, "PYTHONPATH": "", "PYTHONHASHSEED": seed}
+        ended = subprocess.run(words, cwd=tmp_path, env=variables, capture_output=True, text=True, check=False)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        answers.add(ended.stdout)
+    (said,) = answers
+    assert said.startswith(
+        "established: valid for every schedule, for all (to_ridge, to_crater) in [25, 36] x [35, 46]; no other valid "
+        "box within the declared bounds contains this one, epsilon = 1/1000\nof domain: sha256 "
+    )
 
 
-PARTS = ("piece", "outside", "rest")
-
-
-@pytest.mark.parametrize(
-    ("given", "kind"),
-    [
-        *(("maximal", kind) for kind in ("witness", "schedule", "obligation", "folded")),
-        *(("region", kind) for kind in (*PARTS, "schedule", "obligation")),
-    ],
-)
-def test_nothing_may_be_missing(certified, tmp_path, given, kind):
-    """A part of a region reaches to the next one, and an obligation to its refutation; nodes and lemmas are kept."""
-    header, *lines = certified[given]
-    places = [index for index, line in enumerate(lines) if line[0] == kind]
-    assert places
-    for place in places:
-        end = place + 1
-        while kind in PARTS and lines[end][0] not in (*PARTS, "end") and lines[end - 1][0] != "qed":
-            end += 1
-        while kind == "obligation" and lines[end - 1][0] != "qed":
-            end += 1
-        kept = [line for line in lines[place:end] if line[0] in ("a", "g", "lemma")]
-        assert rejected(tmp_path, *lines[:place], *kept, *lines[end:], header=header) is not None
-
-
-def test_faces_may_not_move(certified, tmp_path):
-    header, *lines = certified["maximal"]
-    steps = (Fraction(-1, 1000), Fraction(1, 1000))
-    for (number, ends), side, step in product(enumerate(header["box"]), (0, 2), steps):
-        if ends[side] is not None:
-            moved = [list(each) for each in header["box"]]
-            moved[number][side] = str(Fraction(ends[side]) + step)
-            assert rejected(tmp_path, *lines, header={**header, "box": moved}) is not None
-
-
-def test_open_boxes_have_witnesses_on_the_face(tmp_path):
-    """Taking an end away from the box makes it smaller, so that it is not maximal any more."""
-    path = tmp_path / "open.cert"
-    _, box = tools.certificate(tools.GENERATOR, path, kind="maximal")
-    name = next(iter(box.intervals))
-    interval = box[name]
-    smaller = box.replace(name, Interval(interval.lower, interval.some_value(), interval.lower_closed, True))
-    tools.certificate(tools.GENERATOR, path, kind="box", box=smaller)
-    assert tools.rejection(path) is None
-    lines = tools.lines_of(path)
-    assert rejected(tmp_path, *lines[1:], header={**lines[0], "kind": "maximal"}) is not None
-
-
-SCHEDULED = [["piece", []], ["schedule", [[]], [[]]]]
-REST = [["rest"], ["g", []], ["obligation", "the rest"], ["root", -1, "o", 0], ["qed", [[1, 0], 0]], ["end"]]
-
-
-def test_a_region_must_say_what_is_outside(tmp_path):
-    assert rejected(tmp_path, *SCHEDULED, *REST, header=REGION) is None
-    assert rejected(tmp_path, *SCHEDULED, ["end"], header=REGION) is not None
-    assert rejected(tmp_path, SCHEDULED[0], *REST, header=REGION) is not None
-    assert rejected(tmp_path, *SCHEDULED, ["outside", []], *REST, header=REGION) is not None
-    for role in (["t"], ["o", 1], ["z", 0], ["x", [["t"]]]):
-        changed = [*REST[:3], ["root", -1, *role], *REST[4:]]
-        assert rejected(tmp_path, *SCHEDULED, *changed, header=REGION) is not None
-
-
-def test_sides_without_parameters_are_no_statement(tmp_path):
-    lines = [["piece", [[[[5]], False]]], SCHEDULED[1], ["rest"], ["a", [[1, "x"]], False], ["g", [1]]]
-    rest = [["obligation", "the rest"], ["root", -2, "o", 0], ["qed", [0]], ["end"]]
-    assert rejected(tmp_path, *lines, *rest, header=REGION) is not None
-
-
-def test_points_a_constant_time_apart(tmp_path):
-    plan = [["point", "a"], ["point", "b"], ["constraint", 1, 2, [[1]]], ["constraint", 2, 1, [[-1]]]]
-    plan += [["effect", 1, "add", "p", [], True], ["effect", 2, "delete", "p", [], True]]
-    plan += [["place", 1, "t(a)"], ["place", 2, [0, 1]]]
-    piece = [["piece", []], ["schedule", [[], [], [[1]]], [[], [], [], [], []]]]
-    header = {**REGION, "epsilon": "1/1000"}
-    assert rejected(tmp_path, *plan, ["apart", 1, 2], *piece, *REST, header=header) is None
-    assert "no separation" in rejected(tmp_path, *plan, *piece, *REST, header=header)
-    assert rejected(tmp_path, *plan, ["apart", 2, 1], *piece, *REST, header=header) is not None
-    assert rejected(tmp_path, *plan, ["apart", 1, 2], *piece, *REST, header={**header, "epsilon": 2}) is not None
-
-
-# -- memory, measured by the system, from outside ----------------------------------------------------------------------
-
-MOST = 1 << 30  # bytes
-LENGTH = 100 << 20  # bytes, of a greedy certificate
-POLYHEDRA = {**REGION, "parameters": [["p", None, None]]}
-LITERALS = [["a", [[1, "x"]], False], ["a", [[-1, "x"], [-1]], False]]
-ABOUT_P = [["a", [[1, "p"]], False], ["a", [[-1, "p"], [-1]], False]]
-POINTS = [["point", "start"], ["point", "end"]]
-EMPTY = [
-    ["outside", [[[[1, "p"]], False], [[[-1, "p"], [-1]], False]]],
-    ["obligation", "none"],
-    ["root", 1, "w", 0],
-    ["root", 2, "w", 1],
-    ["qed", [0, 1, -1]],
+CHANGES = [
+    ("(at 21 (lit ridge))", "(at 31 (lit ridge))"),
+    ("parameter to_ridge", "parameter to_valley"),
+    ("(:goal", "(:goal (and) (:goal"),
 ]
 
-GREEDY = {
-    "nodes": (HEADER, [], (["a", [[1, f"x{number}"]], True] for number in count())),
-    "wide nodes": (HEADER, [], (["a", [[1, f"{n}x{k}"] for k in range(999)], True] for n in count())),
-    "great numbers": (HEADER, [], (["a", [["9" * 4000 + f"/{number + 7}", "x"]], True] for number in count())),
-    "conjunctions": (HEADER, LITERALS, repeat(["g", [1, -2] * 500])),
-    "empty conjunctions": (HEADER, [], repeat(["g", []])),
-    "lemmas": (HEADER, LITERALS, repeat(["lemma", [-1, -2], [1, 1]])),
-    "clauses": (
-        HEADER,
-        [["g", []], ["obligation", "correct execution"], ["root", -1, "t"]],
-        repeat(["derive", [1], [[1, 0], 0]]),
-    ),
-    "constraints": (POLYHEDRA, POINTS, (["constraint", 1, 2, [[number, "p"]]] for number in count(1))),
-    "conditions": (POLYHEDRA, POINTS, (["condition", 1, None, ["h", f"a{number}", True], ""] for number in count())),
-    "effects": (POLYHEDRA, POINTS, (["effect", 1, "add", f"a{number}", [], True] for number in count())),
-    "rates": (POLYHEDRA, POINTS, (["rate", 1, 2, f"f{number}", [[1]]] for number in count())),
-    "folded": (POLYHEDRA, POINTS, (["folded", f"o{number}"] for number in count())),
-    "polyhedra": (POLYHEDRA, [*ABOUT_P, ["lemma", [-1, -2], [1, 1]]], cycle(EMPTY)),
-}
+
+def test_files_of_another_content_are_not_what_was_certified(box, tmp_path):
+    """The checker reads the files themselves: any change that matters is another plan."""
+    for place, (old, new) in enumerate(CHANGES):
+        files = [tmp_path / f"{place}-{path.name}" for path in tools.NAVIGATION]
+        texts = [path.read_text(encoding="utf-8") for path in tools.NAVIGATION]
+        changed = [text.replace(old, new) for text in texts]
+        assert changed != texts
+        for path, text in zip(files, changed, strict=True):
+            path.write_text(text, encoding="utf-8")
+        assert tools.ask(box[0], files)[0] in (1, 4), old
+    swapped = [tools.NAVIGATION[1], tools.NAVIGATION[0], tools.NAVIGATION[2]]
+    assert tools.ask(box[0], swapped)[0] == 4
+    assert tools.ask(box[0], [*tools.NAVIGATION[:2], tmp_path / "missing"])[0] == 2
 
 
-def greedy(path, name, length=LENGTH):
-    """A certificate that goes on for longer than the checker may remember."""
-    header, lines, more = GREEDY[name]
-    left = length
-    with gzip.open(path, "wb", compresslevel=1) as file:
-        for line in chain([header], lines, more):
-            text = json.dumps(line, separators=(",", ":")).encode() + b"\n"
-            left -= file.write(text)
-            if left < 0:
-                break
+def test_claims_that_are_demanded(box, tmp_path):
+    path, lines = box
+    for kind in ("plan", "box", "maximal"):
+        assert tools.ask(path, tools.NAVIGATION, kind=kind)[0] == 0
+    assert "expected region" in tools.ask(path, tools.NAVIGATION, kind="region")[1]["reason"]
+    weaker = tmp_path / "plan.cert"
+    assert tools.command(tools.made(tools.NAVIGATION, "plan"), weaker, tools.NAVIGATION)[0] == 0
+    for kind in ("box", "maximal", "region", "knowledge"):
+        assert f"expected {kind}" in tools.ask(weaker, tools.NAVIGATION, kind=kind)[1]["reason"]
+    ends = {"to_ridge": {"lower": "25", "upper": "36"}, "to_crater": {"lower": "35", "upper": "46"}}
+    wanted = tmp_path / "wanted.json"
+
+    def demand(kind=None, **changes):
+        document = {name: {**each, **changes.get(name, {})} for name, each in ends.items()}
+        wanted.write_text(json.dumps({"parameters": document}), encoding="utf-8")
+        return tools.ask(path, tools.NAVIGATION, box=str(wanted), kind=kind)[0]
+
+    assert demand() == demand(kind="maximal") == 0
+    smaller = {"to_ridge": {"lower": "26"}}
+    assert (demand(**smaller), demand("box", **smaller), demand("maximal", **smaller)) == (0, 0, 1)
+    for changed in ({"lower": "24"}, {"upper": "36.1"}, {"upper": "inf"}):
+        assert demand(to_ridge=changed) == 1
+    assert lines[0][1] == "maximal"
 
 
-def checked(path):
-    """What the checker says, with its exit code, and the greatest memory it had."""
-    with subprocess.Popen([sys.executable, "-I", checker_path(), path], stdout=PIPE, stderr=STDOUT, text=True) as run:
-        said = run.stdout.read()
-        _, status, used = os.wait4(run.pid, 0)
-        run.returncode = os.waitstatus_to_exitcode(status)
-    return run.returncode, said, used.ru_maxrss * 1024
+def test_a_claim_is_about_the_epsilon_that_is_asked_for(box):
+    """It is an input of the check: the certificate names none."""
+    assert tools.ask(box[0], tools.NAVIGATION, epsilon="1/1000")[1]["epsilon"] == "1/1000"
+    assert tools.ask(box[0], tools.NAVIGATION, epsilon="100")[0] == 1
+    for wrong in ("-1", "x", "1/0", ""):
+        assert tools.ask(box[0], tools.NAVIGATION, epsilon=wrong)[0] in (1, 4)
+    assert not any("1/1000" in json.dumps(line) for line in box[1])
 
 
-QUICK = ("conjunctions", "great numbers")
-GIVEN = [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in GREEDY if name not in QUICK)]
+def test_old_certificates_are_refused(tmp_path):
+    path = tmp_path / "old.cert"
+    path.write_bytes(gzip.compress(b'{"format":"robust/certificate/1","kind":"plan"}\n["end"]\n'))
+    code, answer = tools.ask(path, tools.NAVIGATION)
+    assert code == 1
+    assert answer["reason"].startswith("found a certificate of format robust/certificate/1, expected robust/cert")
 
 
-@pytest.mark.parametrize("name", GIVEN)
-def test_memory_is_bounded_whatever_is_stated(tmp_path, name):
-    path = tmp_path / "greedy.cert"
-    greedy(path, name)
-    code, said, memory = checked(path)
-    assert (code, said.count("\n")) == (1, 1), said
-    assert "more work or memory than its size may need" in said
-    assert memory < MOST
+def test_it_is_a_process_with_limits(box, tmp_path):
+    found = verify(box[0], tools.NAVIGATION, epsilon=tools.EPSILON, kind="box")
+    assert found.outcome is Outcome.ESTABLISHED
+    assert found.answer["files"].keys() == {"domain", "problem", "plan"}
+    heavy = tmp_path / "heavy.cert"
+    heavy.write_bytes(gzip.compress(b'["robust/certificate/2","plan",null]\n[' + b"[" * (80 << 20) + b"\n"))
+    assert verify(heavy, tools.NAVIGATION, epsilon=tools.EPSILON).outcome is Outcome.REJECTED
+    nothing = tmp_path / "nothing.cert"
+    nothing.write_bytes(b"no gzip")
+    assert verify(nothing, tools.NAVIGATION, epsilon=tools.EPSILON).outcome is Outcome.UNREADABLE
 
 
-def test_the_system_ends_what_the_count_does_not(tmp_path):
-    """With less memory than that, the certificate is rejected, too."""
-    path = tmp_path / "greedy.cert"
-    greedy(path, "nodes", length=10 << 20)
-    limited = f"ulimit -v {60 << 10}; exec {sys.executable} -I {checker_path()} {path}"
-    done = subprocess.run(["bash", "-c", limited], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (1, "")
-    assert "malformed (MemoryError)" in done.stdout
+# -- forgeries ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def ground():
+    return tools.grounded(tools.NAVIGATION)
+
+
+def place_of(lines, kind, start=0):
+    return next(index for index, line in enumerate(lines) if index >= start and line[0] == kind)
+
+
+def test_a_schedule_given_twice(box, ground):
+    """Once it made everything outside contradictory: there is no line to put it."""
+    region = tools.made(tools.NAVIGATION, "region")
+    assert not isinstance(tools.judged(region, ground), str)
+    for lines in (box[1], region):
+        at = place_of(lines, "schedule")
+        for again in ([lines[at]], lines[at : at + 2]):
+            assert isinstance(tools.judged([*lines[:at], *again, *lines[at:]], ground), str)
+            assert isinstance(tools.judged([*lines, *again], ground), str)
+    assert isinstance(tools.judged([region[0], *region[place_of(region, "good") :]], ground), str)
+    for empty in (
+        [["bad", []], ["cycle", [], []], *region[place_of(region, "good") :]],
+        [["good"], ["orders"], ["rest"], ["refute", [[], [0]]]],
+        [["bad", [[[["", "1"]], False]]], ["cycle", [0], []], ["good"]],
+    ):
+        assert isinstance(tools.judged([region[0], *empty], ground), str)
+
+
+def test_roots_cannot_be_smuggled_in(box, ground):
+    """A refutation starts from the checker's own literals: no line adds another."""
+    lines = box[1]
+    at = place_of(lines, "refute")
+    for step in ([[], []], [[-1], []], [[2], [0]], [["t", 1], ["t", 2]], ["root", 3], [[3]], [[3], [3], [0], [0]]):
+        for where in (1, len(lines[at])):
+            forged = [*lines[at][:where], step, *lines[at][where:]]
+            assert isinstance(tools.judged([*lines[:at], forged, *lines[at + 1 :]], ground), str), step
+
+
+def test_true_is_not_one(box, ground):
+    """Each integer as a truth value, each truth value as an integer, and other twins."""
+    count = 0
+    for lines in (box[1], tools.made(tools.NAVIGATION, "region")):
+        for index, line in enumerate(lines):
+            for path, value in leaves(line):
+                for twin in twins(value):
+                    forged = [*lines[:index], replaced(line, path, twin), *lines[index + 1 :]]
+                    claim = tools.judged(forged, ground)
+                    assert isinstance(claim, str), (index, path, twin)
+                    count += 1
+    assert count > 100
+
+
+def twins(value):
+    """What equals a value, or looks like it, and is of another type."""
+    if isinstance(value, bool):
+        return int(value), str(value).lower()
+    if value in (0, 1):
+        return bool(value), float(value), str(value)
+    return (str(value),) if isinstance(value, int) else ()
+
+
+def leaves(value, path=()):
+    if isinstance(value, list):
+        for index, each in enumerate(value):
+            yield from leaves(each, (*path, index))
+    else:
+        yield path, value
+
+
+def replaced(value, path, new):
+    if not path:
+        return new
+    return [replaced(each, path[1:], new) if index == path[0] else each for index, each in enumerate(value)]
+
+
+def test_names_are_those_of_the_plan(ground):
+    """Sums with other names, a name twice, or a coefficient of zero."""
+    region = tools.made(tools.NAVIGATION, "region")
+    for more in (["z", "1"], ["to_ridge", "1"], ["to_crater", "0"], ["@1", "1"], ["", "0"], [1, "1"]):
+        for kind in ("bad", "piece", "schedule", "broken"):
+            for index, line in enumerate(region):
+                forged = added(line, more)
+                if line[0] == kind and forged != line:
+                    assert isinstance(tools.judged([*region[:index], forged, *region[index + 1 :]], ground), str)
+
+
+def added(value, more):
+    """The line with a term more in its first sum."""
+    if isinstance(value, list):
+        if value and all(isinstance(each, list) and len(each) == 2 and isinstance(each[0], str) for each in value):
+            return [*value, more]
+        for index, each in enumerate(value):
+            new = added(each, more)
+            if new != each:
+                return [*value[:index], new, *value[index + 1 :]]
+    return value
+
+
+@pytest.mark.parametrize("change", [("36", "37"), ("25", "24"), ("46", "1000"), ("35", "0")])
+def test_a_box_of_its_own(box, ground, change):
+    """The claim is printed from what was checked; a wider one does not follow."""
+    lines = [replaced_text(box[1][0], *change), *box[1][1:]]
+    assert lines[0] != box[1][0]
+    assert isinstance(tools.judged(lines, ground), str)
+
+
+def replaced_text(value, old, new):
+    if isinstance(value, list):
+        return [replaced_text(each, old, new) for each in value]
+    return new if value == old else value
+
+
+def test_a_formula_of_its_own(box, ground):
+    """Lines that name formulas, facts, points, labels or an epsilon, as certificates once did."""
+    at = place_of(box[1], "refute")
+    for line in (
+        ["folded", "goal: (at scout base)"],
+        ["obligation", "goal 1"],
+        ["root", 1, "t"],
+        ["epsilon", "-1"],
+        ["constraint", 0, 1, [["1"]]],
+        ["a", [[1, "x"]], True],
+        {"format": "robust/certificate/2", "epsilon": "-1"},
+        "refute",
+        None,
+        [],
+    ):
+        for forged in ([*box[1][:at], line, *box[1][at:]], [*box[1][:at], line, *box[1][at + 1 :]], [*box[1], line]):
+            assert isinstance(tools.judged(forged, ground), str), line
+
+
+def test_everything_folded(ground):
+    """Without refutations a refuted plan has no certificate, and a valid one neither."""
+    for lines in (tools.made(tools.NAVIGATION, kind) for kind in ("plan", "box")):
+        kept = [line for line in lines if line[0] != "refute"]
+        assert isinstance(tools.judged(kept, ground), str)
+        empty = [["refute", [[], []]] if line[0] == "refute" else line for line in lines]
+        assert isinstance(tools.judged(empty, ground), str)
+
+
+def test_boxes_that_hold_nothing(box, ground):
+    """What is true of nothing is not a claim."""
+    for first in (["36", True, "25", True], ["25", False, "25", True], ["25", True, "25", False]):
+        header = [*box[1][0][:2], [first, box[1][0][2][1]]]
+        claim = tools.judged([header, *box[1][1:]], ground)
+        assert claim == "the box is empty"
+    outside = [*box[1][0][:2], [[None, True, "36", True], box[1][0][2][1]]]
+    assert tools.judged([outside, *box[1][1:]], ground) == "an infinite end is closed"
+
+
+@pytest.mark.parametrize("name", ["to_ridge", "to_crater"])
+@pytest.mark.parametrize("way", ["lower", "upper", "open"])
+def test_a_box_within_another_is_not_maximal(ground, name, way):
+    """Its faces are shown to be bad where the faces of the other one are, or where its own end would be good."""
+    widest = envelope(load_plan(*tools.NAVIGATION)).box
+    each = widest[name]
+    smaller = {
+        "lower": Interval(each.lower + 1, each.upper),
+        "upper": Interval(each.lower, each.upper - 1),
+        "open": Interval(each.lower, each.upper, upper_closed=False),
+    }[way]
+    honest = tools.made(tools.NAVIGATION, "box", box=widest.replace(name, smaller))
+    assert not isinstance(tools.judged(honest, ground), str)
+    faces = tools.made(tools.NAVIGATION, "maximal")
+    faces = faces[place_of(faces, "face") :]
+    inner = str((smaller.lower + smaller.upper) / 2)
+    for moved in (lambda limit, beyond: (limit, beyond), lambda limit, beyond: (inner, inner)):
+        lines = [[honest[0][0], "maximal", honest[0][2]], *honest[1:]]
+        at = list(widest.intervals).index(name)
+        for line in faces:
+            lines.append(line)
+            if line[0] == "face" and line[1][at] == line[2][at]:  # a face of the other parameter
+                ends = moved(line[1][at], line[2][at])
+                lines[-1] = ["face", *(replaced(point, (at,), end) for point, end in zip(line[1:], ends, strict=True))]
+        assert isinstance(tools.judged(lines, ground), str)
+
+
+def test_numbers_are_canonical(box, ground):
+    for old, new in (
+        ("25", "50/2"),
+        ("25", "+25"),
+        ("25", "025"),
+        ("25", " 25"),
+        ("25", "2_5"),
+        ("25", "25.0"),
+        ("25", "٢٥"),
+    ):
+        lines = [replaced_text(line, old, new) for line in box[1]]
+        assert isinstance(tools.judged(lines, ground), str), new
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_is_mutex_does_not_depend_on_the_seed_of_hashes(seed):
+    """The order of obligations is the tape's order."""
+    script = (
+        "import sys; sys.path.insert(0, sys.argv[1]); from checker.reader import ground; "
+        "from checker.formulas import Formulas; from fractions import Fraction; "
+        "f = Formulas(ground(*sys.argv[2:]), Fraction(1, 1000)); "
+        "print([(label, make()) for label, make in f.obligations()], f.circuit.nodes)"
+    )
+    texts = random_texts(seed)
+    said = set()
+    for number in ("1", "2"):
+        words = [sys.executable, "-c", script, str(FOLDER.parent), *texts]
+        variables = {**os.environ, "PYTHONHASHSEED": number}
+        ended = subprocess.run(words, env=variables, capture_output=True, text=True, check=False)
+        said.add(ended.stdout or ended.stderr.splitlines()[-1])
+    assert len(said) == 1

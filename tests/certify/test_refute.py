@@ -1,14 +1,17 @@
 """Refutations of formulas: found exactly where there is no model, and checked step by step."""
 
+import json
 from fractions import Fraction
 from itertools import product
 from random import Random
 
 import pytest
 
-from robust.certify.circuit import Atom, Circuit, Constraint, Translator, atom_of, conjuncts, constraint, contradiction
-from robust.certify.document import CertificateWriter
-from robust.certify.refute import NotRefutedError, PropositionalSolver, Refuter
+from robust.certify.checker import proofs
+from robust.certify.checker.formulas import Formulas, plus
+from robust.certify.checker.reader import Ground, Model
+from robust.certify.hints import Conflict, KnownFacts, Side, contradiction, implied, model, refutation
+from robust.certify.refute import NotRefutedError, PropositionalSolver
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict
@@ -63,76 +66,130 @@ def test_propositional_solver_agrees_with_truth_tables(seed):
 # -- linear ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_constraint_and_its_negation_share_an_atom():
-    atom, positive = atom_of({"x": Fraction(-1, 2), "y": Fraction(1, 3)}, False, Fraction(1))
-    other, negated = atom_of({"x": Fraction(3), "y": Fraction(-2)}, True, Fraction(-6))
-    assert atom == other == Atom((("x", 3), ("y", -2)), True, -6)
-    assert (positive, negated) == (False, True)
-    assert constraint(atom, False) == Constraint((("x", -3), ("y", 2)), False, 6)
-
-
 @pytest.mark.parametrize("seed", range(80))
 def test_contradictions_agree_with_a_solver(seed):
     random = Random(seed)
-    constraints = []
+    sides = []
     for _ in range(random.randint(1, 7)):
         factors = {name: random.randint(-2, 2) for name in random.sample("xyz", random.randint(1, 3))}
         factors = tuple(sorted((name, factor) for name, factor in factors.items() if factor)) or (("x", 1),)
-        constraints.append(Constraint(factors, random.random() < 0.4, random.randint(-3, 3)))
+        sides.append(Side(factors, random.randint(-3, 3), random.random() < 0.4))
     terms = Terms()
     session = Session(terms)
-    for each in constraints:
-        rest = Polynomial({(name,): Fraction(-factor) for name, factor in each.coefficients}) + each.bound
-        session.add(terms.greater(rest) if each.strict else terms.at_least(rest))
-    found = contradiction(constraints)
-    assert (found is None) == (session.check("constraints") is Verdict.SATISFIABLE)
-    if found is not None:
-        total, bound, strict = {}, 0, False
-        for index, multiplier in zip(found.indices, found.multipliers, strict=True):
-            assert multiplier > 0
-            for name, factor in constraints[index].coefficients:
-                total[name] = total.get(name, 0) + multiplier * factor
-            bound += multiplier * constraints[index].bound
-            strict |= constraints[index].strict
-        assert not any(total.values())
-        assert bound < 0 or (strict and bound == 0)
+    for each in sides:
+        form = Polynomial({(name,): Fraction(factor) for name, factor in each.factors}) + each.constant
+        session.add(terms.greater(form) if each.strict else terms.at_least(form))
+    found = contradiction(sides)
+    assert isinstance(found, Conflict) == (session.check("sides") is Verdict.UNSATISFIABLE)
+    if isinstance(found, dict):
+        assert all(side.holds(found) for side in sides)
+        return
+    total, constant, strict = {}, 0, False
+    for index, multiple in found.multiples.items():
+        assert multiple > 0
+        for name, factor in sides[index].factors:
+            total[name] = total.get(name, 0) + multiple * factor
+        constant += multiple * sides[index].constant
+        strict |= sides[index].strict
+    assert not any(total.values())
+    assert constant < 0 or (strict and constant == 0)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_facts_that_matter_are_found(seed):
+    """Multiples of many facts, of which few are looked at, leave something that is not negative of a form."""
+    random = Random(seed)
+    names = [f"x{index}" for index in range(5)]
+    facts = []
+    for _ in range(12):
+        form = {name: Fraction(random.randint(-2, 2), random.randint(1, 2)) for name in random.sample(names, 2)}
+        form[""] = Fraction(random.randint(0, 6))  # so that zero satisfies them all
+        facts.append(({name: value for name, value in form.items() if value}, False))
+    weights = [Fraction(random.randint(0, 2)) for _ in facts]
+    total = {"": Fraction(1)}
+    for (form, _), weight in zip(facts, weights, strict=True):
+        total = plus(total, form, weight)
+    found = implied(KnownFacts(facts), total, strictly=True)
+    rest = total
+    for number, factor in found:
+        assert factor > 0
+        rest = plus(rest, facts[number][0], -factor)
+    assert rest.keys() <= {""}
+    assert rest.get("", 0) >= 0
+    with pytest.raises(NotRefutedError):
+        implied(KnownFacts(facts), {"": Fraction(-1)})
 
 
 # -- formulas --------------------------------------------------------------------------------------------------------
 
 
-def some_formula(terms, random, depth):
+def some_literal(circuit, random, depth):
     if depth == 0 or random.random() < 0.1:
         kind = random.randrange(4)
         if kind == 0:
-            return terms.manager.Symbol(random.choice("pq"))
-        polynomial = Polynomial({(name,): Fraction(random.randint(-2, 2)) for name in random.sample("xyz", 2)})
-        expression = polynomial + Fraction(random.randint(-4, 4), random.randint(1, 2))
-        return (terms.at_least, terms.greater, terms.equal)[kind - 1](expression)
-    parts = [some_formula(terms, random, depth - 1) for _ in range(random.randint(2, 3))]
-    way = random.randrange(4)
-    if way == 3:
-        return terms.equivalence(*parts[:2])
-    return terms.negation(parts[0]) if way == 2 else (terms.conjunction, terms.disjunction)[way](parts)
+            return circuit.compare({f"?{random.choice('pq')}": Fraction(1)}, True)
+        form = {name: Fraction(random.randint(-2, 2)) for name in random.sample("xyz", 2)}
+        form = {name: value for name, value in form.items() if value}
+        form[""] = Fraction(random.randint(-4, 4), random.randint(1, 2))
+        form = {name: value for name, value in form.items() if value}
+        return circuit.equal(form) if kind == 3 else circuit.compare(form, kind == 2)
+    parts = [some_literal(circuit, random, depth - 1) for _ in range(random.randint(2, 3))]
+    way = random.randrange(3)
+    return -parts[0] if way == 2 else (circuit.all, circuit.any)[way](parts)
+
+
+def term_of(terms, circuit, literal):
+    """The literal for a solver."""
+    if literal < 0:
+        return terms.negation(term_of(terms, circuit, -literal))
+    if circuit.is_gate(literal):
+        return terms.conjunction([term_of(terms, circuit, each) for each in circuit.nodes[literal]])
+    form, strict = circuit.said(literal)
+    total = Polynomial({(name,): Fraction(value) for name, value in form.items() if name}) + form.get("", 0)
+    return terms.greater(total) if strict else terms.at_least(total)
+
+
+EMPTY = Ground(Model("(define (domain d))", "(define (problem x) (:domain d) (:init) (:goal (and)))"))
+EMPTY.point(".zero")
 
 
 @pytest.mark.parametrize("seed", range(120))
-def test_refutations_agree_with_a_solver_and_are_accepted(seed, tmp_path):
+def test_refutations_agree_with_a_solver_and_are_accepted(seed):
     random = Random(seed)
+    formulas = Formulas(EMPTY, Fraction(0))
+    literal = formulas.circuit.all([some_literal(formulas.circuit, random, random.randint(1, 4)) for _ in range(5)])
     terms = Terms()
-    formulas = [some_formula(terms, random, random.randint(1, 4)) for _ in range(random.randint(2, 6))]
     session = Session(terms)
-    session.add(*formulas)
-    circuit = Circuit()
-    translator = Translator(terms, circuit)
-    roots = conjuncts(circuit, map(translator.literal, formulas))
+    session.add(term_of(terms, formulas.circuit, literal))
     if session.check("formulas") is Verdict.SATISFIABLE:
+        assert model(formulas, KnownFacts([]), literal, NONE) is not None
         with pytest.raises(NotRefutedError):
-            Refuter(circuit).refute(roots, NONE)
+            refutation(formulas, KnownFacts([]), literal, NONE)
         return
-    refutation = Refuter(circuit).refute(roots, NONE)
-    writer = CertificateWriter(circuit, {"kind": "knowledge", "inputs": {}})
-    writer.refuted("correct execution", roots, refutation, lambda _: ["t"])
-    path = tmp_path / "formula.cert"
-    writer.save(path)
-    assert tools.rejection(path) is None
+    line = json.dumps(refutation(formulas, KnownFacts([]), literal, NONE))
+    facts = proofs.Facts(formulas, [], network=False)
+    proofs.refute(proofs.Tape([line]), formulas, facts, literal)
+    other = formulas.circuit.compare({"other": Fraction(1)})
+    with pytest.raises((proofs.Rejected, *tools.MALFORMED)):
+        proofs.refute(proofs.Tape([line]), formulas, facts, other)
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [[[], [["g", 0], ["g", 1]]]],  # the first hint leaves several literals open
+        [[[], [0, ["g", 1]]]],  # no conflict
+        [[[], [["g", 0]]]],
+        [[[-2], [["g", 1], 0]], [[], [0, 1]]],  # a hint after the conflict, or none
+        [[[2, -2], [1, 1], []]],  # true, but not the end
+        [[["g"], [1], []], [[], [0]]],  # a gate is no comparison
+        [],
+    ],
+)
+def test_what_is_no_refutation(steps):
+    formulas = Formulas(EMPTY, Fraction(0))
+    circuit = formulas.circuit
+    literal = circuit.all([circuit.compare({name: Fraction(1)}) for name in "xyz"])
+    line = json.loads(json.dumps(["refute", *steps]).replace('"g"', str(literal)))
+    with pytest.raises((proofs.Rejected, *tools.MALFORMED)):
+        proofs.refute(proofs.Tape([json.dumps(line)]), formulas, proofs.Facts(formulas, [], network=False), literal)

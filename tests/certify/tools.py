@@ -1,83 +1,89 @@
-"""Certificates for tests: made once, taken apart, changed, put together again, and judged by a solver."""
+"""Certificates for tests: made, taken apart, and judged by the checker in this process."""
 
 from __future__ import annotations
 
 import gzip
-import importlib.util
 import json
-import zlib
+from argparse import Namespace
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
 from pathlib import Path
 
 from robust.api import envelope, region
-from robust.certify.produce import FormulaCertificate, PlanCertificate, digests
-from robust.certify.verify import checker_path
+from robust.certify.checker import claims, proofs, reader
+from robust.certify.checker.__main__ import Inputs, report
+from robust.certify.hints import Line
+from robust.certify.produce import PlanCertificate
+from robust.certify.tape import write
 from robust.encode import create_encoding
-from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.semantics import Semantics
-from robust.plan.load import load_plan
+from robust.plan.load import assemble, load_plan
+from robust.plan.model import ParametrizedPlan
+from robust.plan.pddl.reader import parse_domain, parse_problem
+from robust.plan.stn import parse_stn
 from robust.qe.box import Box
-from robust.smt.limits import Deadline
-from tests.pike_bridge.satisfiability import sat_plan
+from tests.certify.texts import Texts
 
 EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
 NAVIGATION = tuple(EXAMPLES / "two_sample_navigation" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
 GENERATOR = tuple(EXAMPLES / "generator" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
+EPSILON = Fraction(1, 1000)
+
+MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+"""What the checker's command takes for a malformed certificate; anything else is a fault of the checker."""
 
 
-_SPEC = importlib.util.spec_from_file_location("certificate_checker", checker_path())
-CHECKER = importlib.util.module_from_spec(_SPEC)
-"""The checker as a module, which knows nothing of this package."""
-_SPEC.loader.exec_module(CHECKER)
-
-
-def rejection(path, files=None):
-    """Why the checker does not accept a certificate; None if it does. Any other exception is a fault of the checker."""
-    try:
-        CHECKER.check(str(path), files or {})
-    except (CHECKER.Rejected, OSError, zlib.error) as error:
-        return str(error) or "unreadable"
-    return None
-
-
-def by_name(files):
-    """Input files by what they are."""
-    return dict(zip(("domain", "problem", "plan"), files, strict=True))
-
-
-def certificate(files, path, *, kind="box", encoding="relational", box=None):
-    """A certificate of the plan in `files`, written to `path`; the plan, and the box or the region."""
+def made(files: Sequence[Path], kind: str, *, box: Box | None = None, epsilon: Fraction = EPSILON) -> list[Line]:
+    """The lines of a certificate of the plan in `files`."""
     plan = load_plan(*files)
+    certificate = PlanCertificate(tuple(files), create_encoding("relational", plan, epsilon))
+    if kind == "plan":
+        return certificate.of_plan()
     if kind == "region":
-        found = region(plan, encoding=encoding).region
-    else:
-        found = box or (Box.nominal(plan.parameters) if kind == "plan" else envelope(plan).box)
-    stated = {} if kind == "region" else {"box": found}
-    made = PlanCertificate(create_encoding(encoding, plan), kind=kind, inputs=digests(by_name(files)), **stated)
-    if kind == "region":
-        made.add_region(found)
-    else:
-        made.add_box()
-    if kind == "maximal":
-        made.add_witnesses()
-    made.writer.save(path)
-    return plan, found
+        return certificate.of_region(region(plan, epsilon=epsilon).region)
+    return certificate.of_box(box or envelope(plan, epsilon=epsilon).box, maximal=kind == "maximal")
 
 
-def knowledge_certificate(path):
-    """A certificate that a plan with choices has no correct execution; its input files by what they are."""
-    network = sat_plan([[1, 2], [-1, 2], [1, -2], [-1, -2]]).write(path.with_name("choices"))
-    semantics = Semantics(load_team_plan(network))
-    files = {"network": network, "domain": network.parent / "domain.pddl", "problem": network.parent / "problem.pddl"}
-    made = FormulaCertificate(semantics.terms, name="correct execution", inputs=digests(files))
-    made.add(semantics.formulas, Deadline())
-    made.writer.save(path)
-    return files
+def written(texts: Texts, directory: Path) -> tuple[Path, ...]:
+    """The files of a plan."""
+    paths = tuple(directory / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
+    for path, text in zip(paths, texts, strict=True):
+        path.write_text(text, encoding="utf-8")
+    return paths
 
 
-def lines_of(path):
-    return [json.loads(line) for line in gzip.decompress(path.read_bytes()).split(b"\n") if line]
+def assembled(texts: Texts) -> ParametrizedPlan:
+    """What this package reads in the texts."""
+    domain = parse_domain(texts.domain)
+    return assemble(domain, parse_problem(texts.problem, domain), parse_stn(texts.plan))
 
 
-def write_lines(path, lines):
-    text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
-    path.write_bytes(gzip.compress(text.encode(), compresslevel=1, mtime=0))
+def grounded(files: Iterable[Path]) -> reader.Ground:
+    """What the checker reads in the files."""
+    return reader.ground(*(path.read_text(encoding="utf-8") for path in files))
+
+
+def judged(lines: Sequence[Line | str], ground: reader.Ground, *, epsilon: Fraction = EPSILON) -> claims.Claim | str:
+    """The claim that a certificate establishes, or why it is rejected."""
+    tape = proofs.Tape(line if isinstance(line, str) else json.dumps(line) for line in lines[1:])
+    try:
+        _, kind, box = lines[0]
+        return claims.check(tape, ground, kind, box, epsilon)
+    except (proofs.Rejected, reader.Unsupported) as error:
+        return str(error)
+    except MALFORMED as error:
+        return type(error).__name__
+
+
+def command(lines: Sequence[Line], path: Path, files: Sequence[Path], **demanded: object) -> tuple[int, dict]:
+    """Exit code and answer of the checker's command."""
+    write(lines, path)
+    return ask(path, files, **demanded)
+
+
+def ask(path: Path, files: Sequence[Path], **demanded: object) -> tuple[int, dict]:
+    words = {"kind": None, "box": None, "epsilon": "1/1000", **demanded}
+    return report(Namespace(certificate=str(path), files=[*map(str, files)], **words), Inputs())
+
+
+def lines_of(path: Path) -> list[Line]:
+    return [json.loads(line) for line in gzip.decompress(path.read_bytes()).splitlines()]

@@ -82,3 +82,12 @@ def test_a_network_is_told_by_its_text(log, tmp_path):
     network.write_text(inputs.PLAN)
     whole = json.loads(command("check", *log[:2], network, "--json").out)
     assert (whole["verdict"], "notes" in whole) == ("proved", False)
+
+
+def test_certificates_of_steps_are_about_the_network_beside_them(log, tmp_path):
+    certificate, network = tmp_path / "plan.cert", tmp_path / "plan.stn"
+    ended = command("certify", *log, "-o", certificate)
+    assert ended.code == 0
+    assert ended.err.endswith(f"; 1 duration moved, by at most 0.001; the certificate is about {network}\n")
+    ended = command("verify", certificate, *log[:2], network)
+    assert (ended.code, ended.out.splitlines()[0]) == (0, "established: valid for every schedule, epsilon = 1/1000")

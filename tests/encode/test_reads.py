@@ -5,18 +5,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from contextlib import nullcontext
 from fractions import Fraction
-from itertools import combinations
 from typing import NamedTuple
 
 import pytest
 
 from robust.api import check
 from robust.backends import ENCODINGS
-from robust.certify.ground import GroundPlan
+from robust.certify.checker.formulas import mutex
+from robust.certify.checker.reader import ground
 from robust.encode.effects import mutex_pairs
 from robust.encode.settled import Accesses, proved
 from robust.errors import InputError
@@ -29,7 +28,6 @@ from robust.plan.model import ZERO, ParametrizedPlan, TimePoint
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.simulate import simulate
 from robust.plan.stn import parse_stn
-from tests.certify.tools import CHECKER
 from tests.pddl_text import PddlText
 
 try:
@@ -119,10 +117,13 @@ def load(case: Case, moment: Fraction, init: str = "(= (f) 5)") -> ParametrizedP
     """The plan with all times fixed."""
     text = texts(case, moment, init)
     domain = parse_domain(text.domain)
-    plan = f"""action instance w : (w); durative-action instance m : (m);
+    return assemble(domain, parse_problem(text.problem, domain), parse_stn(network(moment)))
+
+
+def network(moment: Fraction) -> str:
+    return f"""action instance w : (w); durative-action instance m : (m);
 c: w - .zero in [{moment}, {moment}]; c: m.start - .zero in [{START}, {START}]; c: m.end - .zero in [{END}, {END}];
 """
-    return assemble(domain, parse_problem(text.problem, domain), parse_stn(plan))
 
 
 def schedule(plan: ParametrizedPlan, moment: Fraction) -> dict[TimePoint, Fraction]:
@@ -145,12 +146,10 @@ def test_reads(case: Case) -> None:
     accesses = Accesses(plan)
     readers = {point for name, points in accesses.readers.items() if str(name) == NAMED[case.write] for point in points}
     assert readers == {accesses.index[point] for _, point in expected}
-    checker, ground = CHECKER.Plan(), GroundPlan(plan)
-    for kind, *rest in (line for line in ground.lines() if line[0] != "place"):
-        checker.state(kind, *json.loads(json.dumps(rest)))
-    numbered = {(ground.numbers[a], ground.numbers[b]) for a, b in expected}
-    points = range(1, len(plan.time_points))
-    assert {pair for pair in combinations(points, 2) if checker.are_mutex(*pair)} == numbered
+    text = texts(case, START)
+    checked = ground(text.domain, text.problem, network(START))
+    numbered = {tuple(sorted(checked.number[str(point)] for point in pair)) for pair in expected}
+    assert set(mutex(checked)) == numbered
 
 
 @pytest.mark.parametrize("case", ARGUMENTS)

@@ -8,7 +8,7 @@ import pytest
 
 from proofs.run import PAGE
 from proofs.theorems._library.catalogue import load_all
-from proofs.theorems._library.model import Kind, problems
+from proofs.theorems._library.model import Kind, Scope, problems
 from proofs.theorems._library.page import page
 from proofs.theorems._library.solvers import SOLVERS, Solver
 
@@ -39,6 +39,63 @@ def test_each_theorem_says_what_it_is(theorem):
     assert re.match(r"\[(IRR|PIKE), |ours", theorem.source)
     kinds = [problem.kind for problem in problems(theorem)]
     assert kinds.count(Kind.CLAIM) == kinds.count(Kind.ASSUMPTIONS) == len(theorem.lemmas) > 0
+
+
+def cited():
+    return [
+        (theorem.name, lemma, result)
+        for theorem in THEOREMS
+        for lemma in theorem.lemmas
+        for result in lemma.statement.cited
+    ]
+
+
+def test_what_is_taken_from_another_theorem_is_what_that_proves():
+    theorems = {theorem.name: theorem for theorem in THEOREMS}
+    assert {name for name, _, _ in cited()} == {f"pike_theorem_4_{number}" for number in (4, 6, 7)}
+    for _, lemma, result in cited():
+        (proving,) = (one for one in theorems[result.theorem].lemmas if one.name == result.lemma)
+        assert proving.statement.claim is result.formula
+        assert lemma.statement.assumptions[result.words] is result.formula
+
+
+def test_symbols_mean_the_same_where_a_result_is_proved_and_where_it_is_used():
+    theorems = {theorem.name: theorem for theorem in THEOREMS}
+    for _, lemma, result in cited():
+        (proving,) = (one for one in theorems[result.theorem].lemmas if one.name == result.lemma)
+        there, here = signatures(proving.statement.declarations), signatures(lemma.statement.declarations)
+        used = set(re.findall(r"[a-z][a-z-]*", result.formula)) & set(there)
+        assert used
+        assert {name: there[name] for name in used} == {name: here[name] for name in used}
+
+
+def signatures(declarations):
+    """The sorts of the arguments and of the value of each function, whether it is declared or defined."""
+    found = {}
+    for text in declarations:
+        if match := re.match(r"\(declare-fun (\S+) \((.*?)\) (\w+)\)", text):
+            found[match[1]] = (match[2].split(), match[3])
+        elif match := re.match(r"\(define-fun (\S+) \((.*?)\) (\w+)\n", text):
+            found[match[1]] = (re.findall(r"(\w+)\)", match[2] + ")"), match[3])
+    return found
+
+
+def test_no_theorem_rests_on_itself():
+    rests = {}
+    for name, _, result in cited():
+        rests.setdefault(name, set()).add(result.theorem)
+    for name in rests:
+        reached, ahead = set(), {name}
+        while ahead:
+            reached |= ahead
+            ahead = {one for each in ahead for one in rests.get(each, ())} - reached
+        assert not any(name in rests.get(one, ()) for one in reached)
+
+
+def test_what_is_bounded_says_so_in_its_first_line():
+    for theorem in THEOREMS:
+        text = (ROOT / "proofs" / "theorems" / f"{theorem.name}.py").read_text(encoding="utf-8")
+        assert ("bounded" in text.splitlines()[0]) == (theorem.scope is Scope.BOUNDED)
 
 
 def test_problems_have_names_of_their_own():

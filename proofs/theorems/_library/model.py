@@ -14,6 +14,8 @@ class Scope(Enum):
 
     GENERAL = "general"
     """First-order logic says all of it: any number of events, parameters, values."""
+    INDUCTION = "general, by induction"
+    """Any number, too; the solvers decide start and step of an induction, whose principle is not theirs to decide."""
     BOUNDED = "bounded"
     """For structures up to a size, which the theorem names."""
 
@@ -32,6 +34,16 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Result:
+    """What a lemma of a theorem proves, for other theorems to assume: the one formula is the claim of that lemma."""
+
+    theorem: str
+    lemma: str
+    words: str
+    formula: Term
+
+
+@dataclass(frozen=True, slots=True)
 class Statement:
     """A claim under assumptions. Declared constants and functions are arbitrary: the claim is for all of them.
 
@@ -43,6 +55,13 @@ class Statement:
     claim: Term
     show: dict[str, Term] = field(default_factory=dict)
     """Terms that tell a countermodel, by what they are in the theorem's words."""
+    cited: tuple[Result, ...] = ()
+    """Assumptions that other lemmas prove."""
+
+    def citing(self, *results: Result) -> Statement:
+        """The same claim, assuming what other lemmas prove; symbols that these define are arbitrary here."""
+        assumptions = {result.words: result.formula for result in results}
+        return replace(self, assumptions={**assumptions, **self.assumptions}, cited=results)
 
     def without(self, *assumptions: str) -> Statement:
         """The same claim, with less assumed."""
@@ -106,6 +125,8 @@ class Theorem:
     bound: str
     """What the bound is; of a general theorem, what is general about it."""
     lemmas: tuple[Lemma, ...]
+    formerly: str = ""
+    """The bound up to which this was shown before it was general."""
     trusted: str = ""
     """What is argued in words, or taken from another theorem of the list."""
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
-from proofs.theorems._library.model import Kind, Lemma, Theorem, Variant, problems
+from proofs.theorems._library.model import Kind, Lemma, Scope, Theorem, Variant, problems
 
 HEAD = """# Theorems
 
@@ -14,10 +14,13 @@ of it and writes this page with `--write-docs`; `--smt2 DIR` writes the problems
 are the papers that the tool implements; *ours* are its own methods.
 
 Each problem negates a claim; both solvers, z3 and cvc5, say `unsat`. Constants and functions in a problem are
-arbitrary, so *general* means any number of events, parameters or values, and *bounded* means all structures up to the
-size given. Beside each claim stand its assumptions alone (both solvers say `sat`: the claim is not empty), and variants
-that we broke on purpose (both say `sat`: the claim needs what it assumes). Where a statement does not hold as printed,
-its countermodel is found in the same way, and what is proved is the repaired statement.
+arbitrary, so *general* means any number of events, parameters or values. *General, by induction* means the same, of
+statements that need an induction: the solvers decide its start and its step, and that start and step make a proof is
+argued in words, with what else is. *Bounded* means all structures up to the size given. Beside each claim stand its
+assumptions alone (both solvers say `sat`: the claim is not empty; `--models` shows a model), and variants that we broke
+on purpose (both say `sat`: the claim needs what it assumes). Where a statement does not hold as printed, its
+countermodel is found in the same way, and what is proved is the repaired statement. Time limits are of processor time,
+so that a busy machine finds what an idle one finds.
 
 What this does not show: that the formalisation says what the words say (read it: one file per theorem in
 `proofs/theorems/`), and that the tool's code does what the theorems are about (the tests are for that).
@@ -30,7 +33,20 @@ def page(theorems: Sequence[Theorem]) -> str:
     theorems = sorted(theorems, key=_by_source)
     lines = ["| theorem | source | scope | z3 | cvc5 | broken variants | as printed |", "|---|---|---|---|---|---|---|"]
     lines += [_row(theorem) for theorem in theorems]
-    return HEAD + "\n".join(lines) + "\n" + "".join(_section(theorem) for theorem in theorems)
+    return HEAD + "\n".join([*lines, "", *_scopes(theorems)]) + "\n" + "".join(_section(one) for one in theorems)
+
+
+def _scopes(theorems: Sequence[Theorem]) -> Iterator[str]:
+    """What is general, what is bounded, and what is taken from elsewhere."""
+    yield "What the solvers decide of each theorem that is not simply general, or rests on others of the list:\n"
+    yield "| theorem | scope | bound, or that of before | rests on |"
+    yield "|---|---|---|---|"
+    for theorem in theorems:
+        cited = dict.fromkeys(result.theorem for lemma in theorem.lemmas for result in lemma.statement.cited)
+        if cited or theorem.formerly or theorem.scope is not Scope.GENERAL:
+            bound = theorem.formerly or (theorem.bound if theorem.scope is Scope.BOUNDED else "")
+            rests = ", ".join(f"`{name}`" for name in cited)
+            yield f"| {theorem.title} | {theorem.scope.value} | {bound.rstrip('.')} | {rests} |"
 
 
 def _row(theorem: Theorem) -> str:
@@ -73,9 +89,13 @@ def _section(theorem: Theorem) -> str:
 
 def _lemma(lemma: Lemma) -> str:
     lines = [f"- **{lemma.name}.** {lemma.words}"]
-    assumptions = "; ".join(lemma.statement.assumptions)
-    if assumptions:
-        lines.append(f"  - assumes: {assumptions}.")
+    proved = {result.words for result in lemma.statement.cited}
+    for label, words in (
+        ("proved elsewhere", [one for one in lemma.statement.assumptions if one in proved]),
+        ("assumes", [one for one in lemma.statement.assumptions if one not in proved]),
+    ):
+        if words:
+            lines.append(f"  - {label}: {'; '.join(words)}.")
     lines += _variants("broken", lemma.broken)
     lines += _variants("as printed", lemma.printed)
     return "\n".join(lines) + "\n"

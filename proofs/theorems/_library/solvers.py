@@ -1,13 +1,15 @@
-"""Both solvers behind one question: in processes of their own, with a time limit per problem."""
+"""Both solvers behind one question: in processes of their own, with a limit of processor time per problem.
+
+Processor time, so that what is proved on an idle machine is proved on a busy one, too.
+"""
 
 from __future__ import annotations
 
 import json
 import re
-import selectors
+import signal
 import subprocess
 import sys
-import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -21,7 +23,10 @@ WORKER = Path(__file__).with_name("worker.py")
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a solver said: `sat`, `unsat`, `unknown`, `timeout` or an error, and the values of a model."""
+    """What a solver said: `sat`, `unsat`, `unknown`, `timeout` or an error, and the values of a model.
+
+    `seconds` is processor time.
+    """
 
     verdict: str
     seconds: float
@@ -55,23 +60,22 @@ class Solver:
         """The solver's verdict, with values if the problem is satisfiable."""
         terms = list(problem.show.values())
         values = f"(get-value ({' '.join(terms)}))" if terms else ""
-        started = time.perf_counter()
-        line = self._exchange(
-            json.dumps({"script": problem.script, "values": values, "model": problem.expected == "sat"})
-        )
-        seconds = time.perf_counter() - started
-        if line is None:
-            self.close()
-            return Answer("timeout", seconds)
+        question = {"script": problem.script, "values": values, "model": problem.expected == "sat"}
+        line = self._exchange(json.dumps({**question, "seconds": self._limit}))
         if not line:
-            self.close()
-            return Answer(f"error: {self.name} ended", seconds)
+            return Answer(self._end(), self._limit)
         answer = json.loads(line)
         told = read_values(answer["values"]) if answer["values"] else []
-        return Answer(answer["verdict"], seconds, dict(zip(problem.show, told, strict=False)))
+        return Answer(answer["verdict"], answer["seconds"], dict(zip(problem.show, told, strict=False)))
 
-    def _exchange(self, question: str) -> str | None:
-        """The line that answers; None when time is up, empty if the process ended."""
+    def _end(self) -> str:
+        """What became of a process that has closed its output, as a verdict."""
+        code = 0 if self._process is None else self._process.wait()
+        self.close()
+        return "timeout" if code == -signal.SIGXCPU else f"error: {self.name} ended with exit code {code}"
+
+    def _exchange(self, question: str) -> str:
+        """The line that answers; empty if the process ended."""
         process = self._process = self._process or subprocess.Popen(  # noqa: S603 - our own file
             [sys.executable, "-P", str(WORKER), self.name],
             stdin=subprocess.PIPE,
@@ -81,9 +85,7 @@ class Solver:
         source, target = _pipes(process)
         target.write(question + "\n")
         target.flush()
-        with selectors.DefaultSelector() as selector:
-            selector.register(source, selectors.EVENT_READ)
-            return source.readline() if selector.select(self._limit) else None
+        return source.readline()
 
 
 def _pipes(process: subprocess.Popen[str]) -> tuple[IO[str], IO[str]]:

@@ -6,15 +6,20 @@ Runs as a file of its own, so that a parent can end it at any moment. Imports a 
 from __future__ import annotations
 
 import json
+import math
+import resource
 import signal
 import sys
+import time
 from collections.abc import Callable
 from typing import Any
 
+_EFFORT = "200000"
+"""The steps after which cvc5 gives a search up: seconds of work, and the same number of them on every machine."""
 SEARCHES: tuple[dict[str, str], ...] = (
     {},
-    {"mbqi": "true", "tlimit-per": "3000"},
-    {"finite-model-find": "true", "tlimit-per": "3000"},
+    {"mbqi": "true", "rlimit-per": _EFFORT},
+    {"finite-model-find": "true", "rlimit-per": _EFFORT},
 )
 """Options of cvc5, tried in turn until it knows: as it comes for refutations, then searches for models."""
 
@@ -60,18 +65,27 @@ def _once_cvc5(script: str, values: str, options: dict[str, str]) -> tuple[str, 
     return verdict, run(values) if verdict == "sat" and values else ""
 
 
+def _allow(seconds: float) -> None:
+    """Have the system end this process when it has computed for that much longer; waiting does not count."""
+    limit = math.ceil(time.process_time() + seconds)
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+
+
 def main() -> None:
     """Answer until the input ends."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which then ends this process
     ask: Callable[..., tuple[str, str]] = {"z3": ask_z3, "cvc5": ask_cvc5}[sys.argv[1]]
     for line in sys.stdin:
         question: dict[str, Any] = json.loads(line)
+        _allow(question["seconds"])
+        started = time.process_time()
         try:
             verdict, told = ask(question["script"], question["values"], model=question["model"])
             answer = {"verdict": verdict, "values": told}
         except Exception as error:  # whatever a solver raises is its answer
             answer = {"verdict": f"error: {error}", "values": ""}
-        sys.stdout.write(json.dumps(answer) + "\n")
+        sys.stdout.write(json.dumps({**answer, "seconds": time.process_time() - started}) + "\n")
         sys.stdout.flush()
 
 

@@ -335,7 +335,9 @@ class AriesPlanner:
             (folder / "problem.bin").write_bytes(message)
             command = (self.executable, "--log-level", "error", "solve", "problem.bin")
             variables = {"ARIES_PLANNING_HORIZON": str(HORIZON * self.ticks), "RUST_BACKTRACE": "0"}
-            ended = Processes().run(command, deadline, folder=folder, memory_mb=MEMORY_MB, variables=variables)
+            ended = Processes().run(
+                command, deadline, folder=folder, memory_mb=MEMORY_MB, variables=variables, scratch=folder
+            )
 
         in_units = partial(_in_units, domain=domain, ticks=self.ticks)
         printed = last_valid_plan(ended.stdout, domain, problem, self.epsilon, self.name, renamed=in_units)

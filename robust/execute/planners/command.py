@@ -22,7 +22,7 @@ from robust.numbers import format_number
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.pddl.write import domain_text, problem_text
 from robust.plan.timed import TimedPlan
-from robust.processes import Ended, Processes
+from robust.processes import KEPT, Ended, Processes
 from robust.smt.limits import Deadline
 
 MEMORY_MB = 8192
@@ -30,6 +30,8 @@ MEMORY_MB = 8192
 
 
 _FIELDS = ("domain", "problem", "output", "timeout")
+_FILES = 16
+"""Plan files that are read, of those that an anytime planner numbers: the last ones."""
 _FOREVER = 10**6
 """Seconds, for planners that want a number where there is no deadline."""
 
@@ -62,7 +64,7 @@ class CommandPlanner:
             files["problem"].write_text(problem_text(problem, domain), encoding="utf-8")
             fields = {**files, "timeout": f"{remaining:.3f}"}
             command = tuple(argument.format_map(fields) for argument in self.arguments)
-            ended = Processes().run(command, deadline, folder=folder, memory_mb=MEMORY_MB)
+            ended = Processes().run(command, deadline, folder=folder, memory_mb=MEMORY_MB, scratch=folder)
             printed = _plan_text(folder, ended)
         found = last_valid_plan(printed, domain, problem, self.epsilon, self.name)
         return judged(self.name, ended, found, self.verdict)
@@ -122,8 +124,15 @@ def _message(status: PlannerStatus, ended: Ended, wrong: str) -> str:
 def _plan_text(folder: Path, ended: Ended) -> str:
     """What the planner wrote into `{output}`, else what it printed; the last of several numbered files."""
     written = sorted(filter(Path.is_file, folder.glob("plan*")), key=lambda path: path.stat().st_mtime_ns)
-    texts = [path.read_bytes().decode("utf-8", "replace") for path in written]
+    texts = [_end_of(path) for path in written[-_FILES:]]
     return "\n.\n".join(texts) if any(text.strip() for text in texts) else ended.stdout
+
+
+def _end_of(path: Path) -> str:
+    """The last of what a file holds, as much as is kept of what a command prints."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - KEPT))
+        return file.read(KEPT).decode("utf-8", "replace")
 
 
 def program(name: str) -> str | None:

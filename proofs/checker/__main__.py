@@ -1,0 +1,148 @@
+"""`python -m checker CERT DOMAIN PROBLEM PLAN` or `CERT NETWORK`: check a certificate, and say what it establishes.
+
+Exit codes: 0 established, 1 rejected, 2 a file cannot be read, 4 the files hold what the checker does not know.
+"""
+
+import argparse
+import gzip
+import hashlib
+import json
+import resource
+import sys
+import zlib
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from .choices import check_choices, network_of
+from .claims import Box, Claim, Range, check, nominal
+from .proofs import Rejected, Tape, demand
+from .reader import Ground, Unsupported, ground, need, number
+
+FORMAT, OLD = "robust/certificate/2", "robust/certificate/1"
+KINDS = {"plan": 1, "box": 2, "maximal": 3, "region": 0, "knowledge": 0}
+MALFORMED = (ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError, ValueError)
+LONGEST_LINE, LARGEST, MEMORY = 64 << 20, 512 << 20, 4 << 30  # bytes
+
+
+class Inputs:
+    """The files, each read once, with the digests of what has been read."""
+
+    def __init__(self) -> None:
+        self.digests: dict[str, str] = {}
+
+    def text(self, kind: str, path: Path) -> str:
+        data = path.read_bytes()
+        self.digests[kind] = hashlib.sha256(data).hexdigest()
+        need(b"\0" not in data, f"{path}: found binary data, expected text")
+        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def lines_of(path: Path) -> Iterator[str]:
+    total = 0
+    with gzip.open(path) as file:
+        while line := file.readline(LONGEST_LINE):
+            total += len(line)
+            demand(total <= LARGEST and line.endswith(b"\n"), "a line or the whole is too long, or cut off")
+            yield line.decode("ascii")
+
+
+def checked(certificate: Path, files: list[Path], epsilon: Fraction, inputs: Inputs, demanded: Any) -> Claim:
+    """What the certificate establishes of the files."""
+    lines = lines_of(certificate)
+    first = json.loads(next(lines, "null"))
+    if type(first) is dict and first.get("format") == OLD:
+        raise Rejected(f"found a certificate of format {OLD}, expected {FORMAT}: make it anew with `robust certify`")
+    demand(type(first) is list and len(first) == 3 and first[0] == FORMAT, f"expected a certificate of format {FORMAT}")
+    _, kind, stated = first
+    demand(type(kind) is str and kind in KINDS, "the certificate is of an unknown kind")
+    demand(len(files) == (1 if kind == "knowledge" else 3), f"a certificate of kind {kind} is about other files")
+    if kind == "knowledge":
+        demand(stated is None and demanded.box is None, "a certificate of kind knowledge has no box")
+        demand(demanded.kind in (None, kind), f"expected {demanded.kind}, the certificate establishes {kind}")
+        network = network_of(inputs.text("network", files[0]))
+        texts = [inputs.text(each, files[0].parent / network[each]) for each in ("domain", "problem")]
+        return check_choices(Tape(lines), network, texts[0], texts[1], epsilon)
+    plan = ground(*(inputs.text(each, path) for each, path in zip(("domain", "problem", "plan"), files)))
+    claim = check(Tape(lines), plan, kind, stated, epsilon)
+    require(plan, claim, demanded)
+    return claim
+
+
+def require(plan: Ground, claim: Claim, demanded: Any) -> None:
+    """What is demanded, or more, is what has been established."""
+    said = f"the certificate establishes {claim.kind}"
+    if demanded.kind == "plan" and claim.box is not None:
+        inside = (values.within(claim.box[name]) for name, values in nominal(plan).items())
+        demand(all(inside), f"expected plan, but the nominal values are outside of the box: {said}")
+    elif demanded.kind is not None:
+        enough = claim.kind == demanded.kind or KINDS[claim.kind] > KINDS[demanded.kind] > 0
+        demand(enough, f"expected {demanded.kind}, {said}")
+    if demanded.box is not None:
+        wanted = box_in(plan, json.loads(Path(demanded.box).read_text(encoding="utf-8")))
+        demand(claim.box is not None, f"expected a box, {said}")
+        equal = claim.box == wanted or (claim.kind != "maximal" or demanded.kind != "maximal")
+        inside = (values.within((claim.box or {})[name]) for name, values in wanted.items())
+        demand(equal and all(inside), "the box that is demanded is another one")
+
+
+def box_in(plan: Ground, document: Any) -> Box:
+    """A box as `robust envelope --json` prints it."""
+    ends = document.get("parameters", document)
+    demand(ends.keys() == plan.parameters.keys(), "the demanded box has other parameters")
+    found: Box = {}
+    for name, each in ends.items():
+        low, high = (None if each[key] in ("inf", "-inf", "+inf") else number(each[key]) for key in ("lower", "upper"))
+        closed = [each.get(f"{key}_closed", True) is True for key in ("lower", "upper")]
+        found[name] = Range(low, closed[0] and low is not None, high, closed[1] and high is not None)
+    return {name: found[name] for name in plan.parameters}
+
+
+def report(arguments: Any, inputs: Inputs) -> tuple[int, dict[str, Any]]:
+    try:
+        need(type(arguments.epsilon) is str and number(arguments.epsilon) >= 0, "epsilon has to be 0 or more")
+        epsilon = number(arguments.epsilon)
+        claim = checked(Path(arguments.certificate), [*map(Path, arguments.files)], epsilon, inputs, arguments)
+    except (Rejected, OSError, EOFError, zlib.error, UnicodeError, Unsupported) as error:
+        code = {Rejected: 1, Unsupported: 4}.get(type(error), 2)
+        return code, {"verdict": {1: "rejected", 2: "unreadable", 4: "unsupported"}[code], "reason": str(error)}
+    except MALFORMED as error:
+        return 1, {"verdict": "rejected", "reason": f"malformed ({type(error).__name__})"}
+    text = f"{claim.text}, epsilon = {claim.epsilon}"
+    answer: dict[str, Any] = {"verdict": "established", "kind": claim.kind, "claim": text, "epsilon": str(epsilon)}
+    box = None if claim.box is None else {name: ends_of(each) for name, each in claim.box.items()}
+    return 0, answer | {"box": box, "obligations": claim.obligations, "refuted": claim.refuted}
+
+
+def ends_of(each: Range) -> dict[str, Any]:
+    texts = ("-inf" if each.lower is None else str(each.lower), "inf" if each.upper is None else str(each.upper))
+    return dict(zip(("lower", "upper", "lower_closed", "upper_closed"), (*texts, each.lower_closed, each.upper_closed)))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="checker", description="Check a certificate of `robust`.")
+    parser.add_argument("certificate")
+    parser.add_argument("files", nargs="+", help="DOMAIN PROBLEM PLAN, or NETWORK")
+    parser.add_argument("--kind", choices=KINDS, help="fail unless this, or more, is established")
+    parser.add_argument("--box", help="fail unless all of this box, as JSON, is established")
+    parser.add_argument("--epsilon", default="1/1000", help="how far apart mutex time points have to be")
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    sys.setrecursionlimit(20_000)
+    inputs = Inputs()
+    code, answer = report(arguments, inputs)
+    if arguments.json:
+        print(json.dumps(answer | {"files": inputs.digests}))
+    else:
+        print(f"{answer['verdict']}: {answer.get('claim') or answer['reason']}")
+        for kind, digest in inputs.digests.items() if not code else ():
+            print(f"of {kind}: sha256 {digest}")
+        if not code:
+            print(f"checked: {answer['obligations']} obligations, {answer['refuted']} of them not constant")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,209 @@
+"""Plans with choices: `knowledge`, that a `.tpnu.json` network with its PDDL has no correct execution.
+
+An execution gives every choice one of its values, and every event whose guard then holds a time [PIKE, Definitions 2.5
+to 2.8]. It is correct if the constraints and durations whose guards hold are kept, everything is between `e_initial`
+and `e_goal`, by at least epsilon, and each condition whose guard holds has a producer: an effect that makes it true
+strictly before, such that no effect that makes it false is from then on until the condition ends.
+"""
+
+import json
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from .claims import Claim
+from .formulas import FALSE, TRUE, Formulas, constant, names_in, plus
+from .proofs import Facts, Tape, refute
+from .reader import Ground, Linear, Model, Scope, Tree, need, number
+
+Guard = dict[str, str]
+KEYS = {
+    "choices": ({"name", "domain", "controllable", "at"}, set[str]()),
+    "events": ({"name"}, {"guard"}),
+    "constraints": ({"from", "to", "lower", "upper"}, {"guard"}),
+    "activities": ({"action", "from", "to", "lower", "upper"}, {"agent", "guard"}),
+}
+
+
+def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    need(len(dict(pairs)) == len(pairs), "found a key twice")
+    return dict(pairs)
+
+
+def network_of(text: str) -> dict[str, Any]:
+    """The network, each of its lists there, numbers as text."""
+    found = json.loads(text, parse_int=str, parse_float=str, parse_constant=str, object_pairs_hook=members)
+    need(type(found) is dict and found.get("format") == "tpnu/1", "expected a network of format tpnu/1")
+    need(found.keys() <= {"format", "name", "domain", "problem", *KEYS}, "found an unknown key in the network")
+    need(type(found.get("domain")) is type(found.get("problem")) is str, "expected the names of domain and problem")
+    for kind, (required, optional) in KEYS.items():
+        for each in found.setdefault(kind, []):
+            need(type(each) is dict and required <= each.keys() <= required | optional, f"found {kind} malformed")
+            need(all(type(each[key]) is str for key in ("name", "at", "from", "to", "action") if key in each), kind)
+    return dict(found)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """An atom that is to be true, or false, just before `first` and until just before `last`."""
+
+    atom: str
+    value: bool
+    first: str
+    last: str
+    guard: Guard
+    activity: int | None
+
+
+@dataclass(frozen=True)
+class Effect:
+    atom: str
+    value: bool
+    event: str
+    guard: Guard
+    activity: int | None
+
+
+class Choices:
+    """The formula that says what a correct execution is: `parts` are what has to hold."""
+
+    def __init__(self, network: dict[str, Any], domain: str, problem: str, epsilon: Fraction) -> None:
+        self.model = Model(domain, problem)
+        need(not self.model.timed, "found timed initial literals in a plan with choices")
+        need(epsilon > 0, "epsilon has to be above 0 in a plan with choices")
+        ground = Ground(self.model)
+        ground.point("start")
+        self.domains = {each["name"]: each["domain"] for each in network["choices"]}
+        self.guards: dict[str, Guard] = {each["name"]: each.get("guard", {}) for each in network["events"]}
+        for kind, names in (("choices", self.domains), ("events", self.guards)):
+            need(len(names) == len(network[kind]), f"found two {kind} of one name")
+        for end in ("e_initial", "e_goal"):
+            need(self.guards.setdefault(end, {}) == {}, f"found a guard of {end}")
+        self.times = {event: {f"@{index}": Fraction(1)} for index, event in enumerate(self.guards, start=1)}
+        given: dict[str, Linear] = {}
+        for place, activity in enumerate(network["activities"]):
+            call = activity["action"].lower().replace("(", " ").replace(")", " ").split()
+            ground.instance(str(place), True, call)
+            for point, event in zip((-2, -1), (activity["from"], activity["to"])):
+                given[f"@{len(ground.points) + point}"] = self.time(event)
+        need(not ground.flows and not ground.parameters, "found continuous effects or parameters")
+        self.formulas = Formulas(ground, epsilon, given)
+        self.circuit = self.formulas.circuit
+        self.values = {
+            (name, value): self.circuit.compare({f"?{i}.{j}": Fraction(1)}, True)
+            for i, (name, values) in enumerate(self.domains.items())
+            for j, value in enumerate(values)
+        }
+        self.parts: list[int] = []
+        for name, values in self.domains.items():
+            need(type(values) is list and values and len({*values}) == len(values), f"found {name} without values")
+            each = [self.values[name, value] for value in values]
+            self.parts.append(self.circuit.any(each))
+            self.parts += [-self.circuit.all([a, b]) for i, a in enumerate(each) for b in each[:i]]
+        for event, guard in self.guards.items():
+            for a, b in (("e_initial", event), (event, "e_goal")):
+                if a != b:
+                    self.constrain(guard, a, b, epsilon, None)
+        for edge in (*network["constraints"], *network["activities"]):
+            low, high = (None if edge[key] is None else number(edge[key]) for key in ("lower", "upper"))
+            self.constrain(edge.get("guard", {}), edge["from"], edge["to"], low, high)
+        self.conditions: list[Condition] = []
+        self.effects: list[Effect] = []
+        for place, activity in enumerate(network["activities"]):
+            self.activity(place, activity, 2 * place + 1)
+        goal = self.model.condition(self.model.goal, Scope({}, {}))
+        self.require(goal, ("final", None), None, Condition("", True, "e_goal", "e_goal", {}, None))
+        atoms = sorted({each.atom for each in self.conditions} | {each.atom for each in self.effects})
+        self.effects += [Effect(atom, bool(self.model.initial.get(atom)), "e_initial", {}, None) for atom in atoms]
+        self.parts += [self.met(condition) for condition in self.conditions]
+
+    def time(self, event: str) -> Linear:
+        need(event in self.times, f"found {event}, expected a declared event")
+        return self.times[event]
+
+    def holds(self, guard: Any) -> int:
+        need(type(guard) is dict, "found a malformed guard")
+        need(all((name, value) in self.values for name, value in guard.items()), f"found an unknown value in {guard}")
+        return self.circuit.all([self.values[name, value] for name, value in guard.items()])
+
+    def unless(self, guard: Guard, literal: int) -> int:
+        return self.circuit.any([-self.holds(guard), literal])
+
+    def before(self, a: str, b: str) -> int:
+        return self.circuit.compare(plus(self.time(b), self.time(a), -1), True)
+
+    def constrain(self, guard: Guard, a: str, b: str, low: Fraction | None, high: Fraction | None) -> None:
+        gap = plus(self.time(b), self.time(a), -1)
+        implied = {*self.guards[a].items(), *self.guards[b].items()}
+        need(type(guard) is dict and implied <= {*guard.items()}, f"found {a} and {b} related where they do not happen")
+        if low is not None:
+            self.parts.append(self.unless(guard, self.circuit.compare(plus(gap, constant(low), -1))))
+        if high is not None:
+            self.parts.append(self.unless(guard, self.circuit.compare(plus(constant(high), gap, -1))))
+
+    # -- activities ----------------------------------------------------------------------------------------------------
+
+    def activity(self, place: int, activity: dict[str, Any], start: int) -> None:
+        """Its durations, conditions and effects; `start` is the number of its first time point."""
+        ends, guard = {start: activity["from"], start + 1: activity["to"]}, activity.get("guard", {})
+        for duty in self.formulas.ground.duties:
+            if duty.owner == (start, start + 1):
+                first = duty.first or start
+                like = Condition("", True, ends[first], ends[duty.last or first], guard, place)
+                self.require(duty.condition, ("before", first), duty.owner, like)
+        for point, event in ends.items():
+            happens = dict[str, bool]()
+            for effect in self.formulas.ground.effects[point]:
+                need(effect.kind in ("add", "delete"), "found a change of a number")
+                if self.settled(effect.when, ("before", point), effect.owner) == TRUE:
+                    happens[effect.target] = happens.get(effect.target, False) or effect.kind == "add"
+            self.effects += [Effect(atom, value, event, guard, place) for atom, value in happens.items()]
+
+    def settled(self, tree: Tree, moment: Any, owner: Any) -> int:
+        """A condition that nothing in the plan changes."""
+        need(
+            not self.formulas.writes.keys() & {*names_in(tree)}, "found a condition that is no conjunction of literals"
+        )
+        literal = self.formulas.truth(tree, moment, owner)
+        need(literal in (TRUE, FALSE), "found a condition on durations of an effect")
+        return literal
+
+    def require(self, tree: Tree, moment: Any, owner: Any, like: Condition) -> None:
+        """The literals of a conjunction, and what is said of durations and of what never changes."""
+        kind = tree[0] if type(tree) is tuple else ""
+        inner = tree[1] if kind == "not" else tree
+        if kind == "and":
+            for each in tree[1:]:
+                self.require(each, moment, owner, like)
+        elif type(inner) is tuple and inner[0] == "atom":
+            self.conditions.append(Condition(inner[1], kind != "not", like.first, like.last, like.guard, like.activity))
+        else:
+            need(not self.formulas.writes.keys() & {*names_in(tree)}, "found a condition that is no conjunction")
+            self.parts.append(self.unless(like.guard, self.formulas.truth(tree, moment, owner)))
+
+    def met(self, condition: Condition) -> int:
+        """Some producer is in time, and no threat is between it and the end of the condition."""
+        supports = []
+        threats = [each for each in self.effects if each.atom == condition.atom and each.value != condition.value]
+        threats = [each for each in threats if not (self.own(each, condition) and each.event == condition.last)]
+        for producer in self.effects:
+            if producer.atom == condition.atom and producer.value == condition.value:
+                begins = self.own(producer, condition) and producer.event == condition.first != condition.last
+                in_time = TRUE if begins else self.before(producer.event, condition.first)
+                apart = [[self.before(t.event, producer.event), self.before(condition.last, t.event)] for t in threats]
+                away = [self.unless(t.guard, self.circuit.any(each)) for t, each in zip(threats, apart)]
+                supports.append(self.circuit.all([self.holds(producer.guard), in_time, *away]))
+        return self.unless(condition.guard, self.circuit.any(supports))
+
+    @staticmethod
+    def own(effect: Effect, condition: Condition) -> bool:
+        return effect.activity is not None and effect.activity == condition.activity
+
+
+def check_choices(tape: Tape, network: dict[str, Any], domain: str, problem: str, epsilon: Fraction) -> Claim:
+    """That no execution is correct."""
+    choices = Choices(network, domain, problem, epsilon)
+    refute(tape, choices.formulas, Facts(choices.formulas, [], network=False), choices.circuit.all(choices.parts))
+    tape.finish()
+    text = "no choices and times are a correct execution of the plan with choices"
+    return Claim("knowledge", epsilon, text, obligations=len(choices.parts), refuted=1)

@@ -1,0 +1,430 @@
+"""What breaks a plan, as directly as the semantics says it: a circuit over times, parameters and auxiliary values.
+
+A plan is valid for some parameter values if the network has a schedule, and no schedule of the network breaks an
+obligation. The state at a moment is what the writes before it left: an atom is true if it was added and not deleted
+later (at one time an add wins over a delete), or true at first and never deleted; a fluent is its last assignment, or
+its initial value, and all increases and continuous changes since then. Moments are ("before", point), ("after", point),
+("instant", name) for an instant inside an action, and ("final", None).
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from fractions import Fraction
+from functools import cache
+from math import gcd, lcm
+from typing import Any
+
+from .reader import Duty, Effect, Ground, Linear, Tree, need
+
+Moment = tuple[str, Any]
+Node = tuple[Any, ...]
+TRUE, FALSE = 1, -1
+
+
+def plus(left: Linear, right: Linear, factor: Fraction | int = 1) -> Linear:
+    """`left + factor * right`."""
+    total = dict(left)
+    for name, value in right.items():
+        total[name] = total.get(name, Fraction(0)) + factor * value
+        if not total[name]:
+            del total[name]
+    return total
+
+
+def constant(value: Fraction) -> Linear:
+    return {"": value} if value else {}
+
+
+def replaced(expression: Linear, given: Mapping[str, Linear]) -> Linear:
+    """The expression with expressions for some of its names."""
+    total: Linear = {}
+    for name, factor in expression.items():
+        total = plus(total, given[name], factor) if name in given else plus(total, {name: factor})
+    return total
+
+
+class Circuit:
+    """Literals are numbers, negative if negated; 1 is true.
+
+    A node is a conjunction of literals, or (strict, terms): that a linear form with coprime integers as coefficients,
+    the first of them positive, is at least 0, or more than 0.
+    """
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = [(0,), ()]
+        self.numbers: dict[Node, int] = {(): TRUE}
+
+    def add(self, node: Node) -> int:
+        if node not in self.numbers:
+            self.numbers[node] = len(self.nodes)
+            self.nodes.append(node)
+        return self.numbers[node]
+
+    def all(self, literals: Iterator[int] | list[int]) -> int:
+        inputs = set(literals) - {TRUE}
+        if any(-each in inputs for each in inputs) or FALSE in inputs:
+            return FALSE
+        return inputs.pop() if len(inputs) == 1 else self.add(tuple(sorted(inputs)))
+
+    def any(self, literals: Iterator[int] | list[int]) -> int:
+        return -self.all([-each for each in literals])
+
+    def compare(self, expression: Linear, strict: bool = False) -> int:
+        """`expression >= 0`, or `> 0`."""
+        names = sorted(name for name in expression if name)
+        if not names:
+            value = expression.get("", Fraction(0))
+            return TRUE if value > 0 or (value == 0 and not strict) else FALSE
+        scale = lcm(*(value.denominator for value in expression.values()))
+        whole = {name: int(value * scale) for name, value in expression.items()}
+        divisor = gcd(*whole.values()) * (1 if whole[names[0]] > 0 else -1)
+        node = tuple((name, whole[name] // divisor) for name in [*names, ""] if name in whole)
+        return self.add((strict, node)) if divisor > 0 else -self.add((not strict, node))
+
+    def equal(self, expression: Linear) -> int:
+        return self.all([self.compare(expression), self.compare(plus({}, expression, -1))])
+
+    def is_gate(self, number: int) -> bool:
+        return not self.nodes[number] or type(self.nodes[number][0]) is int
+
+    def said(self, literal: int) -> tuple[dict[str, int], bool]:
+        """What the literal of a comparison says: `form >= 0`, or `> 0`."""
+        strict, terms = self.nodes[abs(literal)]
+        return (dict(terms), strict) if literal > 0 else ({name: -value for name, value in terms}, not strict)
+
+
+class Formulas:
+    """The formulas of one plan. `given` are expressions for parameters and points (`@3`), where they are not free."""
+
+    def __init__(self, ground: Ground, epsilon: Fraction, given: Mapping[str, Linear] | None = None) -> None:
+        self.ground, self.epsilon, self.circuit = ground, epsilon, Circuit()
+        self.known: dict[tuple[int, int], Fraction] = {}  # (a, b): t_b - t_a is at least that, as has been proved
+        self.definitions: dict[str, list[int]] = {}  # auxiliary value: the literals that define it
+        self.instants: dict[str, tuple[int, int]] = {}  # instants inside actions, with the ends of the actions
+        self.given = given
+        self.truths: dict[tuple[str, Moment], int | None] = {}
+        self.levels: dict[tuple[str, Moment], Linear | None] = {}
+        self.writes: dict[str, list[tuple[int, Effect]]] = {}
+        self.flows: dict[str, list[tuple[int, int, Tree]]] = {}
+        for point, effects in enumerate(ground.effects):
+            for effect in effects:
+                self.writes.setdefault(effect.target, []).append((point, effect))
+        for start, end, fluent, rate in ground.flows:
+            self.flows.setdefault(fluent, []).append((start, end, rate))
+        self.ties: dict[int, Linear] = {0: {}}
+        if given is None:
+            self.tie()
+        else:
+            self.ties |= {point: given[f"@{point}"] for point in range(1, len(ground.points))}
+
+    # -- time ----------------------------------------------------------------------------------------------------------
+
+    def tie(self) -> None:
+        """Time points at a fixed distance, by the network, from others: expressions over the others."""
+        edges = {(a, b, frozenset(w.items())) for a, b, w in self.ground.edges}
+        tied: dict[int, list[tuple[int, Linear]]] = {}
+        for a, b, w in self.ground.edges:
+            back = plus({}, w, -1)
+            if (b, a, frozenset(back.items())) in edges:
+                tied.setdefault(a, []).append((b, w))
+                tied.setdefault(b, []).append((a, back))
+        for root in range(len(self.ground.points)):
+            self.ties.setdefault(root, {f"@{root}": Fraction(1)})
+            queue = [root]
+            for point in queue:
+                for other, w in tied.get(point, ()):
+                    if other not in self.ties:
+                        self.ties[other] = plus(self.ties[point], w)
+                        queue.append(other)
+
+    def free(self) -> list[str]:
+        """The time points that others are tied to."""
+        return [f"@{point}" for point, tie in sorted(self.ties.items()) if tie == {f"@{point}": Fraction(1)}]
+
+    def at(self, moment: Moment) -> Linear:
+        kind, where = moment
+        if kind != "instant":
+            return self.ties[where]
+        return self.given[where] if self.given is not None and where in self.given else {where: Fraction(1)}
+
+    def gap(self, a: int, b: int) -> Linear:
+        """t_b - t_a."""
+        return plus(self.ties[b], self.ties[a], -1)
+
+    def slack(self, edge: tuple[int, int, Linear]) -> Linear:
+        """What a constraint of the network says is not negative."""
+        a, b, w = edge
+        return plus(self.gap(a, b), replaced(w, self.given or {}), -1)
+
+    def earlier(self, a: int, b: int, strict: bool = True) -> int:
+        """t_a < t_b, or <=."""
+        forward, back = self.known.get((a, b)), self.known.get((b, a))
+        if forward is not None and (forward > 0 or (forward == 0 and not strict)):
+            return TRUE
+        if back is not None and (back > 0 or (back == 0 and strict)):
+            return FALSE
+        return self.circuit.compare(self.gap(a, b), strict)
+
+    def passed(self, point: int, moment: Moment) -> int:
+        """Whether a time point is over at a moment."""
+        kind, where = moment
+        if kind == "final":
+            return TRUE
+        if kind != "instant":
+            return self.earlier(point, where, kind == "before")
+        start, end = self.instants[where]
+        if self.earlier(point, start, False) == TRUE:
+            return TRUE
+        if self.earlier(end, point, False) == TRUE:
+            return FALSE
+        return self.circuit.compare(plus(self.at(moment), self.ties[point], -1), True)
+
+    # -- state ---------------------------------------------------------------------------------------------------------
+
+    def happened(self, write: tuple[int, Effect], moment: Moment) -> int:
+        point, effect = write
+        passed = self.passed(point, moment)
+        if passed == FALSE or effect.when is True:
+            return passed
+        return self.circuit.all([passed, self.truth(effect.when, ("before", point), effect.owner)])
+
+    def holds(self, atom: str, moment: Moment) -> int:
+        key = atom, moment
+        if key not in self.truths:
+            self.truths[key] = None
+            done = [(write, self.happened(write, moment)) for write in self.writes.get(atom, ())]
+            done = [(write, each) for write, each in done if each != FALSE]
+            deletes = [(point, each) for (point, effect), each in done if effect.kind == "delete"]
+            cases = [-self.circuit.any([each for _, each in deletes])] if self.ground.model.initial.get(atom) else []
+            for (point, effect), each in done:
+                if effect.kind == "add":
+                    kept = [-self.circuit.all([gone, self.earlier(point, other)]) for other, gone in deletes]
+                    cases.append(self.circuit.all([each, *kept]))
+            self.truths[key] = self.circuit.any(cases)
+        found = self.truths[key]
+        need(found is not None, f"conditional effects on {atom} depend on each other")
+        return found or 0
+
+    def choice(self, cases: list[tuple[int, Linear]]) -> Linear:
+        """The value of the first case whose condition is true; that of the last one is."""
+        cases = [case for case in cases if case[0] != FALSE]
+        value = cases[-1][1]
+        for condition, other in reversed(cases[:-1]):
+            if condition == TRUE or value == other:
+                value = other
+                continue
+            name = f"={len(self.definitions)}"
+            yes, no = (self.circuit.equal(plus({name: Fraction(1)}, each, -1)) for each in (other, value))
+            self.definitions[name] = [self.circuit.any([-condition, yes]), self.circuit.any([condition, no])]
+            value = {name: Fraction(1)}
+        return value
+
+    def level(self, fluent: str, moment: Moment) -> Linear:
+        """The value of a fluent at a moment."""
+        key = fluent, moment
+        if key not in self.levels:
+            self.levels[key] = None
+            first = self.ground.model.initial.get(fluent)
+            need(type(first) is Fraction, f"{fluent} has no initial value")
+            writes = [(write, self.happened(write, moment)) for write in self.writes.get(fluent, ())]
+            assigned = [(write, done) for write, done in writes if write[1].kind == "assign" and done != FALSE]
+            cases: list[tuple[int, Linear]] = []
+            for rank, ((point, effect), done) in enumerate(assigned):
+                others = [(r, other, was) for r, ((other, _), was) in enumerate(assigned) if r != rank]
+                later = [self.circuit.all([was, self.earlier(point, other, r < rank)]) for r, other, was in others]
+                last = self.circuit.all([done, *(-each for each in later)])
+                if last != FALSE:
+                    value = self.expression(effect.amount, ("before", point), effect.owner)
+                    cases.append((last, plus(value, self.change(fluent, point, moment))))
+            if any(done == TRUE for _, done in assigned):
+                cases[-1] = (TRUE, cases[-1][1])
+            else:
+                cases.append((TRUE, plus(constant(Fraction(first or 0)), self.change(fluent, None, moment))))
+            self.levels[key] = self.choice(cases)
+        found = self.levels[key]
+        need(found is not None, f"{fluent} depends on itself")
+        return found or {}
+
+    def change(self, fluent: str, since: int | None, moment: Moment) -> Linear:
+        """What increases and continuous effects add, since the beginning or since an assignment."""
+        total: Linear = {}
+        for write in self.writes.get(fluent, ()):
+            point, effect = write
+            if effect.kind == "increase":
+                counts = self.happened(write, moment)
+                if since is not None and counts != FALSE:
+                    counts = self.circuit.all([counts, self.earlier(since, point, False)])
+                if counts != FALSE:
+                    amount = self.expression(effect.amount, ("before", point), effect.owner)
+                    total = plus(total, self.choice([(counts, amount), (TRUE, {})]))
+        for start, end, rate in self.flows.get(fluent, ()):
+            total = plus(total, self.flowed(start, end, rate, moment))
+            if since is not None:
+                total = plus(total, self.flowed(start, end, rate, ("before", since)), -1)
+        return total
+
+    def flowed(self, start: int, end: int, rate: Tree, moment: Moment) -> Linear:
+        """What a continuous effect has added: the rate times how long it has acted."""
+        for name in names_in(rate):
+            need(name not in self.writes and name not in self.flows, "the rate of a continuous effect changes")
+        slope = self.expression(rate, ("before", start), (start, end))
+        ended, started = self.passed(end, moment), self.passed(start, moment)
+        cases = [(ended, multiplied(slope, self.gap(start, end)))] if ended != FALSE else []
+        if ended != TRUE and started != FALSE:
+            cases.append((started, multiplied(slope, plus(self.at(moment), self.ties[start], -1))))
+        return self.choice([*cases, (TRUE, {})])
+
+    # -- expressions and conditions ------------------------------------------------------------------------------------
+
+    def expression(self, tree: Tree, moment: Moment, owner: tuple[int, int] | None) -> Linear:
+        kind, *rest = tree
+        if kind == "number":
+            return constant(rest[0])
+        if kind == "parameter":
+            return replaced({rest[0]: Fraction(1)}, self.given or {})
+        if kind == "duration":
+            need(owner is not None, "found ?duration outside of an action")
+            return self.gap(*owner) if owner is not None else {}
+        if kind == "fluent":
+            return self.level(rest[0], moment)
+        total, *parts = [self.expression(each, moment, owner) for each in rest]
+        if kind == "-" and not parts:
+            return plus({}, total, -1)
+        for part in parts:
+            if kind in ("+", "-"):
+                total = plus(total, part, 1 if kind == "+" else -1)
+            elif kind == "*":
+                total = multiplied(total, part)
+            else:
+                need(part.keys() == {""}, "found a division by something that is not constant, or by zero")
+                total = {name: value / part[""] for name, value in total.items()}
+        return total
+
+    def truth(self, tree: Tree, moment: Moment, owner: tuple[int, int] | None) -> int:
+        if type(tree) is bool:
+            return TRUE if tree else FALSE
+        kind, *rest = tree
+        if kind == "atom":
+            return self.holds(rest[0], moment)
+        if kind == "not":
+            return -self.truth(rest[0], moment, owner)
+        if kind in ("and", "or"):
+            join = self.circuit.all if kind == "and" else self.circuit.any
+            return join([self.truth(each, moment, owner) for each in rest])
+        left, right = (self.expression(each, moment, owner) for each in rest)
+        if kind == "=":
+            return self.circuit.equal(plus(left, right, -1))
+        least = plus(left, right, -1) if kind[0] == ">" else plus(right, left, -1)
+        return self.circuit.compare(least, len(kind) == 1)
+
+    # -- obligations ---------------------------------------------------------------------------------------------------
+
+    def obligations(self) -> list[tuple[str, Callable[[], int]]]:
+        """Each obligation, with the literal of what breaks it: durations, conditions and the goal, then separations."""
+        found: list[tuple[str, Callable[[], int]]] = []
+        for index, duty in enumerate(self.ground.duties):
+            found.append((duty.label, lambda index=index, duty=duty: self.broken(f"!{index}", duty)))  # type: ignore[misc]
+        for a, b in mutex(self.ground):
+            label = f"separation: {self.ground.points[a]}, {self.ground.points[b]}"
+            found.append((label, lambda a=a, b=b: self.separation(a, b)))  # type: ignore[misc]
+        return found
+
+    def separation(self, a: int, b: int) -> int:
+        """Less than epsilon apart."""
+        if self.known.get((a, b), -1) >= self.epsilon or self.known.get((b, a), -1) >= self.epsilon:
+            return FALSE
+        bound = constant(self.epsilon)
+        sides = (plus(bound, self.gap(a, b), sign) for sign in (1, -1))
+        return self.circuit.all([self.circuit.compare(side, True) for side in sides])
+
+    def broken(self, instant: str, duty: Duty) -> int:
+        if duty.first is None:
+            return -self.truth(duty.condition, ("final", None), None)
+        if duty.last is None:
+            return -self.truth(duty.condition, ("before", duty.first), duty.owner)
+        return self.circuit.any(list(self.broken_inside(instant, duty.condition, duty.first, duty.last)))
+
+    def broken_inside(self, instant: str, condition: Tree, start: int, end: int) -> Iterator[int]:
+        """False right after a happening inside, or before any happening or at any instant inside."""
+        names = set(names_in(condition))
+        if any(name in self.flows for name in names):
+            self.instants[instant] = start, end
+            time = self.at(("instant", instant))
+            sides = (plus(time, self.ties[start], -1), plus(self.ties[end], time, -1))
+            inside = [self.circuit.compare(side, True) for side in sides]
+            yield self.circuit.all([*inside, -self.truth(condition, ("instant", instant), (start, end))])
+        else:
+            order = self.earlier(start, end)
+            yield self.circuit.all([order, -self.truth(condition, ("after", start), (start, end))])
+        for point in sorted({point for name in names for point, _ in self.writes.get(name, ())}):
+            inside = [self.earlier(start, point), self.earlier(point, end)]
+            if FALSE not in inside:
+                yield self.circuit.all([*inside, -self.truth(condition, ("after", point), (start, end))])
+
+    def roots(self, literal: int) -> list[int]:
+        """The literal, and the definitions of all auxiliary values that it depends on."""
+        found, seen, queue = [literal], set[int](), [abs(literal)]
+        names = set[str]()
+        while queue:
+            number = queue.pop()
+            if number in seen:
+                continue
+            seen.add(number)
+            if self.circuit.is_gate(number):
+                queue += map(abs, self.circuit.nodes[number])
+                continue
+            for name, _ in self.circuit.nodes[number][1]:
+                if name in self.definitions and name not in names:
+                    names.add(name)
+                    found += self.definitions[name]
+                    queue += map(abs, self.definitions[name])
+        return found
+
+
+def multiplied(left: Linear, right: Linear) -> Linear:
+    if left.keys() <= {""}:
+        left, right = right, left
+    need(right.keys() <= {""}, "found a product of two things that are not constant")
+    return {name: value * right[""] for name, value in left.items()} if right else {}
+
+
+def names_in(tree: Tree) -> Iterator[str]:
+    """The atoms and fluents that a condition or an expression mentions."""
+    if type(tree) is tuple:
+        if tree[0] in ("atom", "fluent"):
+            yield tree[1]
+        elif tree[0] not in ("number", "parameter"):
+            for each in tree[1:]:
+                yield from names_in(each)
+
+
+HARM = {"add": ("read", "delete"), "delete": ("read",), "assign": ("read", "assign", "increase"), "increase": ("read",)}
+
+
+@cache
+def mutex(ground: Ground) -> list[tuple[int, int]]:
+    """The pairs of time points that must be apart: no moving targets [PDDL 2.1]. What a text mentions, it reads."""
+    does: dict[str, set[tuple[int, str]]] = {}
+
+    def reads(point: int, *trees: Tree) -> None:
+        for tree in trees:
+            for name in names_in(tree):
+                does.setdefault(name, set()).add((point, "read"))
+
+    for duty in ground.duties:
+        if duty.first is not None and duty.last is None:
+            reads(duty.first, duty.condition)
+    for point, effects in enumerate(ground.effects):
+        for effect in effects:
+            does.setdefault(effect.target, set()).add((point, effect.kind))
+            reads(point, effect.amount, effect.when)
+    for start, end, fluent, rate in ground.flows:
+        for point in (start, end):
+            does.setdefault(fluent, set()).add((point, "increase"))
+            reads(point, rate)
+    pairs = set[tuple[int, int]]()
+    for done in does.values():
+        for a, kind in done:
+            for b, other in done if kind in HARM else ():
+                if a != b and other in HARM[kind] and not {a, b} <= ground.timed:
+                    pairs.add((min(a, b), max(a, b)))
+    return sorted(pairs)

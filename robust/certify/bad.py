@@ -1,0 +1,440 @@
+"""Why parameter values are not in the envelope: circles of constraints, and schedules that break an obligation.
+
+A schedule that is linear on a whole polyhedron comes from one vertex: the constraints that are tight there determine
+all times as functions of the parameters, and the polyhedron is where these functions keep the other constraints (the
+critical region of a parametric linear program [Gal and Nedoma 1972]).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import lcm
+
+from robust.certify.checker.formulas import FALSE, Formulas, constant, plus, replaced
+from robust.certify.checker.reader import Ground, Linear
+from robust.certify.hints import Fact, KnownFacts, Line, Model, Side, implied, model, refutation
+from robust.certify.network import Orders, Point, positive_circle
+from robust.certify.tape import obligation_lines, schedule_lines, sums, texts
+from robust.encode.interface import Encoding
+from robust.encode.variables import Range
+from robust.errors import UnsupportedError
+from robust.irr.widen import DiscoveredBadSet
+from robust.qe.box import Box, Interval
+from robust.qe.box import Side as End
+from robust.qe.constraint import LinearConstraint, Sense
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region, outside
+from robust.qe.simplex import Tableau
+from robust.smt.limits import Deadline
+
+SEGMENT = "~"
+MARGIN = "margin"
+HALVINGS = 64
+"""How often the way beyond a face is shortened in search of bad values near to it."""
+"""By how much strict constraints hold, at least; at most 1."""
+
+
+def _linear(half: LinearConstraint) -> Linear:
+    """The left side of a constraint."""
+    return {name: Fraction(factor) for name, factor in half.coefficients}
+
+
+def facts_of(polyhedron: Polyhedron) -> list[Fact]:
+    """The sides of a polyhedron, equations as two of them."""
+    halves = (half for each in polyhedron.constraints for half in each.halves())
+    return [(plus(constant(half.constant), _linear(half), -1), half.is_strict) for half in halves]
+
+
+def side_of(form: Linear, strict: bool) -> LinearConstraint:
+    """`form ≥ 0`, or `> 0`, as a side of a polyhedron."""
+    factors = {name: -factor for name, factor in form.items() if name}
+    return LinearConstraint.of(factors, Sense.LESS if strict else Sense.AT_MOST, form.get("", Fraction(0)))
+
+
+@dataclass(frozen=True)
+class BadPiece:
+    """Parameter values that are bad, and why: the line that says it, and its refutation if it has one."""
+
+    polyhedron: Polyhedron
+    lines: tuple[Line, ...]
+
+
+class Reasons:
+    """Finds out why parameter values are bad.
+
+    Args:
+        ground: the plan, as the checker reads it.
+        epsilon: the separation of mutex time points.
+        bounds: the declared bounds.
+        deadline: when to give up, with OutOfTimeError.
+    """
+
+    def __init__(self, ground: Ground, epsilon: Fraction, bounds: Box, deadline: Deadline) -> None:
+        self._ground = ground
+        self._epsilon = epsilon
+        self._names = tuple(ground.parameters)
+        self._deadline = deadline
+        self.formulas = Formulas(ground, epsilon)
+        self.formulas.known = Orders(ground, bounds.ranges)  # type: ignore[assignment]
+        self._slacks = [self.formulas.slack(edge) for edge in ground.edges]
+        self._network = KnownFacts([(slack, False) for slack in self._slacks])
+        self._literals = [(number, broken()) for number, (_, broken) in enumerate(self.formulas.obligations())]
+        self._literals = [(number, literal) for number, literal in self._literals if literal != FALSE]
+
+    def breaking(self, assumed: Sequence[Side]) -> tuple[int, Model] | None:
+        """An obligation, by number, that some schedule breaks where the assumptions hold, and how."""
+        for place, (number, literal) in enumerate(self._literals):
+            found = model(self.formulas, self._network, literal, self._deadline, assumed)
+            if found is not None:
+                self._literals.insert(0, self._literals.pop(place))  # it will break elsewhere, too
+                return number, found
+        return None
+
+    def piece(self, point: Point, bounds: Sequence[Fact]) -> BadPiece:
+        """A polyhedron of bad values around a point that is bad.
+
+        Raises:
+            UnsupportedError: if nothing is wrong there.
+            OutOfTimeError: if the deadline passes.
+        """
+        circle = positive_circle(self._ground, point)
+        if circle is not None:
+            total: Linear = {}
+            for number in circle:
+                total = plus(total, self._ground.edges[number][2])
+            around = Polyhedron(self._names, (side_of(total, True),))
+            region = [*facts_of(around), *bounds]
+            return BadPiece(around, (["cycle", circle, sums(implied(KnownFacts(region), total, strictly=True))],))
+        pins = [Side.of(plus({name: s}, constant(s * point[name]), -1), False) for name in self._names for s in _SIGNS]
+        found = self.breaking(pins)
+        if found is None:
+            raise UnsupportedError(f"nothing breaks at {dict(point)}, which is outside of the region")
+        number, how = found
+        values, around = self._critical(how, point)
+        region = [*facts_of(around), *bounds]
+        return BadPiece(around, tuple(self.broken(number, values, region, {})))
+
+    def _critical(self, how: Model, point: Point) -> tuple[dict[str, Linear], Polyhedron]:
+        """Times and instants as functions of the parameters, and where they break the obligation in the same way."""
+        forms = [({**dict(side.factors), "": side.constant}, side.strict) for side in how.sides]
+        wanted = [({name: Fraction(v) for name, v in form.items() if v}, strict) for form, strict in forms]
+        wanted += [(slack, False) for slack in self._slacks]
+        unknowns = list(dict.fromkeys(n for form, _ in wanted for n in form if n and n not in self._names))
+        tight = _vertex(wanted, unknowns, point)
+        values = _solved([(wanted[index] if index < len(wanted) else None) for index in tight], unknowns)
+        sides = []
+        for form, strict in wanted:
+            rest = replaced(form, values)
+            if rest.keys() - {""}:
+                sides.append(side_of(rest, strict))
+        return values, Polyhedron(self._names, tuple(dict.fromkeys(sides))).simplified()
+
+    def broken(
+        self, number: int, values: Mapping[str, Linear], region: Sequence[Fact], parameters: Mapping[str, Linear]
+    ) -> Iterator[Line]:
+        """That a schedule breaks an obligation all over a region; `parameters` over the names of the region, if not
+        their own."""
+        times = [
+            replaced(replaced(self.formulas.ties[p], values), parameters) for p in range(1, len(self._ground.points))
+        ]
+        given = {**parameters, **{f"@{point}": time for point, time in enumerate(times, start=1)}}
+        instant = None
+        if f"!{number}" in self.formulas.instants:
+            instant = replaced(values.get(f"!{number}", {}), parameters)
+            given[f"!{number}"] = instant
+        formulas = Formulas(self._ground, self._epsilon, given)
+        known = KnownFacts(region)
+        kept = [sums(implied(known, formulas.slack(edge))) for edge in self._ground.edges]
+        literal = formulas.obligations()[number][1]()
+        yield ["broken", number, [texts(time) for time in times], kept, None if instant is None else texts(instant)]
+        yield refutation(formulas, known, -literal, self._deadline)
+
+
+_SIGNS = (Fraction(1), Fraction(-1))
+
+
+def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: Point) -> list[int]:
+    """The constraints that are tight at a vertex with the greatest margin of strict ones, and its bound."""
+    place = {name: index for index, name in enumerate(unknowns)}
+    tableau = Tableau(len(unknowns) + 1)
+
+    def add(form: Mapping[str, Fraction], strict: bool) -> None:
+        row, level = [Fraction(0)] * (len(unknowns) + 1), Fraction(0)
+        for name, factor in form.items():
+            if name in place:
+                row[place[name]] -= factor
+            else:
+                level += factor * (point[name] if name else 1)
+        row[-1] += strict
+        scale = lcm(level.denominator, *(each.denominator for each in row))
+        tableau.add([int(each * scale) for each in row], Sense.AT_MOST, int(level * scale))
+
+    for form, strict in wanted:
+        add(form, strict)
+    tableau.add([0] * len(unknowns) + [1], Sense.AT_MOST, 1)
+    if not tableau.restore():
+        raise ValueError("the constraints of a model contradict each other")
+    tableau.maximize([0] * len(unknowns) + [1])
+    return [slack - len(unknowns) - 1 for slack in tableau.tight]
+
+
+def _solved(tight: Sequence[Fact | None], unknowns: Sequence[str]) -> dict[str, Linear]:
+    """The unknowns, over the parameters, where constraints are tight; unknowns that these leave open are zero."""
+    rows = [plus({}, {MARGIN: Fraction(1), "": Fraction(-1)}) if each is None else _with_margin(each) for each in tight]
+    names = {*unknowns, MARGIN}
+    solved: dict[str, Linear] = {}
+    for each in rows:
+        row = replaced(each, solved)
+        pivot = next((name for name in row if name in names), None)
+        if pivot is None:
+            continue
+        factor = row.pop(pivot)
+        value = {name: -other / factor for name, other in row.items()}
+        solved = {name: replaced(form, {pivot: value}) for name, form in solved.items()}
+        solved[pivot] = value
+    open_names = {name: Linear() for name in names if name not in solved}
+    return {**open_names, **{name: replaced(form, open_names) for name, form in solved.items()}}
+
+
+def _with_margin(fact: Fact) -> Linear:
+    form, strict = fact
+    return plus(form, {MARGIN: Fraction(1)}, -1) if strict else form
+
+
+# -- regions ---------------------------------------------------------------------------------------------------------
+
+
+def declared_bounds(ground: Ground) -> Box:
+    """The declared bounds of the parameters, closed where finite."""
+    return Box(
+        {
+            name: Interval(p.lower, p.upper, p.lower is not None, p.upper is not None)
+            for name, p in ground.parameters.items()
+        }
+    )
+
+
+def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline: Deadline) -> list[Line]:
+    """That a region is the whole envelope within the declared bounds: bad polyhedra, and that all else is good.
+
+    Raises:
+        RefutedError: if an obligation breaks somewhere in it.
+        UnsupportedError: if it is not the whole envelope, or schedules cannot be written down.
+        OutOfTimeError: if the deadline passes.
+    """
+    names = tuple(ground.parameters)
+    bounds = declared_bounds(ground)
+    everything = Polyhedron.of_box(names, bounds)
+    limits = facts_of(everything)
+    reasons = Reasons(ground, epsilon, bounds, deadline)
+    lines: list[Line] = []
+    removed: list[Polyhedron] = []
+    for outer in region.complement().as_union().pieces:
+        for point in uncovered(outer.intersection(everything), removed):
+            deadline.enforce()
+            bad = reasons.piece(point, limits)
+            removed.append(bad.polyhedron)
+            lines += [["bad", _shown(bad.polyhedron)], *bad.lines]
+    good = list(limits)
+    walls: list[Polyhedron] = []
+    for piece in removed:
+        sides = facts_of(piece)
+        if len(sides) == 1:
+            good.append((plus({}, sides[0][0], -1), not sides[0][1]))
+        else:
+            walls.append(piece)
+    base = Polyhedron(names, tuple(side_of(form, strict) for form, strict in good))
+    formulas = Formulas(ground, epsilon)
+    outside_of = [-_inside(formulas, piece) for piece in walls]
+    extents = {name: base.extent(name) for name in names}
+    ranges: dict[str, Range] = {
+        name: (e.lower, e.upper) if e is not None else (None, None) for name, e in extents.items()
+    }
+    lines += [["good"], *obligation_lines(formulas, good, ranges, outside_of, deadline=deadline)]
+    pieces: list[Polyhedron] = []
+    covered = list(walls)
+    for point in uncovered(base, covered):
+        deadline.enforce()
+        piece, times = _scheduled(formulas, point)
+        pieces.append(piece)
+        covered.append(piece)
+        lines += [["piece", _shown(piece)], *schedule_lines(formulas, [*facts_of(piece), *good], times)]
+    outside_of += [-_inside(formulas, piece) for piece in pieces]
+    return [*lines, ["rest"], refutation(formulas, KnownFacts(good), formulas.circuit.all(outside_of), deadline)]
+
+
+def _shown(polyhedron: Polyhedron) -> Line:
+    return [[texts(form), strict] for form, strict in facts_of(polyhedron)]
+
+
+def _inside(formulas: Formulas, piece: Polyhedron) -> int:
+    return formulas.circuit.all([formulas.circuit.compare(*side) for side in facts_of(piece)])
+
+
+def _scheduled(formulas: Formulas, point: Point) -> tuple[Polyhedron, dict[str, Linear]]:
+    """Times as functions of the parameters that keep the network around a point, and where they do."""
+    slacks = [(formulas.slack(edge), False) for edge in formulas.ground.edges]
+    tight = _vertex(slacks, formulas.free(), point)
+    times = _solved([slacks[index] if index < len(slacks) else None for index in tight], formulas.free())
+    times = {name: times[name] for name in formulas.free()}
+    sides = (replaced(slack, times) for slack, _ in slacks)
+    kept = dict.fromkeys(side_of(side, False) for side in sides if side.keys() - {""})
+    return Polyhedron(tuple(formulas.ground.parameters), tuple(kept)).simplified(), times
+
+
+def uncovered(everything: Polyhedron, cover: Sequence[Polyhedron]) -> Iterator[dict[str, Fraction]]:
+    """Points that no polyhedron of a growing cover contains, until there are none.
+
+    They are inside of what is not covered where that has an inside: what is true at a corner may be true nowhere else.
+    """
+    while (point := outside(everything, cover)) is not None:
+        sides = [
+            next(half for each in other.constraints for half in each.negation() if half.evaluate(point))
+            for other in cover
+        ]
+        around = Polyhedron(everything.parameters, (*everything.constraints, *sides))
+        yield around.interior_point() or point
+
+
+# -- faces of boxes --------------------------------------------------------------------------------------------------
+
+
+def face_lines(ground: Ground, encoding: Encoding, box: Box, *, solver: str, deadline: Deadline) -> Iterator[Line]:
+    """For each face that is neither infinite nor a declared bound, bad values arbitrarily near to it.
+
+    Raises:
+        UnsupportedError: if none are found: the box is not maximal.
+        OutOfTimeError: if the deadline passes.
+    """
+    bad = DiscoveredBadSet(encoding, solver=solver)
+    bounds = declared_bounds(ground)
+    for name, interval in box.intervals.items():
+        for side in (End.LOWER, End.UPPER):
+            end = interval.end(side)
+            if end is None or (interval.is_closed_at(side) and end == bounds[name].end(side)):
+                continue
+            face = _Face(
+                ground=ground, encoding=encoding, box=box, bad=bad, name=name, side=side, end=end, deadline=deadline
+            )
+            yield from face.lines()
+
+
+class _Face:
+    """One face of a box."""
+
+    def __init__(
+        self,
+        *,
+        ground: Ground,
+        encoding: Encoding,
+        box: Box,
+        bad: DiscoveredBadSet,
+        name: str,
+        side: End,
+        end: Fraction,
+        deadline: Deadline,
+    ) -> None:
+        self._ground, self._encoding, self._box, self._bad = ground, encoding, box, bad
+        self._name, self._side, self._end, self._deadline = name, side, end, deadline
+        self._closed = box[name].is_closed_at(side)
+
+    def lines(self) -> Iterator[Line]:
+        reach = self._end + self._side.sign
+        for _ in range(HALVINGS):
+            found = None
+            beyond = self._beyond(reach)
+            piece = self._bad.piece_in(beyond, self._deadline)
+            if piece is None:
+                raise UnsupportedError(f"no bad values at the {self._side.value} end of {self._name}: it can be moved")
+            if piece in self._bad.existence:
+                found = self._nearest(list(piece.constraints), list(piece.parameters), beyond)
+                if found is not None and found[0][self._name] == self._end:
+                    yield from self._circle(*found)
+                    return
+            else:
+                reasons = Reasons(self._ground, self._encoding.epsilon, beyond, self._deadline)
+                broken = reasons.breaking([Side.of(dict(form), strict) for form, strict in _box_facts(beyond)])
+                if broken is not None:
+                    number, how = broken
+                    found = self._approach(reasons, how, beyond)
+                    if found is not None and found[0][self._name] == self._end:
+                        yield from self._schedule(reasons, number, *found)
+                        return
+            nearest = found[0][self._name] if found is not None else reach
+            reach = (self._end + nearest) / 2 if nearest != self._end else (self._end + reach) / 2
+        raise UnsupportedError(f"no reason was found why the {self._side.value} end of {self._name} cannot be moved")
+
+    def _beyond(self, reach: Fraction) -> Box:
+        """What the box grows by if the face moves as far as `reach`, or if its end becomes part of it."""
+        if not self._closed:
+            return self._box.replace(self._name, Interval(self._end, self._end))
+        if self._side is End.UPPER:
+            return self._box.replace(self._name, Interval(self._end, reach, lower_closed=False))
+        return self._box.replace(self._name, Interval(reach, self._end, upper_closed=False))
+
+    def _nearest(
+        self, constraints: list[LinearConstraint], names: list[str], beyond: Box
+    ) -> tuple[dict[str, Fraction], dict[str, Fraction]] | None:
+        """The point of the closure that is nearest to the face, and one inside."""
+        everything = Polyhedron(tuple(names), (*constraints, *beyond.constraints()))
+        inside = everything.some_point()
+        if inside is None:
+            return None
+        best = everything.maximize({self._name: Fraction(-self._side.sign)})
+        if best is None or best.value is None:
+            return None
+        return (inside, inside) if best.point[self._name] == inside[self._name] else (best.point, inside)
+
+    def _approach(
+        self, reasons: Reasons, how: Model, beyond: Box
+    ) -> tuple[dict[str, Fraction], dict[str, Fraction]] | None:
+        sides = [
+            side_of({**{n: Fraction(v) for n, v in s.factors}, "": Fraction(s.constant)}, s.strict) for s in how.sides
+        ]
+        network = [side_of(reasons.formulas.slack(edge), False) for edge in self._ground.edges]
+        network = [side for side in dict.fromkeys(network) if side.coefficients]
+        names = {name for side in (*sides, *network) for name, _ in side.coefficients} | self._box.intervals.keys()
+        return self._nearest([*sides, *network], sorted(names), beyond)
+
+    def _segment(self, limit: Point, inside: Point) -> tuple[Line, list[Fact], dict[str, Linear]]:
+        names = list(self._box.intervals)
+        line = ["face", [str(limit[name]) for name in names], [str(inside[name]) for name in names]]
+        region: list[Fact] = [({SEGMENT: Fraction(1)}, True), ({SEGMENT: Fraction(-1), "": Fraction(1)}, False)]
+        return line, region, {name: _between(limit, inside, name) for name in names}
+
+    def _circle(self, limit: Point, inside: Point) -> Iterator[Line]:
+        step = Fraction(1)
+        for _ in range(40):
+            near = {name: limit[name] + step * (inside[name] - limit[name]) for name in self._box.intervals}
+            line, region, given = self._segment(limit, near)
+            circle = positive_circle(self._ground, near)
+            if circle is None:
+                break
+            total: Linear = {}
+            for number in circle:
+                total = plus(total, replaced(self._ground.edges[number][2], given))
+            at_limit = total.get("", Fraction(0))
+            if at_limit >= 0 and at_limit + total.get(SEGMENT, 0) > 0:
+                yield line
+                yield ["cycle", circle, sums(implied(KnownFacts(region), total, strictly=True))]
+                return
+            step /= 1024
+        raise UnsupportedError(f"no circle of constraints was found at the {self._side.value} end of {self._name}")
+
+    def _schedule(self, reasons: Reasons, number: int, limit: Point, inside: Point) -> Iterator[Line]:
+        line, region, given = self._segment(limit, inside)
+        values = {name: _between(limit, inside, name) for name in limit if name not in self._box.intervals}
+        values |= {name: Linear() for name in reasons.formulas.free() if name not in values}
+        yield line
+        yield from reasons.broken(number, values, region, given)
+
+
+def _between(limit: Point, inside: Point, name: str) -> Linear:
+    return plus(constant(limit[name]), plus({}, {SEGMENT: inside[name] - limit[name]}))
+
+
+def _box_facts(box: Box) -> Iterator[Fact]:
+    for constraint in box.constraints():
+        yield from ((plus(constant(h.constant), _linear(h), -1), h.is_strict) for h in constraint.halves())

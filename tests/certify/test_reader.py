@@ -1,0 +1,231 @@
+"""The checker's reader and semantics against those of this package, which share no code."""
+
+from __future__ import annotations
+
+import json
+import re
+import warnings
+from collections import Counter
+from fractions import Fraction
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from benchmarks.suite import read_deliveries, read_suite
+from robust.certify.checker import reader
+from robust.certify.checker.formulas import FALSE, TRUE, Formulas, mutex
+from robust.certify.hints import KnownFacts, model
+from robust.errors import InputError, RobustError
+from robust.plan.load import load_plan
+from robust.plan.model import Atom, ParametrizedPlan
+from robust.plan.pddl.reader import read_domain, read_problem
+from robust.plan.simulate import mutex_pairs, simulate
+from robust.smt.limits import Deadline
+from tests.certify import tools
+from tests.certify.texts import Texts, random_texts
+from tests.sampling import sample_parameters, sample_schedules
+
+PLANNERS = Path(__file__).resolve().parents[3] / "shared" / "planner-logs"
+LABEL = re.compile(r"(\S+?)(?: \S+)?: (non-negative duration|duration|at start|at end|over all)?")
+
+
+def compare(plan: ParametrizedPlan, ground: reader.Ground) -> None:
+    """Time points, parameters, network, initial state, effects and mutex pairs are the same."""
+    assert [str(point) for point in plan.time_points] == ground.points
+    parameters = {name: (p.nominal, p.lower, p.upper) for name, p in ground.parameters.items()}
+    assert parameters == {p.name: (p.nominal, p.lower, p.upper) for p in plan.parameters}
+    network = {(str(one.source), str(one.target)) for one in plan.constraints if one.lower is not None}
+    network |= {(str(one.target), str(one.source)) for one in plan.constraints if one.upper is not None}
+    network |= {(".zero", point) for point in ground.points[1:]}
+    network |= {(ground.points[point], ".zero") for point in ground.timed}
+    assert network == {(ground.points[a], ground.points[b]) for a, b, _ in ground.edges}
+    assert {str(atom) for atom in plan.initial_atoms} == {name for name, v in ground.model.initial.items() if v is True}
+    values = {name: value for name, value in ground.model.initial.items() if isinstance(value, Fraction)}
+    assert {str(fluent): value.constant_term for fluent, value in plan.initial_fluents.items()} == values
+    assert written(plan) == {
+        (ground.points[point], effect.kind, effect.target)
+        for point, effects in enumerate(ground.effects)
+        for effect in effects
+    } | {(ground.points[start], "flow", fluent) for start, _, fluent, _ in ground.flows}
+    ours = {frozenset(map(str, pair)) for pair in mutex_pairs(plan)}
+    assert ours <= {frozenset((ground.points[a], ground.points[b])) for a, b in mutex(ground)}
+
+
+def written(plan: ParametrizedPlan) -> set[tuple[str, str, str]]:
+    """What happens at which time point."""
+    found = set()
+    for one in plan.instances:
+        for effect in one.atom_effects:
+            found.add((str(one.at(effect.timing)), "add" if effect.value else "delete", str(effect.atom)))
+        for change in one.numeric_effects:
+            found.add((str(one.at(change.timing)), change.operator.value, str(change.fluent)))
+        found |= {(str(one.start), "flow", str(flow.fluent)) for flow in one.continuous_effects}
+    for literal in plan.timed_literals:
+        kind = "assign" if not isinstance(literal.target, Atom) else "add" if literal.value else "delete"
+        found.add((str(literal.point), kind, str(literal.target)))
+    return found
+
+
+def key(label: str) -> object:
+    """What an obligation is about, as far as both sides say it alike."""
+    if label.startswith(("separation", "goal")):
+        return label if label.startswith("separation") else "goal"
+    match = LABEL.match(label)
+    assert match is not None
+    return match[1], match[2] or "condition"
+
+
+def agree(plan: ParametrizedPlan, ground: reader.Ground, random: Random, schedules: int = 4) -> Counter[str]:
+    """The formulas against the simulator: which obligations some schedules break."""
+    found: Counter[str] = Counter()
+    parameters = sample_parameters(plan, random)
+    for schedule in sample_schedules(plan, parameters, random, schedules):
+        try:
+            simulated = simulate(plan, parameters, schedule)
+            got = broken(ground, plan, parameters, schedule)
+        except (RobustError, reader.Unsupported):
+            found["unsupported"] += 1
+            continue
+        want = {key(each.obligation) for each in simulated.violations}
+        if any(isinstance(each, tuple) and each[1] == "non-negative duration" for each in want):
+            found["negative duration"] += 1  # flows of negative length have no meaning
+            continue
+        # A text mentions what its polynomial cancels: then more time points are mutex.
+        separations = {each for each in got if str(each).startswith("separation")}
+        assert want - separations == got - separations
+        found["broken" if want else "valid"] += 1
+    return found
+
+
+def broken(ground: reader.Ground, plan: ParametrizedPlan, parameters: dict, schedule: dict) -> set[object]:
+    """The obligations that one schedule breaks."""
+    times = {f"@{number}": schedule[point] for number, point in enumerate(plan.time_points) if number}
+    given = {name: {"": value} if value else {} for name, value in {**parameters, **times}.items()}
+    formulas = Formulas(ground, tools.EPSILON, given)
+    found = set()
+    for label, literal in ((label, make()) for label, make in formulas.obligations()):
+        if literal == TRUE or (literal != FALSE and model(formulas, KnownFacts([]), literal, Deadline.after(60))):
+            found.add(key(label))
+    return found
+
+
+def judge_texts(texts: Texts, seed: int) -> Counter[str]:
+    try:
+        plan = tools.assembled(texts)
+    except InputError:
+        return Counter(["wrong"])
+    ground = reader.ground(*texts)
+    compare(plan, ground)
+    return agree(plan, ground, Random(seed))
+
+
+def test_random_texts() -> None:
+    total = sum((judge_texts(random_texts(seed), seed) for seed in range(150)), Counter())
+    assert total["broken"] > 100
+    assert total["valid"] > 20
+    assert total["wrong"] < 20
+
+
+@pytest.mark.slow
+def test_many_random_texts() -> None:
+    total = sum((judge_texts(random_texts(seed), seed) for seed in range(1000, 4000)), Counter())
+    assert min(total["broken"], total["valid"]) > 1000
+
+
+EXAMPLES = sorted(tools.EXAMPLES.rglob("*.stn"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_examples(path) -> None:
+    files = (path.parent / "domain.pddl", path.parent / "problem.pddl", path)
+    plan, ground = load_plan(*files), tools.grounded(files)
+    compare(plan, ground)
+    agree(plan, ground, Random(1), 2)
+
+
+def test_recorded_plans(dataset) -> None:
+    plans = [one.files for one in read_suite(dataset)] + [files for _, files in read_deliveries(dataset)]
+    total: Counter[str] = Counter()
+    for files in plans:
+        plan, ground = load_plan(*files), tools.grounded(files)
+        compare(plan, ground)
+        total += agree(plan, ground, Random(2), 1)
+    assert len(plans) == 61
+    assert sum(total.values()) > 50
+
+
+@pytest.fixture(scope="module")
+def logs() -> Path:
+    if not PLANNERS.is_dir():
+        pytest.skip(f"no logs of planners at {PLANNERS}")
+    return PLANNERS
+
+
+def test_domains_of_planner_logs(logs) -> None:
+    """Every domain and problem is read; plans of logs become networks first."""
+    pairs = {(logs / one["domain"], logs / one["problem"]) for one in json.loads((logs / "plans.json").read_text())}
+    for domain, problem in sorted(pairs):
+        texts = [path.read_text(encoding="utf-8") for path in (domain, problem)]
+        if "in_storearea" in texts[1]:  # a predicate that is not declared: the checker does not guess
+            with pytest.raises(reader.Unsupported):
+                reader.Model(*texts)
+            continue
+        model_of = reader.Model(*texts)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            ours = read_problem(problem, read_domain(domain))
+        assert {str(atom) for atom in ours.atoms} == {name for name, v in model_of.initial.items() if v is True}
+        assert set(map(str, ours.fluents)) == {n for n, v in model_of.initial.items() if isinstance(v, Fraction)}
+        assert ours.objects.keys() == model_of.objects.keys()
+
+
+DOMAIN = """(define (domain d) (:types t) (:predicates (p ?x - t) (q)) (:functions (f))
+ (:durative-action a :parameters (?x - t) :duration (= ?duration 2)
+  :condition (at start (q)) :effect (at end (p ?x))))"""
+PROBLEM = "(define (problem x) (:domain d) (:objects o - t) (:init (q) (= (f) 1)) (:goal (p o)))"
+PLAN = "durative-action instance i : (a o); c: i.end - i.start in [2, 2];"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("(:types t)", "(:types t) (:derived (q) (p ?x))"),
+        ("(:types t)", "(:types t) (:types t)"),
+        ("(at start (q))", "(at start (preference x (q)))"),
+        ("(at start (q))", "(at start (z))"),
+        ("(at start (q))", "(at start (p ?y))"),
+        ("(at start (q))", "(q)"),
+        ("(= ?duration 2)", "(= 2 ?duration)"),
+        ("(= ?duration 2)", "(= ?duration 1/2)"),
+        ("(at end (p ?x))", "(over all (p ?x))"),
+        ("(:domain d)", "(:domain e)"),
+        ("(:init (q)", "(:init (q) (not (q))"),
+        ("(= (f) 1)", "(= (f) nan)"),
+        ("(a o)", "(a q)"),
+        ("[2, 2]", "[2, k]"),
+        ("[2, 2]", "[two, 2]"),
+        ("i.end - i.start", "i.ende - i.start"),
+        ("c: i", "c i"),
+        ("[2, 2];", "[2, 2]"),
+        ("durative-action instance", "action instance"),
+        ("(define (problem", "(define (domain"),
+    ],
+)
+def test_what_is_not_known_proves_nothing(old, new) -> None:
+    texts = (DOMAIN, PROBLEM, PLAN)
+    reader.ground(*texts)
+    changed = [text.replace(old, new) for text in texts]
+    assert changed != list(texts)
+    with pytest.raises(reader.Unsupported):
+        reader.ground(*changed)
+
+
+def test_what_a_text_mentions_is_read() -> None:
+    """Also where the polynomial cancels, and where objects decide the condition."""
+    domain = """(define (domain d) (:predicates (p) (q)) (:functions (f) (g))
+     (:action a :parameters () :precondition (and (>= (- (f) (f)) 0) (or (q) (>= 1 0))) :effect (p))
+     (:action b :parameters () :precondition () :effect (and (increase (f) 1) (not (q)))))"""
+    problem = "(define (problem x) (:domain d) (:init (= (f) 1)) (:goal (p)))"
+    ground = reader.ground(domain, problem, "action instance i : (a); action instance j : (b);")
+    assert mutex(ground) == [(1, 2)]

@@ -1,0 +1,227 @@
+"""Random plans as texts: domains with types, quantifiers, conditional and continuous effects, and networks for them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from random import Random
+from typing import NamedTuple
+
+OBJECTS = {"a": "t1", "b": "t1", "c": "t2"}
+SUBTYPES = {"t0": ("a", "b", "c"), "t1": ("a", "b"), "t2": ("c",), "object": ("a", "b", "c")}
+HALF = Fraction(1, 2)
+
+
+class Texts(NamedTuple):
+    """Domain, problem and plan."""
+
+    domain: str
+    problem: str
+    plan: str
+
+
+def random_texts(seed: int, *, instances: int = 3, easy: bool = False) -> Texts:
+    """A small random plan; an easy one has few conditions, so that it is often valid."""
+    return _Drawing(Random(seed), instances, easy).texts()
+
+
+class _Drawing:
+    def __init__(self, random: Random, instances: int, easy: bool) -> None:
+        self.random = random
+        self.easy = easy
+        self.count = random.randint(1, instances)
+        self.parameters = [f"k{index}" for index in range(random.randint(0, 2))]
+        self.shared = "s" if random.random() < 0.15 else None
+
+    def chance(self, probability: float) -> bool:
+        return self.random.random() < probability
+
+    def number(self) -> str:
+        return self.random.choice(["0", "1", "2", "3", "0.5", "1.5", "(- 1)", "(/ 1 3)", "-2", "5e-1"])
+
+    # -- expressions and conditions --------------------------------------------------------------------------------
+
+    def fluent(self, objects: list[str]) -> str:
+        return self.random.choice(["(f)", "f", f"(g {self.random.choice(objects)})", "(h)"])
+
+    def written(self, objects: list[str]) -> str:
+        return self.random.choice(["(f)", f"(g {self.random.choice(objects)})"])
+
+    def expression(self, objects: list[str], *, duration: bool, own: bool = False) -> str:
+        kind = self.random.randrange(9)
+        if kind < 3:
+            return self.number()
+        if kind < 5:
+            return self.fluent(objects)
+        if kind == 5 and duration:
+            return "?duration"
+        if kind == 6 and (own or self.shared):
+            return "?own" if own else f"?{self.shared}"
+        if kind == 7:
+            return f"(- {self.fluent(objects)} {self.fluent(objects)})"
+        operator = self.random.choice(["+", "-", "* 2", "* (h)"])
+        rest = self.expression(objects, duration=duration, own=own)
+        return f"({operator} {rest})" if operator[0] == "*" else f"({operator} {self.number()} {rest})"
+
+    def atom(self, objects: list[str]) -> str:
+        pick = self.random.choice
+        return pick([f"(p {pick(objects)})", "(q)", f"(r {pick(objects)} {pick(objects)})"])
+
+    def condition(  # noqa: PLR0911 - one return for each way
+        self, objects: list[str], *, duration: bool = False, depth: int = 0
+    ) -> str:
+        kind = self.random.randrange(12 if depth < 2 else 7)
+        inner = [self.condition(objects, duration=duration, depth=depth + 1) for _ in range(2)] if kind > 6 else []
+        if kind < 3:
+            return self.atom(objects)
+        if kind == 3:
+            return f"(not {self.atom(objects)})"
+        if kind < 6:
+            relation = self.random.choice(["<", "<=", ">", ">=", "="])
+            right = self.expression(objects, duration=duration)
+            return f"({relation} {self.fluent(objects)} {right})"
+        if kind == 6:
+            return f"(= {self.random.choice(objects)} {self.random.choice(objects)})"
+        if kind < 9:
+            return f"({self.random.choice(['and', 'or', 'imply'])} {inner[0]} {inner[1]})"
+        if kind == 9:
+            return f"(not (and {inner[0]} {inner[1]}))"
+        variable, chosen = f"?v{depth}", self.random.choice([*SUBTYPES])
+        body = self.condition([*objects, variable], duration=duration, depth=depth + 1)
+        return f"({self.random.choice(['forall', 'exists'])} ({variable} - {chosen}) {body})"
+
+    # -- actions -----------------------------------------------------------------------------------------------------
+
+    def effect(self, objects: list[str], *, duration: bool, depth: int = 0) -> str:
+        kind = self.random.randrange(10 if depth < 2 else 7)
+        if kind < 3:
+            return self.atom(objects)
+        if kind == 3:
+            return f"(not {self.atom(objects)})"
+        if kind < 7:
+            operator = self.random.choice(["increase", "decrease", "assign", "increase", "scale-up"])
+            amount = "2" if operator == "scale-up" else self.expression(objects, duration=duration)
+            return f"({operator} {self.written(objects)} {amount})"
+        inner = self.effect([*objects, f"?w{depth}"] if kind == 9 else objects, duration=duration, depth=depth + 1)
+        if kind == 7:
+            return f"(and {inner} {self.atom(objects)})"
+        if kind == 8:
+            return f"(when {self.condition(objects, depth=1)} {inner})"
+        return f"(forall (?w{depth} - {self.random.choice(['t1', 't2'])}) {inner})"
+
+    def action(self, index: int) -> str:
+        durative, own = self.chance(0.75), self.chance(0.2)
+        variables = {f"?x{i}": self.random.choice(["t1", "t2", "t0"]) for i in range(self.random.randint(0, 2))}
+        self.signatures.append((durative, own, list(variables.values())))
+        objects = [*variables, "a", "c"]
+        listed = " ".join(f"{name} - {kind}" for name, kind in variables.items())
+        synth = "(:synth-parameters ?own)" if own else ""
+        few = 1 if self.easy else 3
+        if not durative:
+            effects = " ".join(self.effect(objects, duration=False) for _ in range(self.random.randint(0, 2)))
+            condition = self.condition(objects) if self.chance(0.3 if self.easy else 0.7) else "()"
+            return (
+                f"(:action act{index} :parameters ({listed}) {synth} :precondition {condition} :effect (and {effects}))"
+            )
+        bound = self.random.choice(
+            ["(= ?duration (h))", "(and (>= ?duration 1) (<= ?duration 4))", "(>= ?duration 1/2)"]
+        )
+        bound = bound.replace("1/2", "?own" if own else "0.5")
+        timing = ["(at start {})", "(at end {})", "(over all {})"]
+        conditions = [
+            self.random.choice(timing).format(self.condition(objects, duration=True))
+            for _ in range(self.random.randint(0, few))
+        ]
+        effects = [
+            self.random.choice(timing[:2]).format(self.effect(objects, duration=True))
+            for _ in range(self.random.randint(0, 3))
+        ]
+        if self.chance(0.3):
+            rate = self.random.choice(["1", "(h)", "(- 2)", "?own" if own else "0.5"])
+            update = self.random.choice(["increase", "decrease"])
+            effects.append(f"({update} {self.written(objects)} (* #t {rate}))")
+        return (
+            f"(:durative-action act{index} :parameters ({listed}) {synth} :duration {bound}\n"
+            f"  :condition (and {' '.join(conditions)}) :effect (and {' '.join(effects)}))"
+        )
+
+    # -- files -------------------------------------------------------------------------------------------------------
+
+    def texts(self) -> Texts:
+        self.signatures: list[tuple[bool, bool, list[str]]] = []
+        actions = [self.action(index) for index in range(self.random.randint(1, 2))]
+        shared = f"(:synth-parameters ?{self.shared})" if self.shared else ""
+        domain = (
+            "(define (domain d) (:requirements :typing :fluents :durative-actions)\n"
+            f"(:types t1 t2 - t0 t0) (:constants a - t1 c - t2) {shared}\n"
+            "(:predicates (p ?x - t0) (q) (r ?x ?y - object))\n(:functions (f) (g ?x - t0) (h) - number)\n"
+            + "\n".join(actions)
+            + ")\n"
+        )
+        facts = [f"(p {name})" for name in OBJECTS if self.chance(0.5)] + (["(q)"] if self.chance(0.5) else [])
+        facts += [f"(= (f) {self.number_or_plain()})", f"(= (h) {self.random.choice(['1', '2', '3/2'[:1]])})"]
+        facts += [f"(= (g {name}) {self.number_or_plain()})" for name in OBJECTS]
+        for _ in range(self.random.choice([0, 0, 1, 2])):
+            what = self.random.choice(["(p b)", "(not (q))", "(q)", "(= (f) 2)"])
+            facts.append(f"(at {self.random.choice(['1', '2.5', '4'])} {what})")
+        facts = list(dict.fromkeys(facts))
+        goal = self.condition(["a", "c"]) if self.chance(0.3 if self.easy else 0.7) else "(and)"
+        problem = (
+            "(define (problem x) (:domain d) (:objects b - t1)\n"
+            f"(:init {' '.join(facts)})\n(:goal {goal}) (:metric minimize (total-time)))\n"
+        )
+        return Texts(domain, problem, self.plan())
+
+    def number_or_plain(self) -> str:
+        return self.random.choice(["0", "1", "2", "(- 1)", "0.25"])
+
+    def plan(self) -> str:
+        declared, lines, points = list(self.parameters), list[str](), dict[str, Fraction]()
+        names: list[tuple[str, bool]] = []
+        for index in range(self.count):
+            number = self.random.randrange(len(self.signatures))
+            durative, own, kinds = self.signatures[number]
+            name = f"i{index}"
+            declared += [f"{name}.own"] if own else []
+            arguments = " ".join([f"act{number}", *(self.random.choice(SUBTYPES[kind]) for kind in kinds)])
+            lines.append(f"{'durative-action' if durative else 'action'} instance {name} : ({arguments});")
+            start = Fraction(self.random.randint(0, 10), 2)
+            points[f"{name}.start" if durative else name] = start
+            if durative:
+                points[f"{name}.end"] = start + Fraction(self.random.randint(2, 6), 2)
+            names.append((name, durative))
+        declared += [self.shared] if self.shared else []
+        heads = []
+        for name in declared:
+            nominal = self.random.choice(["1", "2", "3/2"])
+            bounds = self.random.choice(["", " lb 0", " lb 0 ub 4", " ub 3"])
+            heads.append(f"parameter {name} weight {self.random.choice(['1', '2'])} default {nominal}{bounds};")
+        lines += [self.bounded(".zero", Fraction(0), point, time) for point, time in points.items() if self.chance(0.9)]
+        for name, durative in names:
+            if durative and self.chance(0.9):
+                lines.append(
+                    self.bounded(f"{name}.start", points[f"{name}.start"], f"{name}.end", points[f"{name}.end"])
+                )
+        for source, target in zip(points, list(points)[1:], strict=False):
+            if self.chance(0.4):
+                lines.append(self.bounded(source, points[source], target, points[target]))
+        used = " ".join(lines)
+        for name in self.parameters:
+            if name not in used:
+                source, target = self.random.choice([*points]), self.random.choice([*points])
+                lines.append(f"c: {target} - {source} in [-inf, inf]; c: {target} - .zero in [-inf, 9];")
+                lines.append(
+                    f"c: {next(iter(points))} - .zero in [0, {name}];"
+                    if self.chance(0.5)
+                    else f"c: .zero - {next(iter(points))} in [-inf, {name}];"
+                )
+        return "\n".join([*heads, *lines]) + "\n"
+
+    def bounded(self, source: str, start: Fraction, target: str, end: Fraction) -> str:
+        distance = end - start
+        kind = self.random.randrange(4)
+        low, high = (distance, distance) if kind < 2 else (distance - HALF, distance + self.random.choice([0, 1, 2]))
+        texts = [str(low), str(high)]
+        if self.parameters and self.chance(0.4):
+            chosen = self.random.choice(self.parameters)
+            texts = [chosen, chosen] if kind < 2 else [texts[0], chosen] if self.chance(0.5) else [chosen, "inf"]
+        return f"c: {target} - {source} in [{texts[0]}, {texts[1]}];"
