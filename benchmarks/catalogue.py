@@ -200,6 +200,18 @@ class TableOptions(LongOptions):
     executors: tuple[str, ...] = _inner((), "which, DREEX first; without, all")
 
 
+class StnuOptions(LocalOptions, Plot):
+    """Judge, dispatch and repair networks with uncertainty of 50 to 2,000 time points, in one process.
+
+    Time over the size of networks with uncertainty.
+    """
+
+    networks: int = _count(10, "how many networks of each size")
+    seed: int = _count(0, "which networks")
+    sizes: tuple[int, ...] = _inner((50, 100, 200, 500, 1000, 2000), "numbers of time points")
+    limit: float | None = _limit("10", "seconds after which a repair is the best so far")
+
+
 def _whole_numbers(values: tuple[str | int, ...], place: Location) -> tuple[int, ...]:
     for value in values:
         if not str(value).isdecimal():
@@ -317,6 +329,7 @@ EXPERIMENTS = {
         Entry("figure4", "irr.figure4", Figure4Options),
         Entry("conversions", "irr.conversions", ConversionOptions),
         Entry("logs", "irr.logs", LogsOptions),
+        Entry("stnu", "irr.stnu", StnuOptions),
         Entry("table1", "irr.tables", Table1Options),
         Entry("table2", "irr.tables", Table2Options),
         Entry("figure20a", "pike.figure20a_21", Figure20aOptions),

@@ -49,6 +49,7 @@ FILES = {
     **dict.fromkeys(("table1", "table2", "conversions", "figure4"), "5-execution.md"),
     "certificates": "6-certificates.md",
     "logs": "7-logs.md",
+    "stnu": "8-stnu.md",
 }
 """Where the parts of the page are."""
 

@@ -96,6 +96,8 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     """Import on first use: starting the command line must not load solvers."""
+    if name == "stnu":
+        return import_module("robust.stnu")
     if name not in _HOME:
         raise AttributeError(f"module 'robust' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)

@@ -29,6 +29,7 @@ Number = int | str | Fraction | Decimal | float
 """An exact number: a text such as `1/3`, and a float is what it is printed as."""
 
 PLOT_SUFFIXES = (".svg", ".png", ".pdf")
+STNU_SUFFIXES = (".stnu", ".json")
 _LONGEST = Fraction(10) ** 9
 
 
@@ -629,6 +630,13 @@ def plan_file(path: Path, place: Location) -> Path:
     return writable(path, place, "the plan")
 
 
+def stnu_file(path: Path, place: Location) -> Path:
+    """InputError unless a network can be written there."""
+    if path.suffix.lower() not in STNU_SUFFIXES:
+        raise InputError(f"found {shorten(str(path))}, expected a name that ends in .stnu or .json", place)
+    return writable(path, place, "the network")
+
+
 class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solving, Output):
     """Of `robust convert`."""
 
@@ -647,6 +655,24 @@ class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solv
         "causal: the least constrained network that is proved valid; esterel: the network of the Esterel transformer",
         choices=("causal", "esterel"),
     )
+    stnu: Path | None = option(
+        None,
+        "also write the network with uncertainty under the box: .stnu or .json by suffix; TIMED_PLAN may be a network "
+        "(.stn) then, which is not converted",
+        metavar="FILE",
+        path=True,
+        read=stnu_file,
+    )
+    box: Path | None = option(
+        None,
+        "for --stnu: the values that parameters may have, an answer of robust envelope in JSON; else nominal ones",
+        metavar="FILE",
+        path=True,
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.box is not None and self.stnu is None:
+            raise InputError("found it without --stnu, expected it only together", place_of("box"))
 
 
 class ValidateOptions(Separation, PlanningOutput):
@@ -758,6 +784,70 @@ class VerifyCommand(Separation, Limited, Json):
         metavar="FILE",
         path=True,
     )
+
+
+# -- networks with uncertainty -----------------------------------------------------------------------------------------
+
+
+class StnuFiles(Limited, Output):
+    """Of all of `robust stnu`."""
+
+    files: tuple[Path, ...] = argument(
+        ..., "networks: GraphML as the CSTNU tool writes it (.stnu), or JSON", "FILE", many=True
+    )
+
+
+class StnuCheckCommand(StnuFiles):
+    """Of `robust stnu check`."""
+
+
+class StnuDispatchCommand(StnuFiles):
+    """Of `robust stnu dispatch`."""
+
+    runs: int = option(1, "how many executions are simulated, as early as possible", metavar="N")
+    seed: int = option(0, "which durations the first one draws, uniformly; the next ones count up", metavar="N")
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.runs < 0:
+            raise InputError(f"found {self.runs}, expected at least 0 runs", place_of("runs"))
+
+
+def _link_weights(values: Sequence[str], place: Location) -> tuple[tuple[str, Fraction | None], ...]:
+    """`NAME=W` each; None is infinite."""
+    found = []
+    for text in values:
+        name, equals, value = text.rpartition("=")
+        if not equals or not name:
+            expected = "requirement=W, contingent=W or SOURCE:TARGET=W"
+            raise InputError(f"found {shorten(text)}, expected {expected}", place)
+        found.append((name, None if value == "inf" else positive(value, place)))
+    return tuple(found)
+
+
+class StnuRepairCommand(StnuFiles):
+    """Of `robust stnu repair`."""
+
+    weight: tuple[Any, ...] = option(
+        (),
+        "what a unit of change costs, above 0 or inf: of all links as requirement=W or contingent=W, of one as "
+        "SOURCE:TARGET=W; 1 if not given; may be repeated",
+        metavar="LINK=W",
+        many=True,
+        read=_link_weights,
+    )
+    output: Path | None = option(
+        None,
+        "write the repaired network here: .stnu or .json by suffix",
+        "--output",
+        "-o",
+        metavar="FILE",
+        path=True,
+        read=stnu_file,
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.output is not None and len(self.files) > 1:
+            raise InputError("found several networks, expected one to write", place_of("output"))
 
 
 class DemoCommand(Options):

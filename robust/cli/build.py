@@ -208,7 +208,7 @@ def _add(app: typer.Typer, table: Table, asked: Sequence[str], carry_out: CarryO
         if isinstance(entry, Group):
             commands = entry.load() if wanted else {name: Command("", "")}
             group = typer.Typer(name=name, help=entry.help, no_args_is_help=True, rich_markup_mode=None)
-            _add(group, commands, asked[1:], carry_out)
+            _add(group, commands, asked[1:] if wanted else (), carry_out)
             app.add_typer(group)
         elif wanted:
             found = entry.load()

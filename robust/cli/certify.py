@@ -220,7 +220,7 @@ def _box(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) ->
     if options.kind == "plan":
         return nominal
     if options.box is not None:
-        return _read_box(options.box, nominal)
+        return read_box(options.box, nominal)
     from robust.api import envelope
     from robust.irr.search import Status
 
@@ -234,7 +234,7 @@ def _box(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) ->
     return found.box
 
 
-def _read_box(path: Path, nominal: Box) -> Box:
+def read_box(path: Path, nominal: Box) -> Box:
     """The parameters of a JSON answer of `robust envelope` or `robust check`, or just those."""
     place = Location(str(path))
     try:

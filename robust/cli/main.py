@@ -40,6 +40,14 @@ COMMANDS: dict[str, Command | Group] = {
             "plot": Command("Draw a plan with choices.", "robust.cli.pike:plot"),
         },
     ),
+    "stnu": Group(
+        "Networks with uncertainty of other tools: controllable, dispatched, repaired.",
+        {
+            "check": Command("Are networks dynamically controllable, and if not, why?", "robust.cli.stnu:check"),
+            "dispatch": Command("The minimal dispatchable network, and executions.", "robust.cli.stnu:dispatch"),
+            "repair": Command("The least change that makes a network controllable.", "robust.cli.stnu:repair"),
+        },
+    ),
     "bench": Group(
         "Measure: recorded data sets, the figures of the paper, scaling studies.", "robust.cli.bench:EXPERIMENTS"
     ),

@@ -16,7 +16,7 @@ from robust.cli import plans
 from robust.cli.build import Action, action, read_options
 from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Run, carry_out
 from robust.cli.output import answering, print_json
-from robust.errors import RefutedError
+from robust.errors import InputError, RefutedError
 from robust.files import atomic_write
 from robust.numbers import format_number, plural
 from robust.options import ConvertCommand, DemoCommand, ExecuteCommand, place_of
@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 
     from robust.execute import replan
     from robust.execute.convert import Conversion, Converting
+    from robust.plan.model import ParametrizedPlan
     from robust.plan.timed import TimedPlan
+    from robust.stnu.network import Network
 
 # -- convert -----------------------------------------------------------------------------------------------------------
 
@@ -36,6 +38,8 @@ def convert(options: ConvertCommand, run: Run) -> int:
     """Make a plan with a temporal network of a time-triggered plan, and prove it; steps are called n0, n1, ..."""
     from robust.show import made
 
+    if options.stnu is not None and (network := _network_text(options)) is not None:
+        return _export(options, run, network)
     timed: TimedPlan | None = None
 
     def begin() -> Converting:
@@ -54,8 +58,64 @@ def convert(options: ConvertCommand, run: Run) -> int:
         violations = getattr(error, "violations", ())
         print_json(made.convert(options, None, None, None, {}, violations=violations))
         return error.exit_code
+    if options.stnu is not None:
+        _write_stnu(options, run, found.plan)
     show(found)
     return UNDECIDED if found.cut_short else 0
+
+
+def _network_text(options: ConvertCommand) -> Path | None:
+    """The plan, if it is a network already."""
+    from robust.plan.pddl.forms import read_text
+    from robust.plan.stn import is_network
+
+    if str(options.plan) == "-" or not is_network(read_text(options.plan), str(options.plan)):
+        return None
+    return options.plan
+
+
+def _export(options: ConvertCommand, run: Run, plan: Path) -> int:
+    """Write the network with uncertainty of a plan that needs no conversion."""
+    from robust.api import load_plan
+
+    if options.output is not None:
+        raise InputError("found a network, which is not converted; expected --stnu only", place_of("output"))
+    loaded = run.only(
+        lambda: load_plan(
+            options.domain,
+            options.problem,
+            plan,
+            parameters=options.parameter,
+            parameter_file=options.parameters,
+        )
+    )
+    network = _write_stnu(options, run, loaded)
+
+    from robust.show import stnu
+
+    run.answer(
+        lambda: stnu.export_document(network),
+        lambda _out: print(f"network: {network.name}, {network.size}"),
+    )
+    return 0
+
+
+def _write_stnu(options: ConvertCommand, run: Run, plan: ParametrizedPlan) -> Network:
+    """Write the network with uncertainty of a plan under the box."""
+    from robust.cli.certify import read_box
+    from robust.qe.box import Box
+    from robust.stnu.files import scaled, write
+    from robust.stnu.plans import network_of
+
+    output = options.stnu or Path()
+    nominal = Box.nominal(plan.parameters)
+    box = nominal if options.box is None else read_box(options.box, nominal)
+    network = network_of(plan, box, str(output), "Z" if output.suffix.lower() == ".stnu" else "0")
+    content, scale = write(network, output)
+    atomic_write(output, content, place_of("stnu"))
+    if scale != 1:
+        run.note(scaled(output, scale))
+    return network
 
 
 def _show(options: ConvertCommand, run: Run, found: Conversion, notes: Sequence[str]) -> None:
@@ -67,14 +127,16 @@ def _show(options: ConvertCommand, run: Run, found: Conversion, notes: Sequence[
     if notes:
         run.note(f"{found.stn.file}: {'; '.join(notes)}")
     stn, beside = write_stn(found.stn), write_specs(found.beside)
-    written = {} if options.output is None else _write(options.output, stn, beside)
+    written = {} if options.output is None else dict(_write(options.output, stn, beside))
+    if options.stnu is not None:
+        written["stnu"] = str(options.stnu)
 
     def tell(_out: Console) -> None:
-        if not written:
+        if options.output is None:
             sys.stdout.write(stn)
             sys.stdout.flush()
         for line in () if options.quiet else _summary(found, written):
-            print(line, file=sys.stdout if written else sys.stderr)
+            print(line, file=sys.stderr if options.output is None else sys.stdout)
 
     run.answer(lambda: made.convert(options, found, stn, beside or None, written), tell)
 
@@ -128,6 +190,8 @@ def _summary(found: Conversion, written: Mapping[str, str]) -> list[str]:
         )
     if "plan" in written:
         lines.append(f"plan: {written['plan']}")
+    if "stnu" in written:
+        lines.append(f"network with uncertainty: {written['stnu']}")
     if "parameters" in written:
         lines.append(f"parameters: {written['parameters']}, found there by whoever reads the plan")
     elif found.beside:

@@ -49,6 +49,7 @@ class Tightened(JsonObject):
 class Files(JsonObject):
     plan: str | UnsetType = UNSET
     parameters: str | UnsetType = UNSET
+    stnu: str | UnsetType = UNSET
 
 
 class Convert(Noted, tag_field="schema", tag="robust/convert/1"):

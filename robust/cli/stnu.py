@@ -1,0 +1,174 @@
+"""`robust stnu`: networks with uncertainty of other tools, any number of files at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from robust.cli.build import action
+from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Run
+from robust.errors import InputError, RobustError, did_you_mean
+from robust.files import atomic_write
+from robust.numbers import shorten
+from robust.options import StnuCheckCommand, StnuDispatchCommand, StnuFiles, StnuRepairCommand, place_of
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from robust.api import Search
+    from robust.show.stnu import Judged
+    from robust.stnu.network import Network
+    from robust.stnu.repairs import Repair
+
+Result = TypeVar("Result")
+
+
+@action(StnuCheckCommand)
+def check(options: StnuCheckCommand, run: Run) -> int:
+    """Can a dispatcher that sees contingent links end satisfy all requirements, whatever nature does? If not, why?"""
+    from robust import stnu
+    from robust.show import stnu as show
+
+    def judge(network: Network) -> stnu.CheckResult:
+        return run.only(lambda: stnu.check(network, timeout=run.remaining))
+
+    found, cause = _each(options, run, judge)
+    run.answer(
+        lambda: show.check_document(found, _status(found, cause)),
+        lambda out: show.print_checks(out, found, quiet=options.quiet),
+    )
+    return _code(found, cause)
+
+
+@action(StnuDispatchCommand)
+def dispatch(options: StnuDispatchCommand, run: Run) -> int:
+    """How is a network executed? The minimal dispatchable network, its waits, and simulated executions."""
+    from robust import stnu
+    from robust.show import stnu as show
+
+    def judge(network: Network) -> show.Dispatched:
+        def work() -> show.Dispatched:
+            found = stnu.dispatch(network, timeout=run.remaining)
+            runs = range(options.runs if found.tables is not None else 0)
+            return show.Dispatched(found, tuple(found.execute(options.seed + number) for number in runs))
+
+        return run.only(work)
+
+    found, cause = _each(options, run, judge)
+    run.answer(
+        lambda: show.dispatch_document(found, _status(found, cause)),
+        lambda out: show.print_dispatches(out, found, quiet=options.quiet),
+    )
+    return _code(found, cause)
+
+
+@action(StnuRepairCommand)
+def repair(options: StnuRepairCommand, run: Run) -> int:
+    """What is the least change of bounds after which a network is controllable? Ctrl-C prints the best so far."""
+    from robust.show import stnu as show
+    from robust.smt.limits import Deadline
+    from robust.stnu.repairs import RepairSearch
+
+    def judge(network: Network) -> Repair:
+        def begin() -> Search[Repair]:
+            return RepairSearch(network, *_weights(options, network), Deadline.after(run.remaining))
+
+        return run.best(begin, lambda last: tell(last, network))
+
+    def tell(last: Repair, network: Network) -> None:
+        whole = [*found, show.Judged(Path(network.name), last)]
+        run.answer(lambda: document(whole), lambda out: text(out, whole))
+
+    def document(whole: list[Judged[Repair]]) -> Any:
+        return show.repair_document(whole, _status(whole, cause), written)
+
+    def text(out: Console, whole: list[Judged[Repair]]) -> None:
+        show.print_repairs(out, whole, written, quiet=options.quiet)
+
+    found: list[Judged[Repair]] = []
+    written: str | None = None
+    cause: Cause | None = None
+    _, cause = _each(options, run, judge, found)
+    if options.output is not None and (last := found[-1].result) is not None and last.network is not None:
+        from robust.stnu.files import scaled, write
+
+        content, scale = write(last.network, options.output)
+        atomic_write(options.output, content, place_of("output"))
+        written = str(options.output)
+        if scale != 1:
+            run.note(scaled(options.output, scale))
+    run.answer(lambda: document(found), lambda out: text(out, found))
+    return _code(found, cause)
+
+
+def _each(
+    options: StnuFiles,
+    run: Run,
+    judge: Callable[[Network], Result],
+    found: list[Judged[Result]] | None = None,
+) -> tuple[list[Judged[Result]], Cause | None]:
+    """What is found of each file, and why the last ones are missing; one that cannot be read is no obstacle to others.
+
+    Raises:
+        RobustError: if the only file cannot be read.
+        GivenUpError: if nothing was found.
+    """
+    from robust.show.stnu import Judged
+    from robust.stnu.files import load
+
+    found = [] if found is None else found
+    for number, file in enumerate(options.files, start=1):
+        run.display.say(f"network {number} of {len(options.files)}: {file}")
+        try:
+            network = run.only(lambda path=file: load(path))  # type: ignore[misc]
+            found.append(Judged(file, judge(network)))
+        except GivenUpError as error:
+            if not found:
+                raise
+            return found, run.guard.cause or error.cause or Cause.INTERRUPTED
+        except RobustError as error:
+            if len(options.files) == 1:
+                raise
+            found.append(Judged(file, None, error))
+    return found, None
+
+
+def _status(found: list[Judged[Any]], cause: Cause | None) -> str:
+    """How it ended: a result that is not final was interrupted, or is out of time."""
+    if cause is not None:
+        return cause.value
+    short = [one.result for one in found if one.error is None and one.code == UNDECIDED]
+    if not short:
+        return "complete"
+    return "interrupted" if any(getattr(one, "interrupted", False) for one in short) else "timeout"
+
+
+def _code(found: list[Judged[Any]], cause: Cause | None) -> int:
+    """Bad input first, then what is refuted, then what is unknown."""
+    codes = set(_codes(found)) | ({UNDECIDED} if cause is not None else set())
+    return next((code for code in (2, 4, 1, UNDECIDED) if code in codes), 0)
+
+
+def _codes(found: list[Judged[Any]]) -> Iterator[int]:
+    for one in found:
+        yield one.error.exit_code if one.error is not None else one.code
+
+
+def _weights(
+    options: StnuRepairCommand, network: Network
+) -> tuple[Fraction | None, Fraction | None, dict[tuple[str, str], Fraction | None]]:
+    """Of requirements, of contingent links, and of single links."""
+    kinds: dict[str, Fraction | None] = {"requirement": Fraction(1), "contingent": Fraction(1)}
+    ends = {f"{link.source}:{link.target}": (link.source, link.target) for link in network.links}
+    single = {}
+    for name, weight in options.weight:
+        if name in ends:
+            single[ends[name]] = weight
+        elif name in kinds:
+            kinds[name] = weight
+        else:
+            known = (*kinds, *ends)
+            raise InputError(f"found unknown link {shorten(name)}{did_you_mean(name, known)}", place_of("weight"))
+    return kinds["requirement"], kinds["contingent"], single

@@ -1,0 +1,449 @@
+"""Networks with uncertainty: verdicts, dispatchable networks, executions and repairs, for people and as JSON."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
+
+from rich.text import Text
+
+from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
+from robust.numbers import exact_end, format_number, plural, readable
+from robust.show.documents import Document, Ended, Noted, document
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from robust.errors import RobustError
+    from robust.stnu.minimal import DispatchResult, Execution
+    from robust.stnu.network import Network
+    from robust.stnu.repairs import Repair
+    from robust.stnu.verdicts import CheckResult
+
+Result = TypeVar("Result")
+
+_CODES = {"controllable": 0, "uncontrollable": 1, "unneeded": 0, "optimal": 0, "impossible": 1}
+_UNDECIDED = 3
+_COLOURS = {
+    "controllable": "green",
+    "unneeded": "green",
+    "optimal": "green",
+    "uncontrollable": "bold red",
+    "impossible": "bold red",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Dispatched:
+    """A dispatchable network and simulated executions of it."""
+
+    found: DispatchResult
+    executions: tuple[Execution, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Judged(Generic[Result]):
+    """One file, and what was found of it, or why nothing was."""
+
+    file: Path
+    result: Result | None
+    error: RobustError | None = None
+
+    @property
+    def word(self) -> str:
+        """The verdict in one word."""
+        result: Any = self.result.found.checked if isinstance(self.result, Dispatched) else self.result
+        if result is None:
+            return "error"
+        word: str = (result.verdict if hasattr(result, "verdict") else result.status).value
+        return word
+
+    @property
+    def code(self) -> int:
+        """The exit code of a verdict."""
+        return _CODES.get(self.word, _UNDECIDED)
+
+
+# -- for people --------------------------------------------------------------------------------------------------------
+
+
+def _print_all(
+    out: Console, judged: Sequence[Judged[Result]], line: Callable[[Result], str], more: Callable[[Result], None]
+) -> None:
+    """A line for each file and more below it; several are counted."""
+    for one in judged:
+        text = Text("" if len(judged) == 1 or one.error is not None else f"{one.file}: ")
+        text.append(one.word, style=_COLOURS.get(one.word, "yellow"))
+        text.append(f": {one.error if one.result is None else line(one.result)}")
+        out.print(text, soft_wrap=True)
+        if one.result is not None:
+            more(one.result)
+    if len(judged) > 1:
+        counts = Counter(one.word for one in judged)
+        out.print(Text(", ".join(f"{count} {word}" for word, count in counts.items()), style="dim"))
+
+
+def print_checks(out: Console, judged: Sequence[Judged[CheckResult]], *, quiet: bool) -> None:
+    """The verdicts; unless `quiet` also the cycle that refutes control."""
+
+    def more(result: CheckResult) -> None:
+        if not quiet and result.cycle:
+            for edge in result.cycle:
+                out.print(Text(f"  {edge}"), soft_wrap=True)
+            finite = [edge.value for edge in result.cycle if edge.value is not None]
+            total = "-inf" if len(finite) < len(result.cycle) else format_number(sum(finite, Fraction(0)))
+            out.print(Text(f"  a semi-reducible cycle of length {total}, checked", style="dim"), soft_wrap=True)
+
+    _print_all(out, judged, _verdict_line, more)
+
+
+def _verdict_line(result: CheckResult) -> str:
+    return result.network.size if result.reason is None else result.reason
+
+
+def print_dispatches(out: Console, judged: Sequence[Judged[Dispatched]], *, quiet: bool) -> None:
+    """The dispatchable networks; unless `quiet` with all requirements, waits and executions."""
+
+    def line(one: Dispatched) -> str:
+        found = one.found
+        if found.tables is None:
+            return _verdict_line(found.checked)
+        counted = f"{plural(len(found.requirements), 'requirement')} and {plural(len(found.waits), 'wait')}"
+        return f"minimal dispatchable with {counted}, of {found.derived} bounds that follow"
+
+    def more(one: Dispatched) -> None:
+        if quiet:
+            return
+        for link in one.found.network.contingents if one.found.tables is not None else ():
+            out.print(Text(f"  {link}"), soft_wrap=True)
+        for edge in one.found.requirements:
+            out.print(Text(f"  {edge.target} - {edge.source} <= {format_number(edge.bound)}"), soft_wrap=True)
+        for wait in one.found.waits:
+            out.print(Text(f"  {wait}"), soft_wrap=True)
+        for run in one.executions[:1]:
+            out.print(Text(f"execution with seed {run.seed}:"), soft_wrap=True)
+            for event in run.events:
+                text = f"  {readable(event.time):>10}  {event.point}{' (observed)' if event.observed else ''}"
+                out.print(Text(text), soft_wrap=True)
+        if one.executions:
+            failed = sum(bool(run.violated) for run in one.executions)
+            counted = f"{plural(len(one.executions), 'execution')}, {failed} with a violated requirement"
+            out.print(Text(counted, style="dim"))
+
+    _print_all(out, judged, line, more)
+
+
+def print_repairs(out: Console, judged: Sequence[Judged[Repair]], written: str | None, *, quiet: bool) -> None:
+    """The changes and what they cost; unless `quiet` with the conflicts that they serve."""
+
+    def line(found: Repair) -> str:
+        match found.status.value:
+            case "unneeded":
+                return "the network is controllable as it is"
+            case "impossible":
+                return "no change of what may be changed makes the network controllable"
+            case "unknown":
+                return f"no repair found; none costs less than {readable(found.bound)}"
+        cost = f"{plural(len(found.changes), 'change')} at cost {readable(found.cost or Fraction(0))}"
+        return cost if not found.gap else f"{cost}, at most {readable(found.gap)} above the least"
+
+    def more(found: Repair) -> None:
+        for change in found.changes:
+            out.print(Text(f"  {change}"), soft_wrap=True)
+            for reason in () if quiet else change.serves:
+                out.print(Text(f"    for: {reason}", style="dim"), soft_wrap=True)
+
+    _print_all(out, judged, line, more)
+    if written is not None:
+        out.print(Text(f"network: {written}"), soft_wrap=True)
+
+
+# -- JSON --------------------------------------------------------------------------------------------------------------
+
+
+class CycleEdge(JsonObject):
+    """target - source <= value, an edge of the distance graph
+
+    Attributes:
+        value: -inf for the upper-case edge of a contingent link without an upper bound
+        case: lower, upper: of a contingent link
+        link: what it stands for; a commit(A,C) is the time at which A is settled, before a link to C that may end
+            before it starts
+    """
+
+    source: str
+    target: str
+    value: End
+    case: Annotated[str, one_of("ordinary", "lower", "upper")]
+    link: str
+
+
+class CheckedNetwork(JsonObject):
+    """
+    Attributes:
+        cycle: of an uncontrollable network: a semi-reducible negative cycle, which an independent function has checked
+        reason: the cycle in words, or why there is no verdict
+        error: why the file cannot be read, else null; the verdict is unknown then
+    """
+
+    file: str
+    verdict: Annotated[str, one_of("controllable", "uncontrollable", "unknown")]
+    cycle: list[CycleEdge]
+    reason: str | None
+    seconds: Seconds | None
+    error: str | None
+
+
+class StnuCheck(Noted, tag_field="schema", tag="robust/stnu-check/1"):
+    """robust stnu check --json: are networks with uncertainty dynamically controllable
+
+    Attributes:
+        status: interrupted, timeout: the networks that were judged by then
+    """
+
+    status: Ended
+    results: list[CheckedNetwork]
+
+
+def check_document(judged: Sequence[Judged[CheckResult]], status: str) -> Document:
+    return document(StnuCheck(status=status, results=[_checked(one.file, one.result, one.error) for one in judged]))
+
+
+def _checked(file: Path, result: CheckResult | None, error: RobustError | None) -> CheckedNetwork:
+    if result is None:
+        return CheckedNetwork(file=str(file), verdict="unknown", cycle=[], reason=None, seconds=None, error=str(error))
+    cycle = [like(CycleEdge, edge, value=exact_end(edge.value, upper=False)) for edge in result.cycle]
+    verdict = result.verdict.value
+    return like(CheckedNetwork, result, file=str(file), verdict=verdict, cycle=cycle, error=None)
+
+
+class NaturalDuration(JsonObject):
+    source: str
+    target: str
+    lower: End
+    upper: End
+
+
+class OrdinaryEdge(JsonObject):
+    """target - source <= bound"""
+
+    source: str
+    target: str
+    bound: Rational
+
+
+class ConditionalWait(JsonObject):
+    """point waits until delay after activation, or until end has happened
+
+    Attributes:
+        delay: null: until the end however long it takes
+    """
+
+    point: str
+    activation: str
+    delay: Rational | None
+    end: str
+
+
+class Happening(JsonObject):
+    time: Rational
+    point: str
+    observed: bool
+
+
+class SimulatedExecution(JsonObject):
+    """
+    Attributes:
+        lengths: drawn, by the ends of contingent links; where a link may end before it starts, since it was settled
+        violated: requirements that do not hold in the end
+    """
+
+    seed: int
+    lengths: dict[str, Rational]
+    events: list[Happening]
+    violated: list[str]
+
+
+class DispatchedNetwork(JsonObject):
+    """
+    Attributes:
+        contingent: the contingent links, as they were
+        requirements: the ordinary edges of the minimal dispatchable network, beside the bounds of contingent links
+        derived: how many ordinary edges follow from the network
+    """
+
+    file: str
+    verdict: Annotated[str, one_of("controllable", "uncontrollable", "unknown")]
+    reason: str | None
+    contingent: list[NaturalDuration]
+    requirements: list[OrdinaryEdge]
+    waits: list[ConditionalWait]
+    derived: Count
+    executions: list[SimulatedExecution]
+    seconds: Seconds | None
+    error: str | None
+
+
+class StnuDispatch(Noted, tag_field="schema", tag="robust/stnu-dispatch/1"):
+    """robust stnu dispatch --json: how controllable networks are executed
+
+    Attributes:
+        status: interrupted, timeout: the networks that were judged by then
+    """
+
+    status: Ended
+    results: list[DispatchedNetwork]
+
+
+def dispatch_document(judged: Sequence[Judged[Dispatched]], status: str) -> Document:
+    return document(StnuDispatch(status=status, results=[_dispatched(one) for one in judged]))
+
+
+def _dispatched(one: Judged[Dispatched]) -> DispatchedNetwork:
+    found = None if one.result is None else one.result.found
+    links = () if found is None or found.tables is None else found.network.contingents
+    ends = [(exact_end(link.lower, upper=False), exact_end(link.upper, upper=True)) for link in links]
+    return DispatchedNetwork(
+        file=str(one.file),
+        verdict="unknown" if found is None else found.checked.verdict.value,
+        reason=None if found is None else found.checked.reason,
+        contingent=[
+            like(NaturalDuration, link, lower=low, upper=high) for link, (low, high) in zip(links, ends, strict=True)
+        ],
+        requirements=[] if found is None else [like(OrdinaryEdge, edge) for edge in found.requirements],
+        waits=[]
+        if found is None
+        else [
+            like(ConditionalWait, wait, point=str(wait.point), activation=str(wait.activation), end=str(wait.end))
+            for wait in found.waits
+        ],
+        derived=0 if found is None else found.derived,
+        executions=[] if one.result is None else [_execution(run) for run in one.result.executions],
+        seconds=None if found is None else round(found.seconds, 6),
+        error=None if one.error is None else str(one.error),
+    )
+
+
+def _execution(run: Execution) -> SimulatedExecution:
+    events = [like(Happening, event) for event in run.events]
+    return like(SimulatedExecution, run, lengths=dict(run.lengths), events=events, violated=list(run.violated))
+
+
+class BoundChange(JsonObject):
+    """
+    Attributes:
+        serves: the conflicts that make it necessary
+    """
+
+    source: str
+    target: str
+    contingent: bool
+    side: Annotated[str, one_of("lower", "upper")]
+    old: Rational
+    new: Rational
+    cost: Rational
+    serves: list[str]
+
+
+class RepairedNetwork(JsonObject):
+    """
+    Attributes:
+        repair: unneeded: controllable as it is; feasible: perhaps not the cheapest; impossible: of what may be changed,
+            nothing helps
+        cost: null without a repair
+        bound: no repair costs less
+        gap: the difference of the two
+        conflicts: how many were met; candidates: how many networks were examined
+        error: why the file cannot be read, else null
+    """
+
+    file: str
+    repair: Annotated[str, one_of("unneeded", "optimal", "feasible", "impossible", "unknown")]
+    cost: Rational | None
+    bound: Rational
+    gap: Rational | None
+    changes: list[BoundChange]
+    conflicts: Count
+    candidates: Count
+    seconds: Seconds | None
+    error: str | None
+
+
+class StnuRepair(Noted, tag_field="schema", tag="robust/stnu-repair/1"):
+    """robust stnu repair --json: the least changes after which networks are controllable
+
+    Attributes:
+        status: interrupted, timeout: the networks that were repaired by then
+        written: the file with the repaired network; null if none was asked for, or there is none
+    """
+
+    status: Ended
+    results: list[RepairedNetwork]
+    written: str | None
+
+
+def repair_document(judged: Sequence[Judged[Repair]], status: str, written: str | None) -> Document:
+    results = [_repaired(one) for one in judged]
+    return document(StnuRepair(status=status, results=results, written=written))
+
+
+def _repaired(one: Judged[Repair]) -> RepairedNetwork:
+    found = one.result
+    if found is None:
+        return RepairedNetwork(
+            file=str(one.file),
+            repair="unknown",
+            cost=None,
+            bound=Fraction(0),
+            gap=None,
+            changes=[],
+            conflicts=0,
+            candidates=0,
+            seconds=None,
+            error=str(one.error),
+        )
+    changes = [
+        like(
+            BoundChange,
+            change,
+            source=change.link.source,
+            target=change.link.target,
+            contingent=change.link.is_contingent,
+            side=change.side.value,
+            serves=list(change.serves),
+        )
+        for change in found.changes
+    ]
+    return like(RepairedNetwork, found, file=str(one.file), repair=found.status.value, changes=changes, error=None)
+
+
+class StnuExport(Noted, tag_field="schema", tag="robust/stnu-export/1"):
+    """robust convert --stnu FILE --json, of a plan that is a network already
+
+    Attributes:
+        written: the file
+    """
+
+    written: str
+    time_points: Count
+    links: Count
+    contingent: Count
+
+
+def export_document(network: Network) -> Document:
+    return document(
+        StnuExport(
+            written=network.name,
+            time_points=len(network.nodes),
+            links=len(network.links),
+            contingent=len(network.contingents),
+        )
+    )
+
+
+DOCUMENTS: tuple[type[JsonObject], ...] = (StnuCheck, StnuDispatch, StnuRepair, StnuExport)
+"""As in :mod:`robust.show.documents`."""

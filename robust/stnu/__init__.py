@@ -1,0 +1,67 @@
+"""Simple temporal networks with uncertainty, of any tool: are they controllable, how are they executed and repaired?
+
+>>> from robust import stnu
+>>> network = stnu.load("network.stnu")              # doctest: +SKIP
+>>> stnu.check(network).verdict                      # doctest: +SKIP
+<Verdict.CONTROLLABLE: 'controllable'>
+>>> stnu.repair(network).changes                     # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from robust.stnu.files import load, write
+    from robust.stnu.minimal import DispatchResult, Execution, dispatch
+    from robust.stnu.network import Edge, Link, Network, Side
+    from robust.stnu.repairs import Change, Repair, RepairStatus, repair
+    from robust.stnu.verdicts import CheckResult, Verdict, check, refutes
+
+_HOME = {
+    "Change": "robust.stnu.repairs",
+    "CheckResult": "robust.stnu.verdicts",
+    "DispatchResult": "robust.stnu.minimal",
+    "Edge": "robust.stnu.network",
+    "Execution": "robust.stnu.minimal",
+    "Link": "robust.stnu.network",
+    "Network": "robust.stnu.network",
+    "Repair": "robust.stnu.repairs",
+    "RepairStatus": "robust.stnu.repairs",
+    "Side": "robust.stnu.network",
+    "Verdict": "robust.stnu.verdicts",
+    "check": "robust.stnu.verdicts",
+    "dispatch": "robust.stnu.minimal",
+    "load": "robust.stnu.files",
+    "refutes": "robust.stnu.verdicts",
+    "repair": "robust.stnu.repairs",
+    "write": "robust.stnu.files",
+}
+
+__all__ = [
+    "Change",
+    "CheckResult",
+    "DispatchResult",
+    "Edge",
+    "Execution",
+    "Link",
+    "Network",
+    "Repair",
+    "RepairStatus",
+    "Side",
+    "Verdict",
+    "check",
+    "dispatch",
+    "load",
+    "refutes",
+    "repair",
+    "write",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Import on first use: a verdict needs no solver."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'robust.stnu' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)

@@ -1,0 +1,485 @@
+"""Files of networks: GraphML as the CSTNU tool writes and reads (`.stnu`), and JSON of nodes and constraints.
+
+GraphML: nodes by `id`; an edge from A to B with `Value` w says `B − A ≤ w`. The contingent link from A to C of length
+[x, y] is a pair of edges of `Type` contingent, A → C with `LabeledValue` LC(C):x and C → A with UC(C):−y; an older form
+without labels has `Value` y and −x. Node `Z` is the origin. Edges that the tool derived are not read: they follow from
+the others. The tool reads whole numbers only, so other numbers are written in a smaller unit.
+
+JSON: `nodes` with `node_id`, and `constraints` with `first_node`, `second_node`, `min_duration`, `max_duration` and
+`type`, `stc` for a requirement, `stcu` for a contingent link. Node 0 is the origin.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from math import lcm
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+from xml.sax.saxutils import escape, quoteattr
+
+from robust.errors import InputError, Location, UnsupportedError, did_you_mean
+from robust.json_text import Array, Json, Numeral, Object, Text, describe, parse_json
+from robust.numbers import EXPECTED_NUMBER, format_number, is_number, parse_number, plural, shorten
+from robust.plan.pddl.forms import read_text
+from robust.stnu.network import Link, Network
+
+INFINITE = {"inf": 1, "+inf": 1, "-inf": -1}
+
+
+def load(path: str | os.PathLike[str]) -> Network:
+    """A network of a file, GraphML or JSON: what it holds says which.
+
+    Raises:
+        InputError: at the place of whatever is wrong.
+        UnsupportedError: for a network with choices or observations.
+    """
+    text, file = read_text(path), os.fspath(path)
+    begin = text.lstrip()[:1]
+    if begin not in {"<", "{"}:
+        found = shorten(text.split("\n", 1)[0]) if begin else "an empty file"
+        raise InputError(f"found {found}, expected a network as GraphML (.stnu) or JSON", Location(file, 1))
+    return parse_graphml(text, file) if begin == "<" else parse_network_json(text, file)
+
+
+def write(network: Network, path: Path) -> tuple[str, int]:
+    """The text of a network as the suffix of a path asks for, and by what times are multiplied: 1 but in GraphML.
+
+    Raises:
+        InputError: for a suffix that is neither `.json` nor that of GraphML.
+    """
+    match path.suffix.lower():
+        case ".json":
+            return network_json(network), 1
+        case ".stnu" | ".graphml" | ".xml":
+            return graphml(network)
+    raise InputError(f"found {shorten(str(path))}, expected a name that ends in .stnu or .json")
+
+
+# -- JSON --------------------------------------------------------------------------------------------------------------
+
+_CONSTRAINT = ("first_node", "second_node", "type", "min_duration", "max_duration")
+_TYPES = {"stc": False, "stcu": True}
+
+
+def parse_network_json(text: str, file: str) -> Network:
+    """The network that a JSON text describes; `file` is its name in messages."""
+    top = _fields(parse_json(text, file), ("nodes", "constraints"))
+    nodes: list[str] = []
+    for one in _items(top["nodes"]):
+        value = _fields(one, ("node_id",))["node_id"]
+        name = _node(value)
+        if name in nodes:
+            raise InputError(f"found a second node {shorten(name)}, expected one", value.location)
+        nodes.append(name)
+    known = set(nodes)
+    links = []
+    for one in _items(top["constraints"]):
+        links.append(_constraint(one, known))
+    if not links:
+        raise InputError("found no constraints, expected at least one", top["constraints"].location)
+    return Network(file, tuple(nodes), tuple(links), "0" if "0" in known else None)
+
+
+def _constraint(value: Json, known: set[str]) -> Link:
+    found = _fields(value, _CONSTRAINT)
+    ends = []
+    for key in ("first_node", "second_node"):
+        ends.append(_node(found[key]))
+        if ends[-1] not in known:
+            raise InputError(f"found unknown node {shorten(ends[-1])}, expected one of the nodes", found[key].location)
+    kind = found["type"]
+    if not isinstance(kind, Text) or kind.value not in _TYPES:
+        raise InputError(f"found type {describe(kind)}, expected stc or stcu", kind.location)
+    lower, upper = _bound(found["min_duration"], -1), _bound(found["max_duration"], 1)
+    return Link(ends[0], ends[1], lower, upper, _TYPES[kind.value], value.location)
+
+
+def _bound(value: Json, sign: int) -> Fraction | None:
+    """A number, or None for infinity on the side of that sign."""
+    text = value.text if isinstance(value, Numeral) else value.value if isinstance(value, Text) else ""
+    if INFINITE.get(text.lower()) == sign:
+        return None
+    if not is_number(text):
+        infinite = "inf" if sign > 0 else "-inf"
+        raise InputError(f"found {describe(value)}, expected {EXPECTED_NUMBER}, or {infinite}", value.location)
+    return parse_number(text, value.location)
+
+
+def _node(value: Json) -> str:
+    match value:
+        case Text(text) if text:
+            return text
+        case Numeral(text):
+            return text
+    raise InputError(f"found {describe(value)}, expected the name or number of a node", value.location)
+
+
+def _items(value: Json) -> Sequence[Json]:
+    if not isinstance(value, Array):
+        raise InputError(f"found {describe(value)}, expected a list", value.location)
+    return value.items
+
+
+def _fields(value: Json, names: Sequence[str]) -> Mapping[str, Json]:
+    """The members of an object, which are these."""
+    if not isinstance(value, Object):
+        raise InputError(f"found {describe(value)}, expected an object", value.location)
+    for key in value.keys:
+        if key.value not in names:
+            message = f"found unknown key {shorten(key.value)}, expected {', '.join(names)}"
+            raise InputError(message, key.location)
+    for name in names:
+        if name not in value.members:
+            raise InputError(f"found no {name!r}, expected {', '.join(names)}", value.location)
+    return value.members
+
+
+def network_json(network: Network) -> str:
+    """A network as JSON, with node 0 as its origin; a number that is no finite decimal is a text such as "1/3".
+
+    Raises:
+        UnsupportedError: for a node 0 that is not the origin.
+    """
+    network = _with_origin(network, "0")
+
+    def name(node: str) -> Any:
+        return int(node) if re.fullmatch("0|-?[1-9][0-9]{0,17}", node) else node
+
+    def bound(value: Fraction | None, infinite: str) -> str:
+        text = infinite if value is None else format_number(value)
+        return text if value is not None and "/" not in text else json.dumps(text)
+
+    nodes = [json.dumps({"node_id": name(node)}) for node in network.nodes]
+    constraints = [
+        f'{{"first_node": {json.dumps(name(link.source))}, "second_node": {json.dumps(name(link.target))}, '
+        f'"type": "{"stcu" if link.is_contingent else "stc"}", "min_duration": {bound(link.lower, "-inf")}, '
+        f'"max_duration": {bound(link.upper, "inf")}}}'
+        for link in network.links
+    ]
+    lines = ['{"nodes": [', *_listed(nodes), '], "constraints": [', *_listed(constraints), "]}"]
+    return "\n".join([*lines, ""])
+
+
+def _listed(items: Sequence[str]) -> list[str]:
+    return [f"  {item}{',' if number < len(items) else ''}" for number, item in enumerate(items, start=1)]
+
+
+def _with_origin(network: Network, name: str) -> Network:
+    """The same network, whose origin has the name by which a format knows it."""
+    if network.origin == name:
+        return network
+    if name in network.nodes:
+        raise UnsupportedError(f"found node {name!r} that is not the origin, expected another name in this format")
+    if network.origin is None:
+        return network
+    new = {node: name if node == network.origin else node for node in network.nodes}
+    links = tuple(replace(link, source=new[link.source], target=new[link.target]) for link in network.links)
+    layout = {new[node]: at for node, at in network.layout.items()}
+    return Network(network.name, tuple(new.values()), links, name, layout)
+
+
+# -- GraphML: reading --------------------------------------------------------------------------------------------------
+
+_EDGE_KEYS = ("Type", "Value", "LabeledValue", "LabeledValues", "UpperCaseLabeledValues", "LowerCaseLabeledValues")
+_NODE_KEYS = ("x", "y", "Obs", "Label", "Potential", "LabeledPotential")
+_GRAPH_KEYS = ("NetworkType", "nEdges", "nVertices", "nContingent", "nObservedProposition", "Name")
+_KEYS = {"node": _NODE_KEYS, "edge": _EDGE_KEYS, "graph": _GRAPH_KEYS}
+_REQUIREMENTS = ("requirement", "normal", "constraint")
+_DERIVED = ("derived", "internal", "qloopFinder")
+_EDGE_TYPES = (*_REQUIREMENTS, "contingent", *_DERIVED)
+_CASE = re.compile(r"(UC|LC)\((.*)\):(.*)", re.DOTALL)
+
+
+@dataclass(slots=True)
+class _Element:
+    """A node, an edge or the graph: its attributes, its data by key, and where it begins."""
+
+    kind: str
+    attributes: Mapping[str, str]
+    place: Location
+    data: dict[str, tuple[str, Location]] = field(default_factory=dict)
+
+    def text(self, key: str) -> str:
+        return self.data[key][0] if key in self.data else ""
+
+
+class _Reader:
+    """Collects nodes, edges and their data with the places of all of them."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.nodes: list[_Element] = []
+        self.edges: list[_Element] = []
+        self.graph: _Element | None = None
+        self._open: list[_Element] = []
+        self._key: str | None = None
+        self._text: list[str] = []
+        self._parser = expat.ParserCreate()
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._text.append
+        self._parser.StartDoctypeDeclHandler = self._doctype
+
+    def read(self, text: str) -> None:
+        try:
+            self._parser.Parse(text, True)
+        except expat.ExpatError as error:
+            reason = expat.ErrorString(error.code)
+            place = Location(self.file, error.lineno, error.offset + 1)
+            raise InputError(f"found broken XML ({reason}), expected GraphML", place) from None
+        if self.graph is None:
+            raise InputError("found no graph, expected GraphML with one", Location(self.file))
+
+    def _place(self) -> Location:
+        return Location(self.file, self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1)
+
+    def _doctype(self, *_: object) -> None:
+        raise InputError("found a document type, expected GraphML without one", self._place())
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        tag = tag.rpartition(":")[2]
+        if tag in _KEYS:
+            if tag == "graph" and self.graph is not None:
+                raise InputError("found a second graph, expected one", self._place())
+            self._open.append(_Element(tag, attributes, self._place()))
+            if tag == "graph":
+                self.graph = self._open[-1]
+        elif tag == "data" and self._open:
+            self._key = attributes.get("key", "")
+            known = _KEYS[self._open[-1].kind]
+            if self._key not in known:
+                wrong = f"found unknown key {shorten(self._key)} of a {self._open[-1].kind}"
+                raise InputError(f"{wrong}, expected one of {', '.join(known)}", self._place())
+        self._text.clear()
+
+    def _end(self, tag: str) -> None:
+        tag = tag.rpartition(":")[2]
+        if tag == "data" and self._open and self._key is not None:
+            if self._key in self._open[-1].data:
+                raise InputError(f"found a second {self._key}, expected one", self._place())
+            self._open[-1].data[self._key] = "".join(self._text).strip(), self._place()
+        elif tag in _KEYS:
+            done = self._open.pop()
+            if tag != "graph":
+                (self.nodes if tag == "node" else self.edges).append(done)
+
+
+def parse_graphml(text: str, file: str) -> Network:
+    """The network that a GraphML text describes; `file` is its name in messages."""
+    reader = _Reader(file)
+    reader.read(text)
+    for one in (*reader.nodes, *reader.edges):
+        for key in ("Obs", "LabeledValues", "UpperCaseLabeledValues", "LowerCaseLabeledValues"):
+            if one.text(key):
+                raise UnsupportedError(f"found {key}: a network with observations, expected an STNU", one.data[key][1])
+    layout, nodes = {}, []
+    for one in reader.nodes:
+        name = one.attributes.get("id", "")
+        if not name or name in nodes:
+            found = f"a second node {shorten(name)}" if name else "a node without id"
+            raise InputError(f"found {found}, expected each to have an id of its own", one.place)
+        nodes.append(name)
+        if "x" in one.data and "y" in one.data:
+            layout[name] = one.text("x"), one.text("y")
+    if not reader.edges:
+        raise InputError("found no edges, expected at least one", Location(file))
+    links = _links(reader.edges, set(nodes), file)
+    return Network(file, tuple(nodes), links, "Z" if "Z" in nodes else None, layout)
+
+
+def _links(edges: Sequence[_Element], nodes: set[str], file: str) -> tuple[Link, ...]:
+    """Requirements, two edges between the same time points as one link, and contingent links of two edges each."""
+    most: dict[tuple[str, str], tuple[Fraction, Location]] = {}
+    contingent: dict[tuple[str, str], _Element] = {}
+    for edge in edges:
+        ends = _ends(edge, nodes)
+        kind = edge.text("Type") or ("contingent" if edge.text("LabeledValue") else "requirement")
+        if kind not in _EDGE_TYPES:
+            place = edge.data["Type"][1]
+            raise InputError(f"found type {shorten(kind)}{did_you_mean(kind, _EDGE_TYPES)}", place)
+        if kind == "contingent":
+            if ends in contingent:
+                raise InputError(
+                    f"found a second contingent edge from {ends[0]} to {ends[1]}, expected one", edge.place
+                )
+            contingent[ends] = edge
+        elif kind in _REQUIREMENTS:
+            if edge.text("LabeledValue"):
+                place = edge.data["LabeledValue"][1]
+                raise InputError(f"found a LabeledValue of a {kind} edge, expected it of contingent edges", place)
+            value = _value(edge)
+            if value is None:
+                raise InputError("found no Value, expected a number", edge.place)
+            if ends not in most or value < most[ends][0]:
+                most[ends] = value, edge.place
+    links: list[Link] = []
+    while contingent:
+        ends, edge = next(iter(contingent.items()))
+        back = contingent.get((ends[1], ends[0]))
+        if back is None:
+            missing = f"found no contingent edge from {ends[1]} to {ends[0]}, expected one beside that from {ends[0]}"
+            raise InputError(missing, edge.place)
+        links.append(_contingent(ends, edge, back))
+        del contingent[ends], contingent[ends[1], ends[0]]
+    return (*links, *_requirements(most))
+
+
+def _requirements(most: Mapping[tuple[str, str], tuple[Fraction, Location]]) -> list[Link]:
+    """A link for each pair of time points, from the one that comes first in the file or has an upper bound."""
+    found, done = [], set()
+    for (source, target), (value, place) in most.items():
+        if (source, target) in done:
+            continue
+        back = most.get((target, source))
+        done |= {(source, target), (target, source)}
+        if value < 0 or (back is not None and back[0] > value):
+            upper = None if back is None else back[0]
+            found.append(Link(target, source, -value, upper, place=place))
+        else:
+            found.append(Link(source, target, None if back is None else -back[0], value, place=place))
+    return found
+
+
+def _ends(edge: _Element, nodes: set[str]) -> tuple[str, str]:
+    ends = []
+    for name in ("source", "target"):
+        found = edge.attributes.get(name)
+        if found is None:
+            raise InputError(f"found an edge without {name}, expected one", edge.place)
+        if found not in nodes:
+            raise InputError(f"found unknown node {shorten(found)}, expected one of the nodes", edge.place)
+        ends.append(found)
+    return ends[0], ends[1]
+
+
+def _value(edge: _Element) -> Fraction | None:
+    text = edge.text("Value")
+    return parse_number(text, edge.data["Value"][1]) if text else None
+
+
+def _contingent(ends: tuple[str, str], edge: _Element, back: _Element) -> Link:
+    """The contingent link of two edges; labels say where it ends, or else the signs of the values."""
+    cases: dict[str, tuple[Fraction, str]] = {}
+    for one, (source, target) in ((edge, ends), (back, (ends[1], ends[0]))):
+        if not one.text("LabeledValue"):
+            continue
+        text, place = one.data["LabeledValue"]
+        match = _CASE.fullmatch(text)
+        if match is None:
+            raise InputError(f"found {shorten(text)}, expected LC(NODE):NUMBER or UC(NODE):NUMBER", place)
+        case, end, number = match.groups()
+        expected = target if case == "LC" else source
+        if end != expected:
+            raise InputError(f"found {case}({end}), expected {case}({expected}) on this edge", place)
+        if case in cases:
+            raise InputError(f"found a second {case} value, expected one of each", place)
+        cases[case] = parse_number(number.strip(), place), end
+    if cases and len(cases) < 2:
+        (case,) = cases
+        raise InputError(f"found only an {case} value, expected LC and UC on a contingent link", edge.place)
+    values = {ends: _value(edge), (ends[1], ends[0]): _value(back)}
+    if cases:
+        end = cases["LC"][1]
+        if cases["UC"][1] != end:
+            raise InputError("found LC and UC of different nodes, expected both of the link's end", edge.place)
+        source = next(node for node in ends if node != end)
+        link = Link(source, end, cases["LC"][0], -cases["UC"][0], True, edge.place)
+        given = (values[source, end], link.upper), (values[end, source], -cases["LC"][0])
+        if any(value is not None and value != implied for value, implied in given):
+            message = f"found a Value that is not that of {link}, expected it left out or the same"
+            raise InputError(message, edge.place)
+        return link
+    forth, returned = values[ends], values[ends[1], ends[0]]
+    if forth is None or returned is None:
+        raise InputError("found a contingent edge without values, expected LC and UC, or Value", edge.place)
+    if forth < returned:
+        ends, forth, returned = (ends[1], ends[0]), returned, forth
+    return Link(ends[0], ends[1], -returned, forth, True, edge.place)
+
+
+# -- GraphML: writing --------------------------------------------------------------------------------------------------
+
+_HEADER = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<graphml xmlns="http://graphml.graphdrawing.org/xmlns/graphml" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" \
+xsi:schemaLocation="http://graphml.graphdrawing.org/xmlns/graphml">
+"""
+_DECLARED = (
+    ("nContingent", "graph", "Number of contingents in the graph", "0"),
+    ("NetworkType", "graph", "Network Type", "STNU"),
+    ("nEdges", "graph", "Number of edges in the graph", "0"),
+    ("nVertices", "graph", "Number of vertices in the graph", "0"),
+    ("Name", "graph", "Graph Name", ""),
+    ("x", "node", "The x coordinate for the visualization. A positive value.", "0"),
+    ("y", "node", "The y coordinate for the visualization. A positive value.", "0"),
+    ("Type", "edge", "Type: Possible values: requirement|contingent|derived|internal.", "requirement"),
+    ("Value", "edge", "Value for STN edge. Format: 'integer'", ""),
+    ("LabeledValue", "edge", "Case Value. Format: 'LC(NodeName):integer' or 'UC(NodeName):integer'", ""),
+)
+
+
+def graphml(network: Network) -> tuple[str, int]:
+    """A network as GraphML in whole numbers, and by what its times are multiplied for that.
+
+    Raises:
+        UnsupportedError: for a contingent link without an upper bound, which the format does not have, and for a node
+            Z that is not the origin.
+    """
+    network = _with_origin(network, "Z")
+    for link in network.contingents:
+        if link.upper is None:
+            raise UnsupportedError(f"contingent link {link} has no upper bound; expected one, or a .json file")
+    bounds = [bound for link in network.links for bound in (link.lower, link.upper) if bound is not None]
+    scale = lcm(*(bound.denominator for bound in bounds))
+    edges = [text for number, link in enumerate(network.links) for text in _edges(link, number, scale)]
+    counts = {
+        "NetworkType": "STNU",
+        "nEdges": len(edges),
+        "nVertices": len(network.nodes),
+        "nContingent": len(network.contingents),
+        "Name": escape(Path(network.name).name),
+    }
+    lines = [_HEADER.rstrip("\n")]
+    for key, owner, text, default in _DECLARED:
+        lines.append(f'<key id="{key}" for="{owner}"><desc>{escape(text)}</desc><default>{default}</default></key>')
+    lines.append('<graph edgedefault="directed">')
+    lines += [f'<data key="{key}">{value}</data>' for key, value in counts.items()]
+    for node in network.nodes:
+        at = network.layout.get(node, ())
+        place = "".join(f'<data key="{axis}">{escape(text)}</data>' for axis, text in zip("xy", at, strict=False))
+        lines.append(f"<node id={quoteattr(node)}>{place}</node>")
+    return "\n".join([*lines, *edges, "</graph>", "</graphml>", ""]), scale
+
+
+def _edges(link: Link, number: int, scale: int) -> list[str]:
+    """The two edges of a link, or the one that is not infinite."""
+
+    def edge(source: str, target: str, kind: str, key: str, text: str) -> str:
+        ends = f"source={quoteattr(source)} target={quoteattr(target)}"
+        name = f"e{number}{'' if source == link.source else 'r'}"
+        data = f'<data key="Type">{kind}</data><data key="{key}">{escape(text)}</data>'
+        return f'<edge id="{name}" {ends}>{data}</edge>'
+
+    source, target = link.source, link.target
+    upper = None if link.upper is None else int(link.upper * scale)
+    lower = None if link.lower is None else int(link.lower * scale)
+    if link.is_contingent and upper is not None:
+        return [
+            edge(source, target, "contingent", "LabeledValue", f"LC({target}):{lower}"),
+            edge(target, source, "contingent", "LabeledValue", f"UC({target}):{-upper}"),
+        ]
+    found = [] if upper is None else [edge(source, target, "requirement", "Value", str(upper))]
+    return found if lower is None else [*found, edge(target, source, "requirement", "Value", str(-lower))]
+
+
+def scaled(path: Path, scale: int) -> str:
+    """What to say of a file whose times are multiplied."""
+    return (
+        f"{path}: times are in units of 1/{scale}: the CSTNU tool reads whole numbers ({plural(scale, 'unit')} for 1)"
+    )

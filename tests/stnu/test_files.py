@@ -1,0 +1,269 @@
+"""Files of networks: what is read, what is written and read again, and what is wrong with others, by its place."""
+
+from fractions import Fraction
+from pathlib import Path
+from random import Random
+from xml.etree import ElementTree
+
+import pytest
+
+from robust import stnu
+from robust.errors import InputError, RobustError, UnsupportedError
+from robust.stnu import Link
+from robust.stnu.files import graphml, network_json, parse_graphml, parse_network_json
+from tests.stnu.networks import network, random_network
+
+SHARED = Path(__file__).resolve().parents[3] / "shared" / "stnu"
+
+TOOL = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<graphml xmlns="http://graphml.graphdrawing.org/xmlns/graphml"
+xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
+xsi:schemaLocation="http://graphml.graphdrawing.org/xmlns/graphml">
+<key id="NetworkType" for="graph"><desc>Network Type</desc><default>STNU</default></key>
+<key id="x" for="node"><desc>The x coordinate</desc><default>0</default></key>
+<key id="Type" for="edge"><desc>Type</desc><default>requirement</default></key>
+<graph edgedefault="directed">
+<data key="NetworkType">STNU</data>
+<data key="nEdges">6</data>
+<data key="nVertices">4</data>
+<data key="nContingent">1</data>
+<data key="Name">small</data>
+<node id="Z"><data key="x">10.5</data><data key="y">20</data></node>
+<node id="A"/>
+<node id="C"/>
+<node id="D"/>
+<edge id="AC" source="A" target="C"><data key="Type">contingent</data><data key="LabeledValue">LC(C):1</data></edge>
+<edge id="CA" source="C" target="A"><data key="Type">contingent</data><data key="LabeledValue">UC(C):-10</data></edge>
+<edge id="CD" source="C" target="D"><data key="Type">requirement</data><data key="Value">2</data></edge>
+<edge id="DC" source="D" target="C"><data key="Type">requirement</data><data key="Value">-1</data></edge>
+<edge id="AD" source="A" target="D"><data key="Value">12</data></edge>
+<edge id="ZD" source="Z" target="D"><data key="Type">derived</data><data key="Value">99</data></edge>
+</graph>
+</graphml>
+"""
+LINKS = (
+    Link("A", "C", Fraction(1), Fraction(10), True),
+    Link("C", "D", Fraction(1), Fraction(2)),
+    Link("A", "D", None, Fraction(12)),
+)
+JSON = """\
+{"nodes": [{"node_id": 0}, {"node_id": 1}, {"node_id": 2}],
+ "constraints": [
+  {"first_node": 0, "second_node": 1, "type": "stcu", "min_duration": 0.1, "max_duration": 40.0},
+  {"first_node": 1, "second_node": 2, "type": "stc", "min_duration": -3, "max_duration": "inf"}]}
+"""
+
+
+def test_graphml_of_the_tool():
+    found = parse_graphml(TOOL, "small.stnu")
+    assert (found.nodes, found.origin, found.links) == (("Z", "A", "C", "D"), "Z", LINKS)
+    assert found.layout == {"Z": ("10.5", "20")}
+    assert [link.place.line for link in found.links] == [18, 20, 22]
+    assert stnu.check(found).is_controllable
+
+
+def test_contingent_edges_with_values_instead_of_labels():
+    older = TOOL.replace("LabeledValue", "Value").replace("LC(C):1<", "10<").replace("UC(C):-10", "-1")
+    assert parse_graphml(older, "small.stnu").links == LINKS
+    both = TOOL.replace("LC(C):1</data>", 'LC(C):1</data><data key="Value">10</data>')
+    assert parse_graphml(both, "small.stnu").links == LINKS
+    with pytest.raises(InputError, match=r"^small.stnu:18:1: found a Value that is not that of A => C in \[1, 10\]"):
+        parse_graphml(both.replace('"Value">10<', '"Value">11<'), "small.stnu")
+
+
+def test_json():
+    found = parse_network_json(JSON, "small.json")
+    assert (found.nodes, found.origin) == (("0", "1", "2"), "0")
+    assert found.links == (
+        Link("0", "1", Fraction(1, 10), Fraction(40), True),
+        Link("1", "2", Fraction(-3), None),
+    )
+
+
+def random_networks(count):
+    for seed in range(count):
+        rng = Random(seed)  # noqa: S311
+        try:
+            yield network(*random_network(rng, 4, 3, 6, 6), origin="x0" if seed % 3 == 0 else None)
+        except InputError:
+            continue
+
+
+def test_json_written_and_read_again():
+    for found in random_networks(60):
+        again = parse_network_json(network_json(found), "again")
+        assert stnu.check(again).verdict is stnu.check(found).verdict
+        if found.origin is None:
+            assert (again.nodes, again.links) == (found.nodes, found.links)
+        else:
+            assert (again.origin, len(again.links)) == ("0", len(found.links))
+    thirds = network(("1", "2", Fraction(1, 3), Fraction(22, 7), "contingent"), ("2", "a b", None, "0.5"))
+    assert parse_network_json(network_json(thirds), "again").links == thirds.links
+
+
+def test_graphml_written_and_read_again(tmp_path):
+    """The verdict is the same, and what has been read is written as it was."""
+    path = tmp_path / "again.stnu"
+    for found in random_networks(60):
+        text, scale = graphml(found)
+        path.write_text(text, encoding="utf-8")
+        again = stnu.load(path)
+        assert scale == 1
+        assert len(again.nodes) == len(found.nodes)
+        assert [(link.lower, link.upper) for link in again.contingents] == [
+            (link.lower, link.upper) for link in found.contingents
+        ]
+        assert (again.origin, found.origin) in {("Z", "x0"), (None, None)}
+        assert stnu.check(again).verdict is stnu.check(found).verdict
+        assert graphml(again)[0].replace("again.stnu", "test") == graphml(parse_graphml(text, "test"))[0]
+        assert parse_graphml(graphml(again)[0], "again").links == again.links
+
+
+def test_graphml_is_what_other_readers_expect():
+    text, _ = graphml(parse_graphml(TOOL, "dir/small.stnu"))
+    name = "{http://graphml.graphdrawing.org/xmlns/graphml}"
+    top = ElementTree.fromstring(text)  # noqa: S314 - our own
+    graph = top.find(f"{name}graph")
+    declared = {(key.get("id"), key.get("for")) for key in top.findall(f"{name}key")}
+    data = {one.get("key"): one.text for one in graph.findall(f"{name}data")}
+    assert data == {"NetworkType": "STNU", "nEdges": "5", "nVertices": "4", "nContingent": "1", "Name": "small.stnu"}
+    used = {
+        (data.get("key"), kind) for kind in ("node", "edge") for one in graph.findall(f"{name}{kind}") for data in one
+    }
+    assert used | {(key, "graph") for key in data} <= declared
+    edges = [
+        (edge.get("source"), edge.get("target"), *(one.text for one in edge)) for edge in graph.findall(f"{name}edge")
+    ]
+    assert edges[:2] == [("A", "C", "contingent", "LC(C):1"), ("C", "A", "contingent", "UC(C):-10")]
+    assert ("D", "C", "requirement", "-1") in edges
+
+
+def test_the_tool_reads_whole_numbers():
+    halves = network(("A", "C", "0.5", "1.25", "contingent"), ("C", "D", None, 3))
+    text, scale = graphml(halves)
+    assert scale == 4
+    assert [(link.lower, link.upper) for link in parse_graphml(text, "again").links] == [(2, 5), (None, 12)]
+    with pytest.raises(UnsupportedError, match="has no upper bound"):
+        graphml(network(("A", "C", 1, None, "contingent")))
+    with pytest.raises(InputError, match=r"'a\.txt', expected a name that ends in \.stnu or \.json"):
+        stnu.write(halves, Path("a.txt"))
+
+
+def test_the_origin_has_the_name_that_the_format_gives_it():
+    found = parse_graphml(TOOL, "small.stnu")
+    assert parse_network_json(network_json(found), "small.json").nodes == ("0", "A", "C", "D")
+    assert parse_graphml(graphml(parse_network_json(JSON, "n.json"))[0], "n.stnu").nodes == ("Z", "1", "2")
+    for name, write in (("Z", graphml), ("0", network_json)):
+        with pytest.raises(UnsupportedError, match=f"found node '{name}' that is not the origin"):
+            write(network((name, "A", 0, 5)))
+
+
+# -- what is wrong -----------------------------------------------------------------------------------------------------
+
+WRONG_GRAPHML = (
+    ("broken XML", "</graphml>\n", "", r"^n.stnu:25:1: found broken XML \(no element found\), expected GraphML$"),
+    ("broken in the middle", '<node id="A"/>', '<node id="A">', r"^n.stnu:24:3: found broken XML \(mismatched tag\)"),
+    ("unknown key", 'key="x"', 'key="z"', r"^n.stnu:14:14: found unknown key 'z' of a node, expected one of x, y"),
+    ("unknown type", ">derived<", ">derivd<", r"^n.stnu:23:.*: found type 'derivd'; did you mean 'derived'"),
+    ("no value", '<data key="Value">2</data>', "", "^n.stnu:20:1: found no Value, expected a number$"),
+    ("no number", ">12<", ">twelve<", "^n.stnu:22:.*: found 'twelve', expected a number"),
+    ("unknown node", 'target="D"', 'target="E"', "^n.stnu:20:1: found unknown node 'E', expected one of the nodes$"),
+    ("no target", ' target="D"', "", "^n.stnu:20:1: found an edge without target, expected one$"),
+    ("second node", '<node id="A"/>', '<node id="A"/><node id="A"/>', "found a second node 'A'"),
+    ("half a link", ">UC(C):-10<", "><", "^n.stnu:18:1: found only an LC value, expected LC and UC"),
+    ("one edge", '<edge id="CA" source="C" target="A">', '<edge id="CA" source="C" target="Z">', "found no contingent"),
+    ("wrong end", "UC(C)", "UC(A)", r"^n.stnu:19:.*: found UC\(A\), expected UC\(C\) on this edge$"),
+    ("no case", "UC(C):-10", "-10", r"^n.stnu:19:.*: found '-10', expected LC\(NODE\):NUMBER or UC"),
+    ("empty link", "UC(C):-10", "UC(C):0", r"^n.stnu:18:1: found A => C in \[1, 0\], expected a lower bound"),
+    (
+        "contradiction",
+        ">12<",
+        '>12</data></edge><edge source="D" target="A"><data key="Value">-13<',
+        r"found A -> D in \[13, 12\], expected a lower",
+    ),
+    ("document type", "<graphml", "<!DOCTYPE x []>\n<graphml", "^n.stnu:2:.*: found a document type"),
+    ("value twice", ">12</data>", '>12</data><data key="Value">1</data>', "^n.stnu:22:.*: found a second Value"),
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"), [one[1:] for one in WRONG_GRAPHML], ids=[one[0] for one in WRONG_GRAPHML]
+)
+def test_wrong_graphml(old, new, says):
+    assert old in TOOL
+    with pytest.raises(InputError, match=says) as caught:
+        parse_graphml(TOOL.replace(old, new, 1), "n.stnu")
+    assert "\n" not in str(caught.value)
+
+
+def test_graphml_without_a_graph_or_edges():
+    without = TOOL[: TOOL.index("<edge")] + "</graph></graphml>"
+    with pytest.raises(InputError, match=r"^n.stnu: found no edges, expected at least one$"):
+        parse_graphml(without, "n.stnu")
+    with pytest.raises(InputError, match=r"^n.stnu: found no graph, expected GraphML with one$"):
+        parse_graphml("<svg/>", "n.stnu")
+
+
+def test_networks_with_observations_are_unsupported():
+    observed = TOOL.replace('<node id="A"/>', '<node id="A"><data key="Obs">p</data></node>')
+    with pytest.raises(UnsupportedError, match=r"^n.stnu:15:.*: found Obs: a network with observations"):
+        parse_graphml(observed, "n.stnu")
+
+
+def constraint(first, second, kind="stc", low="0", high="5"):
+    ends = f'"first_node": {first}, "second_node": {second}'
+    return f'{{{ends}, "type": "{kind}", "min_duration": {low}, "max_duration": {high}}}'
+
+
+def document(*constraints):
+    lines = ",\n".join(constraints)
+    return f'{{"nodes": [{{"node_id": 1}}, {{"node_id": 2}}, {{"node_id": 3}}], "constraints": [\n{lines}]}}'
+
+
+WRONG_JSON = {
+    "broken": ('{"nodes": [', "^n.json:1:12: found the end of the file"),
+    "no object": ("[]", "^n.json:1:1: found an empty list, expected an object"),
+    "unknown key": ('{"nodes": [], "edges": []}', "^n.json:1:15: found unknown key 'edges'"),
+    "no constraints key": ('{"nodes": []}', "^n.json:1:1: found no 'constraints'"),
+    "no constraints": (document(), "found no constraints, expected at least one"),
+    "missing value": (document('{"first_node": 1, "second_node": 2, "type": "stc"}'), "^n.json:2:1: found no 'min_dur"),
+    "unknown type": (document(constraint(1, 2, "stp")), "^n.json:2:45: found type 'stp', expected stc or stcu$"),
+    "unknown node": (document(constraint(1, 4)), "^n.json:2:34: found unknown node '4', expected one of the nodes$"),
+    "null": (document(constraint(1, 2, low="null")), "found null, expected a number.*, or -inf$"),
+    "wrong infinity": (document(constraint(1, 2, low='"inf"')), "found 'inf', expected a number.*, or -inf$"),
+    "contradiction": (document(constraint(1, 2, low="6")), r"^n.json:2:1: found 1 -> 2 in \[6, 5\], expected a lower"),
+    "two that contradict": (
+        document(constraint(1, 2), constraint(2, 1, low="1")),
+        r"found a contradiction, 2 -> 1 in \[1, 5\] and 1 -> 2 in \[0, 5\]",
+    ),
+    "two contingent links with one end": (
+        document(constraint(1, 2, "stcu"), constraint(3, 2, "stcu")),
+        "^n.json:3:1: found contingent link 3 => 2, expected 2 to end 1 => 2 only$",
+    ),
+    "contingent circle": (
+        document(constraint(1, 2, "stcu"), constraint(2, 3, "stcu"), constraint(3, 1, "stcu")),
+        "^n.json:2:1: found contingent links in a circle",
+    ),
+    "contingent without least length": (document(constraint(1, 2, "stcu", '"-inf"')), "expected a finite lower bound$"),
+    "link to itself": (document(constraint(1, 1)), "^n.json:2:1: found a link from '1' to itself"),
+    "second node": ('{"nodes": [{"node_id": 1}, {"node_id": 1}], "constraints": []}', "found a second node '1'"),
+    "no name": ('{"nodes": [{"node_id": null}], "constraints": []}', "found null, expected the name or number"),
+}
+
+
+@pytest.mark.parametrize(("text", "says"), WRONG_JSON.values(), ids=WRONG_JSON)
+def test_wrong_json(text, says):
+    with pytest.raises(RobustError, match=says) as caught:
+        parse_network_json(text, "n.json")
+    assert "\n" not in str(caught.value)
+    assert caught.value.exit_code == 2
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the networks are not here")
+def test_networks_of_others_are_written_as_they_were_read():
+    files = [path for path in sorted(SHARED.glob("*.json")) if path.name != "verdicts.json"]
+    assert len(files) == 6
+    for path in files:
+        found = stnu.load(path)
+        assert parse_network_json(network_json(found), "again").links == found.links

@@ -1,0 +1,204 @@
+"""Repairs: controllable, no cheaper, in the right directions; against another optimiser and brute force over a grid."""
+
+from fractions import Fraction
+from itertools import product
+from random import Random
+
+import pytest
+import z3
+
+from robust import stnu
+from robust.errors import InputError
+from robust.smt.limits import Deadline
+from robust.stnu import RepairStatus, Side
+from robust.stnu.repairs import RepairSearch, _Candidate
+from tests.execute import controllability_oracles as oracles
+from tests.stnu.networks import explicit, network, random_network
+
+LATE = network(("A", "C", 1, 10, "contingent"), ("C", "D", 1, 2), ("A", "D", None, 8))
+ONE = Fraction(1)
+
+
+def slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
+def refuted(seeds, *shape):
+    """Random networks that are not controllable, with random weights."""
+    for seed in seeds:
+        rng = Random(seed)  # noqa: S311
+        try:
+            found = network(*random_network(rng, *shape))
+        except InputError:
+            continue
+        if not stnu.check(found).is_controllable:
+            weights = {(link.source, link.target): Fraction(rng.randint(1, 4)) for link in found.links}
+            yield seed, found, weights
+
+
+def controllable(found):
+    """By the rules of the literature instead of the package's algorithm."""
+    links = [
+        (one.source, one.target, one.lower, one.upper, *(["contingent"] if one.is_contingent else []))
+        for one in found.links
+    ]
+    return oracles.dynamic_by_reductions(oracles.network(*explicit(links)))
+
+
+@pytest.mark.parametrize(("seeds", "least"), [(range(150), 50), slow(range(1000, 3000), 600)], ids=["short", "long"])
+def test_a_repaired_network_is_controllable_and_a_cent_less_is_not_enough(seeds, least):
+    repaired = 0
+    for seed, found, weights in refuted(seeds, 4, 3, 6, 5):
+        result = stnu.repair(found, weights=weights)
+        assert result.status is RepairStatus.OPTIMAL, seed
+        assert controllable(result.network), seed
+        assert result.cost == result.bound > 0
+        assert result.cost == sum(one.amount * weights[one.link.source, one.link.target] for one in result.changes)
+        for one in result.changes:
+            assert (one.new > one.old) is ((one.side is Side.UPPER) != one.link.is_contingent), (seed, str(one))
+            assert one.serves
+        for one in result.changes:
+            others = tuple(other for other in result.changes if other is not one)
+            assert not controllable(changed(found, others, one, Fraction(99, 100))), (seed, str(one))
+        repaired += 1
+    assert repaired >= least
+
+
+def changed(found, others, last, share):
+    """The network with all changes but the last, of which it has only a share."""
+    sides = {(one.link, one.side): one.new for one in others}
+    sides[last.link, last.side] = last.old + (last.new - last.old) * share
+    links = []
+    for link in found.links:
+        lower, upper = (sides.get((link, side), link.bound(side)) for side in (Side.LOWER, Side.UPPER))
+        links.append(stnu.Link(link.source, link.target, lower, upper, link.is_contingent))
+    return found.with_links(links)
+
+
+def by_z3(found, weights):
+    """The cheapest changes, by z3's optimisation over all conflicts that the changes of its answers leave."""
+    search = RepairSearch(found, ONE, ONE, weights, Deadline())
+    optimiser = z3.Optimize()
+    names = {}
+    for number, link in enumerate(found.links):
+        for side in Side:
+            if link.bound(side) is not None:
+                name = f"{number}.{side.value}"
+                names[name] = z3.Real(name), weights[link.source, link.target]
+                optimiser.add(names[name][0] >= 0)
+        both = [names[f"{number}.{side.value}"][0] for side in Side if f"{number}.{side.value}" in names]
+        if link.is_contingent:
+            optimiser.add(sum(both) <= z3.RealVal(str(link.upper - link.lower)))
+    cost = optimiser.minimize(z3.Sum([variable * z3.RealVal(str(weight)) for variable, weight in names.values()]))
+    while True:
+        assert optimiser.check() == z3.sat
+        model = optimiser.model()
+        point = {name: Fraction(str(model.eval(one, model_completion=True))) for name, (one, _) in names.items()}
+        conflict = search._conflict(search_candidate(point))
+        if conflict is None:
+            return Fraction(str(cost.value()))
+        optimiser.add(z3.Or([inequality(one, names) for one in conflict.choices]))
+
+
+def search_candidate(point):
+    return _Candidate((), {name: value for name, value in point.items() if value}, Fraction(0))
+
+
+def inequality(constraint, names):
+    left = z3.Sum([names[name][0] * factor for name, factor in constraint.coefficients])
+    return left <= z3.RealVal(str(constraint.constant))
+
+
+@pytest.mark.parametrize(("seeds", "least"), [(range(60), 20), slow(range(1000, 1500), 150)], ids=["short", "long"])
+def test_costs_are_those_of_another_optimiser(seeds, least):
+    compared = 0
+    for seed, found, weights in refuted(seeds, 4, 3, 6, 5):
+        assert stnu.repair(found, weights=weights).cost == by_z3(found, weights), seed
+        compared += 1
+    assert compared >= least
+
+
+@pytest.mark.parametrize(("seeds", "least"), [(range(60), 10), slow(range(1000, 1300), 60)], ids=["short", "long"])
+def test_no_cheaper_changes_on_a_grid(seeds, least):
+    """All changes in whole units that cost less leave the network uncontrollable, by the rules of the literature."""
+    compared = 0
+    for seed, found, _ in refuted(seeds, 2, 1, 3, 3):
+        result = stnu.repair(found)
+        most = -(-result.cost // 1) - 1
+        bounds = [(at, side) for at, link in enumerate(found.links) for side in Side if link.bound(side) is not None]
+        for amounts in product(range(int(most) + 1), repeat=len(bounds)):
+            if 0 < sum(amounts) <= most:
+                other = with_amounts(found, dict(zip(bounds, amounts, strict=True)))
+                assert other is None or not controllable(other), (seed, amounts)
+        compared += most > 0
+    assert compared >= least
+
+
+def with_amounts(found, amounts):
+    """The network with bounds moved in the direction in which a repair may; None if a contingent link is empty then."""
+    links = []
+    for at, link in enumerate(found.links):
+        sign = -1 if link.is_contingent else 1
+        lower = None if link.lower is None else link.lower - sign * amounts[at, Side.LOWER]
+        upper = None if link.upper is None else link.upper + sign * amounts[at, Side.UPPER]
+        if lower is not None and upper is not None and lower > upper:
+            return None
+        links.append(stnu.Link(link.source, link.target, lower, upper, link.is_contingent))
+    return found.with_links(links)
+
+
+# -- one network -------------------------------------------------------------------------------------------------------
+
+
+def test_one_bound():
+    result = stnu.repair(LATE)
+    assert (result.status, result.cost, result.bound, result.gap) == (RepairStatus.OPTIMAL, 3, 3, 0)
+    assert sum(one.amount for one in result.changes) == 3
+    assert stnu.repair(LATE, contingent=None).changes[0].link.is_contingent is False
+    (only,) = stnu.repair(LATE, requirement=None).changes
+    assert (str(only), only.amount) == ("A => C: upper bound 10 to 7", 3)
+    assert only.serves == ("A => C as long as 10 cannot be met with A -> D in [-inf, 8]; C -> D in [1, 2]",)
+
+
+def test_weights_decide_which():
+    dear = {("A", "D"): Fraction(5), ("C", "D"): Fraction(7)}
+    (only,) = stnu.repair(LATE, weights=dear).changes
+    assert (only.link.ends, only.cost) == ("A => C", 3)
+    (only,) = stnu.repair(LATE, weights={("A", "C"): None, ("C", "D"): None}).changes
+    assert str(only) == "A -> D: upper bound 8 to 11"
+
+
+def test_nothing_to_repair_and_nothing_that_helps():
+    fine = stnu.repair(network(("A", "C", 1, 7, "contingent"), ("A", "D", None, 8)))
+    assert (fine.status, fine.cost, fine.changes) == (RepairStatus.UNNEEDED, 0, ())
+    hopeless = stnu.repair(LATE, requirement=None, contingent=None)
+    assert (hopeless.status, hopeless.network, hopeless.cost, hopeless.gap) == (
+        RepairStatus.IMPOSSIBLE,
+        None,
+        None,
+        None,
+    )
+    endless = network(("A", "C", 1, None, "contingent"), ("A", "D", None, 8), ("C", "D", 0, None))
+    assert stnu.repair(endless).status is RepairStatus.IMPOSSIBLE
+
+
+def test_out_of_time():
+    result = stnu.repair(LATE, timeout=0)
+    assert (result.status, result.bound, result.cut_short) == (RepairStatus.UNKNOWN, 0, True)
+
+
+def test_the_best_so_far_and_its_gap():
+    """After the dive, a repair is known before it is proved to be the cheapest."""
+    gaps = 0
+    for seed, found, weights in refuted(range(40), 4, 3, 6, 5):
+        search = RepairSearch(found, ONE, ONE, weights, Deadline())
+        best = search.run()
+        again = RepairSearch(found, ONE, ONE, weights, Deadline())
+        again._dive(search_candidate({}))
+        early = again.so_far(timed_out=False)
+        assert early.status is RepairStatus.FEASIBLE, seed
+        assert early.interrupted
+        assert controllable(early.network), seed
+        assert early.cost >= best.cost >= early.bound, seed
+        gaps += early.gap > 0
+    assert gaps > 10
