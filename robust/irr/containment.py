@@ -212,10 +212,11 @@ class Refutation:
 
 
 class Containment(Questions[Callable[[], Refutation]]):
-    """Decides boxes; what was refuted at a point is not asked again for a box that contains the point."""
+    """Decides boxes; where a solver has found a point, a box that contains it is not asked about again."""
 
     @cached_property
     def _refuted(self) -> list[Refutation]:
+        """By models: what a facet or a piece breaks is found again sooner than among many points."""
         return []
 
     def contains(self, box: Box, deadline: Deadline) -> bool:
@@ -238,12 +239,7 @@ class Containment(Questions[Callable[[], Refutation]]):
             if known.values in box:
                 return known
         found = self._look_in(box, deadline)
-        if found is None:
-            return None
-        refutation = found()
-        if refutation not in self._refuted:
-            self._refuted.append(refutation)
-        return refutation
+        return None if found is None else found()
 
     def _of_facet(self, facet: Facet, box: Box) -> Callable[[], Refutation]:
         def refutation() -> Refutation:
