@@ -42,6 +42,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from itertools import pairwise
+from typing import TypedDict, Unpack
 
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
@@ -439,6 +440,30 @@ class Conversion:
         return tuple(filter(None, (timed.note, str(self.snapped), missing)))
 
 
+class Settings(TypedDict, total=False):
+    """How a conversion is done.
+
+    Attributes:
+        mode: how the network is made.
+        specs: what becomes a parameter, see :mod:`robust.plan.parameters`; nominal values of durations and starts are
+            those of the plan.
+        epsilon: the separation of mutex time points.
+        tolerance: how far exact times may be from the printed ones; None is one unit of the last digit that was
+            printed, and at most ε.
+        solver: `z3` or `cvc5`.
+        timeout: seconds after which nothing is proved or loosened any more; None never.
+        on_progress: called with what is being done.
+    """
+
+    mode: Mode
+    specs: Iterable[ParameterSpec]
+    epsilon: Fraction
+    tolerance: Fraction | None
+    solver: str
+    timeout: float | None
+    on_progress: Callable[[str], None] | None
+
+
 class Converting:
     """A conversion that knows at any moment the best network that is proved: at worst one with a single schedule.
 
@@ -572,14 +597,7 @@ def convert(
     domain: Domain,
     problem: Problem,
     timed: TimedPlan,
-    *,
-    mode: Mode = Mode.CAUSAL,
-    specs: Iterable[ParameterSpec] = (),
-    epsilon: Fraction = EPSILON,
-    tolerance: Fraction | None = None,
-    solver: str = "z3",
-    timeout: float | None = None,
-    on_progress: Callable[[str], None] | None = None,
+    **settings: Unpack[Settings],
 ) -> Conversion:
     """The time-triggered plan as an STN plan whose network allows its schedule [IRR §3].
 
@@ -590,15 +608,7 @@ def convert(
         domain: the domain, see :func:`robust.plan.pddl.reader.read_domain`.
         problem: the problem.
         timed: the time-triggered plan.
-        mode: how the network is made.
-        specs: what becomes a parameter, see :mod:`robust.plan.parameters`; nominal values of durations and starts are
-            those of the plan.
-        epsilon: the separation of mutex time points.
-        tolerance: how far exact times may be from the printed ones; None is one unit of the last digit that was
-            printed, and at most ε.
-        solver: `z3` or `cvc5`.
-        timeout: seconds after which nothing is proved or loosened any more; None never.
-        on_progress: called with what is being done.
+        **settings: see :class:`Settings`.
 
     Raises:
         InputError: if the plan is empty, or does not fit the domain and problem, or a specification does not fit it.
@@ -608,19 +618,7 @@ def convert(
     Out of time, interrupted, or where the solver cannot decide, the conversion says so (`ended`), and its network is
     the last one that was proved: at worst that which allows the plan's own schedule only.
     """
-    searching = Converting(
-        domain,
-        problem,
-        timed,
-        mode=mode,
-        specs=specs,
-        epsilon=epsilon,
-        tolerance=tolerance,
-        solver=solver,
-        timeout=timeout,
-        on_progress=on_progress,
-    )
-    return searching.run()
+    return Converting(domain, problem, timed, **settings).run()
 
 
 @dataclass(frozen=True, slots=True)
