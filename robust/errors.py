@@ -64,6 +64,11 @@ class InputWarning(UserWarning):
     """The input can be read, but is not what its author is likely to have meant; `warnings` decides what is done."""
 
 
+def missing(what: str, extra: str) -> UnsupportedError:
+    """The error for a package that comes with an extra, and is not installed."""
+    return UnsupportedError(f"found no {what}, expected it to be installed: pip install 'robust-plans[{extra}]'")
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A suffix for an error message about an unknown name: the closest known names, or what is known at all."""
     from difflib import get_close_matches  # noqa: PLC0415 - only for messages

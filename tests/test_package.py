@@ -36,7 +36,7 @@ def test_citation_and_changelog_have_the_version_of_the_package():
 
 def test_installed_metadata_have_the_version_of_the_package():
     try:
-        installed = importlib.metadata.version("robust")
+        installed = importlib.metadata.version("robust-plans")
     except importlib.metadata.PackageNotFoundError:
         pytest.skip("the package is on the path, but not installed")
     assert installed == robust.__version__
@@ -58,7 +58,7 @@ def test_every_dependency_is_locked():
     assert wanted is not None
     assert extras is not None
     names = {name.lower() for name in re.findall(r'"([A-Za-z0-9_.-]+)', wanted[1] + extras[1])}
-    assert names - {"robust"} <= locked  # extras may name other extras
+    assert names - {"robust-plans"} <= locked  # extras may name other extras
 
 
 # -- imports go one way ----------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from typing import Any
 
 import robust
 from robust.codec import plain
-from robust.errors import InputError, UnsupportedError
+from robust.errors import InputError, missing
 
 ATTEMPTS = 3
 """How often a task that runs alone may lose its worker before it is given up."""
@@ -116,8 +116,11 @@ def _until_killed(source: Iterator[Numbered], work: Work, jobs: int, killed: lis
     """Outcomes until the source is empty or a worker was killed; then `killed` are the tasks without outcome."""
     # A worker that is ended leaves a semaphore behind; what keeps track of them would tell users about it.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
-    from joblib.externals.loky import get_reusable_executor  # noqa: PLC0415 - not needed for one job
-    from joblib.externals.loky.process_executor import TerminatedWorkerError  # noqa: PLC0415
+    try:
+        from joblib.externals.loky import get_reusable_executor  # noqa: PLC0415 - an extra
+        from joblib.externals.loky.process_executor import TerminatedWorkerError  # noqa: PLC0415
+    except ImportError:
+        raise missing("joblib, which more than one job needs", "experiments") from None
 
     executor = get_reusable_executor(max_workers=jobs)
     running: dict[Future[Outcome], Numbered] = {}
@@ -152,9 +155,7 @@ def _on_cluster(tasks: list[Numbered], work: Work, address: str) -> Outcomes:
     try:
         distributed = import_module("distributed")  # an extra, and slow to import
     except ImportError:
-        raise UnsupportedError(
-            "found no Dask, which `--cluster` needs; install it with `pip install 'robust[cluster]'`"
-        ) from None
+        raise missing("Dask, which `--cluster` needs", "cluster") from None
     with _connected(distributed, address) as client:
         futures = {
             client.submit(attempt, work, task, pure=False, key=f"robust-sweep-{client.id}-{number}"): number

@@ -9,15 +9,13 @@ from fractions import Fraction
 from math import sqrt
 from statistics import fmean, stdev
 
-from robust.errors import UnsupportedError
+from robust.errors import missing
 
 try:
     from scipy.stats import binomtest, linregress
     from scipy.stats import t as student
 except ImportError:  # an extra
-    raise UnsupportedError(
-        "found no scipy, which this experiment needs; install it with `pip install 'robust[experiments]'`"
-    ) from None
+    raise missing("scipy, which this experiment needs", "experiments") from None
 
 CONFIDENCE = 0.95
 Bounds = tuple[float, float]

@@ -19,7 +19,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from robust.errors import InputError, SolverError, UnsupportedError, did_you_mean
+from robust.errors import InputError, UnsupportedError, did_you_mean, missing
 from robust.numbers import format_number
 from robust.plan.model import Atom, Fluent, ParameterReference, TimedLiteral, TimePoint, TimePointKind
 from robust.plan.pddl.reader import parse_domain, parse_problem
@@ -323,7 +323,7 @@ def from_unified_planning(problem: up.Problem, plan: up_plans.TimeTriggeredPlan)
     """What :func:`robust.execute.convert.convert` takes, from unified-planning's problem and plan; numbers stay exact.
 
     Raises:
-        SolverError: if unified-planning is not installed.
+        UnsupportedError: if unified-planning is not installed.
         InputError: for another kind of plan, and for names that PDDL cannot tell apart.
         UnsupportedError: for what PDDL 2.1 with timed initial literals cannot say.
     """
@@ -351,7 +351,7 @@ def to_unified_planning(
     unified-planning has no parameters: each stands for its value in `values`, or for its nominal one.
 
     Raises:
-        SolverError: if unified-planning is not installed.
+        UnsupportedError: if unified-planning is not installed.
         InputError: for an action, an object or a parameter without counterpart in `problem` or `values`.
     """
     plans = _module("unified_planning.plans")
@@ -415,5 +415,4 @@ def _module(name: str) -> ModuleType:
     try:
         return import_module(name)
     except ImportError as error:
-        message = "found no unified-planning, expected it to be installed: pip install 'robust[up]'"
-        raise SolverError(message) from error
+        raise missing("unified-planning", "up") from error

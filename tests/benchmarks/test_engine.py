@@ -313,7 +313,7 @@ def test_no_cluster(monkeypatch, tmp_path):
 
 def test_without_dask(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(UnsupportedError, match=r"robust\[cluster\]"):
+    with pytest.raises(UnsupportedError, match=r"robust-plans\[cluster\]"):
         sweep_of(tasks(tmp_path / "log", 1), cluster="tcp://127.0.0.1:9")
 
 

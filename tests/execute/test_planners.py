@@ -157,7 +157,7 @@ def test_missing_packages(monkeypatch):
     monkeypatch.setattr(aries.importlib, "import_module", missing)
     monkeypatch.setattr(kairos, "program", lambda _: None)
     for name in ("aries", "kairos"):
-        with pytest.raises(UnsupportedError, match=rf"found no planner {name}.*pip install 'robust\[planners\]'"):
+        with pytest.raises(UnsupportedError, match=rf"found no planner {name}.*pip install 'robust-plans\[planners\]'"):
             create_planner(name)
 
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 import pytest
 
 from robust.api import validate
-from robust.errors import InputError, SolverError, UnsupportedError
+from robust.errors import InputError, UnsupportedError
 from robust.execute.convert import convert
 from robust.execute.distances import InvalidPlanError
 from robust.execute.unified import from_unified_planning, to_unified_planning
@@ -126,5 +126,5 @@ def test_what_cannot_be_converted_is_refused():
 
 def test_a_missing_extra_is_said(monkeypatch):
     monkeypatch.setitem(sys.modules, "unified_planning.plans", None)
-    with pytest.raises(SolverError, match=r"pip install 'robust\[up\]'"):
+    with pytest.raises(UnsupportedError, match=r"pip install 'robust-plans\[up\]'"):
         from_unified_planning(None, None)

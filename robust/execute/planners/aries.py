@@ -22,9 +22,9 @@ import unified_planning.shortcuts as ups
 from unified_planning.environment import Environment
 
 from robust.encode.interface import EPSILON
-from robust.errors import InputError, Location, UnsupportedError
+from robust.errors import InputError, Location, UnsupportedError, missing
 from robust.execute.planners.command import MEMORY_MB, judged
-from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, last_valid_plan, missing
+from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, last_valid_plan
 from robust.numbers import format_number
 from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
 from robust.plan.pddl import syntax
@@ -357,7 +357,7 @@ def aries_planner(*, epsilon: Fraction = EPSILON) -> AriesPlanner:
         solver = importlib.import_module("up_aries.solver")
         executable: str = solver._find_executable()
     except ImportError as error:
-        raise missing("aries", "up-aries") from error
+        raise missing("planner aries (package up-aries)", "planners") from error
     except OSError as error:
         message = f"found no planner aries for this machine ({error}), expected another planner"
         raise UnsupportedError(message) from error

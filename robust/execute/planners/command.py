@@ -16,8 +16,8 @@ from fractions import Fraction
 from pathlib import Path
 
 from robust.encode.interface import EPSILON
-from robust.errors import InputError, did_you_mean
-from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, last_valid_plan, missing, says_no_plan
+from robust.errors import InputError, did_you_mean, missing
+from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, last_valid_plan, says_no_plan
 from robust.numbers import format_number
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.pddl.write import domain_text, problem_text
@@ -89,9 +89,9 @@ def command_planner(template: str, *, epsilon: Fraction = EPSILON) -> CommandPla
         if field not in _FIELDS:
             known = ", ".join(f"{{{one}}}" for one in _FIELDS)
             raise InputError(f"{place}: found field {{{field}}}, expected one of {known}{did_you_mean(field, _FIELDS)}")
-    missing = next((one for one in ("domain", "problem") if one not in fields), None)
-    if missing:
-        raise InputError(f"{place}: found no {{{missing}}}, expected it where the planner takes that file")
+    absent = next((one for one in ("domain", "problem") if one not in fields), None)
+    if absent:
+        raise InputError(f"{place}: found no {{{absent}}}, expected it where the planner takes that file")
     return CommandPlanner(Path(arguments[0]).name, arguments, epsilon)
 
 
@@ -176,7 +176,7 @@ def kairos_planner(*, epsilon: Fraction = EPSILON) -> KairosPlanner:
     """
     command = program("kairos")
     if command is None:
-        raise missing("kairos", "kairos-planner")
+        raise missing("planner kairos (package kairos-planner)", "planners")
     options = ("--no-anytime", "--threads", "1", "--memory", str(_MEMORY_MB), "--epsilon", format_number(epsilon))
     arguments = (command, "solve", "{domain}", "{problem}", "--timeout", "{timeout}", *options)
     first = CommandPlanner("kairos", (*arguments, "--search", "eager-lama"), epsilon, _verdict)

@@ -14,7 +14,7 @@ from enum import Enum
 from fractions import Fraction
 from typing import Protocol
 
-from robust.errors import InputError, RobustError, UnsupportedError
+from robust.errors import InputError, RobustError
 from robust.execute.distances import declarations, schedule_of, validated
 from robust.plan.load import assemble
 from robust.plan.pddl.syntax import Domain, Problem
@@ -118,12 +118,6 @@ def last_valid_plan(
 def says_no_plan(text: str) -> bool:
     """Whether a planner says that it found none: in words, or by printing nothing."""
     return not text.strip() or _NO_PLAN.search(text) is not None
-
-
-def missing(planner: str, package: str) -> UnsupportedError:
-    """The error for a planner whose package is not installed."""
-    expected = "it to be installed: pip install 'robust[planners]'"
-    return UnsupportedError(f"found no planner {planner} (package {package}), expected {expected}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 
 from robust.encode.interface import EPSILON
-from robust.errors import InputError, did_you_mean
+from robust.errors import InputError, did_you_mean, missing
 from robust.execute.planners.command import command_planner, kairos_planner
-from robust.execute.planners.interface import Planner, missing
+from robust.execute.planners.interface import Planner
 from robust.execute.planners.reachability import ReachabilityFirst
 
 
@@ -16,7 +16,7 @@ def _aries(*, epsilon: Fraction) -> Planner:
     try:
         from robust.execute.planners.aries import aries_planner  # noqa: PLC0415 - needs unified-planning
     except ImportError as error:
-        raise missing("aries", "up-aries") from error
+        raise missing("planner aries (package up-aries)", "planners") from error
     return aries_planner(epsilon=epsilon)
 
 
