@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from robust.api import check, compare, envelope, load_plan, region, validate
     from robust.errors import InputError, RobustError, SolverError, UnsupportedError
     from robust.execute.convert import Conversion, Mode, convert
-    from robust.execute.unified import from_unified_planning, to_unified_planning
     from robust.execute.validate import Verdict
     from robust.irr.check import Answer, CheckResult, Counterexample
     from robust.irr.compare import Comparison
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult, RegionStatus
     from robust.qe.region import Region
+    from robust.unified_planning.convert import from_unified_planning, to_unified_planning
 
 __version__ = "0.1.0"
 
@@ -53,10 +53,10 @@ _HOME = {
     "compare": "robust.api",
     "convert": "robust.execute.convert",
     "envelope": "robust.api",
-    "from_unified_planning": "robust.execute.unified",
+    "from_unified_planning": "robust.unified_planning.convert",
     "load_plan": "robust.api",
     "region": "robust.api",
-    "to_unified_planning": "robust.execute.unified",
+    "to_unified_planning": "robust.unified_planning.convert",
     "validate": "robust.api",
 }
 

@@ -66,6 +66,7 @@ def assemble(
     specs: Iterable[ParameterSpec] = (),
     *,
     nominal_needed: bool = True,
+    may_be_empty: bool = False,
 ) -> ParametrizedPlan:
     """Ground what the plan uses and make the specified quantities parameters; InputError if the parts do not fit.
 
@@ -73,6 +74,8 @@ def assemble(
     `(= ?duration γ)`: it is the model's duration that varies. Inequalities on the duration stay as they are, except for
     two that leave one duration only, which are an equality.
     """
+    if not (stn.instances or may_be_empty):
+        raise InputError("empty plan: found no action instance, expected at least one", Location(stn.file))
     _check_references(stn)
     fluents = initial_fluents(domain, problem)
     declared = domain_parameters(domain, stn)
@@ -114,8 +117,6 @@ def assemble(
 
 def _check_references(stn: STNPlan) -> None:
     """What the reader guarantees and a plan built by a program may lack: unique names, all declared, sane numbers."""
-    if not stn.instances:
-        raise InputError("empty plan: found no action instance, expected at least one", Location(stn.file))
     names = [parameter.name for parameter in stn.parameters]
     declared = {"instance": [instance.identifier for instance in stn.instances], "parameter": names}
     for kind, declarations in declared.items():

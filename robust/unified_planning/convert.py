@@ -24,7 +24,7 @@ from robust.numbers import format_number
 from robust.plan.model import Atom, Fluent, ParameterReference, TimedLiteral, TimePoint, TimePointKind
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.pddl.syntax import Domain, Problem
-from robust.plan.stn import InstanceDeclaration, STNBound, STNPlan
+from robust.plan.stn import InstanceDeclaration, STNBound, STNConstraint, STNPlan
 from robust.plan.timed import TimedPlan, TimedStep
 
 if TYPE_CHECKING:
@@ -184,6 +184,7 @@ def _domain_text(problem: up.Problem, name: str) -> str:
         for one in problem.user_types
         if name_of(one.name) != "object"
     )
+    constants = " ".join(f"{name_of(one.name)} - {name_of(one.type.name)}" for one in problem.all_objects)
     predicates = [one for one in problem.fluents if one.type.is_bool_type()]
     functions = [one for one in problem.fluents if one.type.is_int_type() or one.type.is_real_type()]
     other = next((one for one in problem.fluents if one not in predicates and one not in functions), None)
@@ -194,6 +195,7 @@ def _domain_text(problem: up.Problem, name: str) -> str:
             f"(define (domain {name})",
             f"(:requirements {_NEEDS})",
             f"(:types {types})",
+            f"(:constants {constants})",  # since actions may name any object
             f"(:predicates {' '.join(map(_signature, predicates))})",
             f"(:functions {' '.join(map(_signature, functions))})",
             *(_action(one) for one in problem.actions),
@@ -287,9 +289,8 @@ def _continuous(effect: up.Effect, interval: up.TimeInterval) -> str:
 
 
 def _problem_text(problem: up.Problem, name: str) -> str:
-    objects = " ".join(f"{name_of(one.name)} - {name_of(one.type.name)}" for one in problem.all_objects)
     goal = " ".join(map(expression, problem.goals))
-    return f"(define (problem {name}) (:domain {name}) (:objects {objects}) (:init) (:goal (and {goal})))"
+    return f"(define (problem {name}) (:domain {name}) (:init) (:goal (and {goal})))"
 
 
 def _initial_state(problem: up.Problem) -> tuple[frozenset[Atom], dict[Fluent, Fraction]]:
@@ -319,53 +320,149 @@ def _timed_literals(problem: up.Problem) -> Iterator[TimedLiteral]:
             yield TimedLiteral(Fraction(timing.delay), target, value)
 
 
-def from_unified_planning(problem: up.Problem, plan: up_plans.TimeTriggeredPlan) -> tuple[Domain, Problem, TimedPlan]:
-    """What :func:`robust.execute.convert.convert` takes, from unified-planning's problem and plan; numbers stay exact.
+# -- plans in ----------------------------------------------------------------------------------------------------------
+
+
+def from_unified_planning(problem: up.Problem, plan: up_plans.Plan) -> tuple[Domain, Problem, TimedPlan | STNPlan]:
+    """Domain, problem and plan from unified-planning's problem and plan; numbers stay exact.
+
+    A time-triggered plan is what :func:`robust.convert` and :func:`robust.execute.validate.validate` take; so is a
+    sequential one, whose steps are one unit of time apart. A plan with a network is what
+    :func:`robust.plan.load.assemble` takes: a schedule of its actions is allowed if some time for the end of the plan
+    goes with it.
 
     Raises:
-        UnsupportedError: if unified-planning is not installed.
+        UnsupportedError: if unified-planning is not installed, and for what PDDL 2.1 with timed initial literals cannot
+            say.
         InputError: for another kind of plan, and for names that PDDL cannot tell apart.
-        UnsupportedError: for what PDDL 2.1 with timed initial literals cannot say.
     """
-    plans = _module("unified_planning.plans")
-    if not isinstance(plan, plans.TimeTriggeredPlan):
-        raise InputError(f"found a {type(plan).__name__}, expected a TimeTriggeredPlan of unified-planning")
+    plans = module_of("unified_planning.plans")
+    if isinstance(plan, plans.STNPlan):
+        return (*problem_of(problem), _network(plan))
+    if isinstance(plan, plans.SequentialPlan):
+        if problem.timed_effects:
+            raise UnsupportedError("found timed effects beside a plan without times, expected one with times")
+        steps = tuple(_step(Fraction(number), one, None) for number, one in enumerate(plan.actions, start=1))
+    elif isinstance(plan, plans.TimeTriggeredPlan):
+        steps = tuple(_step(*one) for one in plan.timed_actions)
+    else:
+        kinds = "a sequential, a time-triggered or an STN plan"
+        raise InputError(f"found a {type(plan).__name__}, expected {kinds} of unified-planning")
+    return (*problem_of(problem), TimedPlan(steps, _PLAN))
 
-    steps = tuple(
-        TimedStep(
-            Fraction(start),
-            name_of(instance.action.name),
-            tuple(name_of(argument.object().name) for argument in instance.actual_parameters),
-            None if duration is None else Fraction(duration),
+
+_PLAN = "<unified-planning plan>"
+
+
+def _step(start: Fraction, instance: up_plans.ActionInstance, duration: Fraction | None) -> TimedStep:
+    length = None if duration is None else Fraction(duration)
+    return TimedStep(Fraction(start), name_of(instance.action.name), _arguments(instance), length)
+
+
+def _arguments(instance: up_plans.ActionInstance) -> tuple[str, ...]:
+    other = next((one for one in instance.actual_parameters if not one.is_object_exp()), None)
+    if other is not None:
+        raise UnsupportedError(f"found argument {other} of {instance.action.name!r}, expected objects")
+    return tuple(name_of(argument.object().name) for argument in instance.actual_parameters)
+
+
+def instances_of(plan: up_plans.Plan) -> list[up_plans.ActionInstance]:
+    """The action instances of a plan, in the order in which `n0`, `n1`, … are given to them."""
+    if hasattr(plan, "timed_actions"):
+        return [instance for _, instance, _ in plan.timed_actions]
+    if hasattr(plan, "actions"):
+        return list(plan.actions)
+    constraints = plan.get_constraints()
+    nodes = (node for source in constraints for node in (source, *(target for _, _, target in constraints[source])))
+    return list(dict.fromkeys(node.action_instance for node in nodes if node.action_instance is not None))
+
+
+def _network(plan: up_plans.STNPlan) -> STNPlan:
+    kinds = module_of("unified_planning.model").TimepointKind
+    declared = {
+        instance: InstanceDeclaration(
+            f"n{number}", name_of(instance.action.name), _arguments(instance), hasattr(instance.action, "duration")
         )
-        for start, instance, duration in plan.timed_actions
+        for number, instance in enumerate(instances_of(plan))
+    }
+
+    def point(node: up_plans.STNPlanNode) -> TimePoint | None:
+        if node.action_instance is None:
+            return _ZERO if node.kind is kinds.GLOBAL_START else None
+        one = declared[node.action_instance]
+        return one.end if one.durative and node.kind is kinds.END else one.start
+
+    edges = [
+        (point(source), point(target), lower, upper)
+        for source, others in plan.get_constraints().items()
+        for lower, upper, target in others
+    ]
+    constraints = (
+        STNConstraint(target, source, lower, upper)
+        for source, target, lower, upper in _without_end(edges)
+        if source != target
     )
-    return (*problem_of(problem), TimedPlan(steps, "<unified-planning plan>"))
+    return STNPlan((), tuple(declared.values()), tuple(constraints), _PLAN)
+
+
+_Edge = tuple[TimePoint | None, TimePoint | None, Fraction | None, Fraction | None]
+
+
+def _without_end(edges: Iterable[_Edge]) -> Iterator[tuple[TimePoint, TimePoint, Fraction | None, Fraction | None]]:
+    """The network without the end of the plan, which is None here: what its bounds say about pairs of the others."""
+    after: list[tuple[TimePoint, Fraction]] = []
+    before: list[tuple[TimePoint, Fraction]] = []
+    for source, target, lower, upper in edges:
+        if source is not None and target is not None:
+            yield source, target, lower, upper
+            continue
+        # As bounds of how long after the other point the plan ends.
+        other = source or target
+        least, most = (lower, upper) if source is not None else (_minus(upper), _minus(lower))
+        if other is not None:
+            after.extend([] if least is None else [(other, least)])
+            before.extend([] if most is None else [(other, most)])
+    for early, least in after:
+        for late, most in before:
+            yield late, early, None, most - least
+
+
+def _minus(bound: Fraction | None) -> Fraction | None:
+    return None if bound is None else -bound
+
+
+# -- plans out ---------------------------------------------------------------------------------------------------------
 
 
 def to_unified_planning(
-    stn: STNPlan, problem: up.Problem, values: Mapping[str, Fraction] | None = None
-) -> up_plans.STNPlan:
-    """The plan as unified-planning's STNPlan over the actions of `problem`, with exact bounds.
+    plan: STNPlan | TimedPlan, problem: up.Problem, values: Mapping[str, Fraction] | None = None
+) -> up_plans.Plan:
+    """The plan over the actions of a unified-planning problem, with exact numbers.
 
-    unified-planning has no parameters: each stands for its value in `values`, or for its nominal one.
+    A plan with a network becomes an STNPlan, one with times a TimeTriggeredPlan, or a SequentialPlan if the problem
+    knows no time. unified-planning has no parameters: each stands for its value in `values`, or for its nominal one.
 
     Raises:
         UnsupportedError: if unified-planning is not installed.
         InputError: for an action, an object or a parameter without counterpart in `problem` or `values`.
     """
-    plans = _module("unified_planning.plans")
-    nodes = _nodes(stn, problem, plans)
-    nominal = {one.name: one.default for one in stn.parameters if one.default is not None}
+    plans = module_of("unified_planning.plans")
+    if isinstance(plan, TimedPlan):
+        steps = [(step.time, _instance(step, problem, plans), step.duration) for step in plan.steps]
+        if problem.kind.has_continuous_time() or problem.kind.has_discrete_time():
+            return plans.TimeTriggeredPlan(steps, problem.environment)
+        ordered = sorted(steps, key=lambda step: step[0])
+        return plans.SequentialPlan([instance for _, instance, _ in ordered], problem.environment)
+    nodes = _nodes(plan, problem, plans)
+    nominal = {one.name: one.default for one in plan.parameters if one.default is not None}
     known = {**nominal, **(values or {})}
     constraints = [
         (nodes[one.source], _value(one.lower, known), _value(one.upper, known), nodes[one.target])
-        for one in stn.constraints
+        for one in plan.constraints
     ]
     start = nodes[_ZERO]
     constraints += [(start, Fraction(0), None, node) for point, node in nodes.items() if point != _ZERO]
-    found: up_plans.STNPlan = plans.STNPlan(constraints)
-    return found
+    return plans.STNPlan(constraints, problem.environment)
 
 
 _ZERO = TimePoint(TimePointKind.ZERO)
@@ -373,7 +470,7 @@ _ZERO = TimePoint(TimePointKind.ZERO)
 
 def _nodes(stn: STNPlan, problem: up.Problem, plans: ModuleType) -> dict[TimePoint, up_plans.STNPlanNode]:
     """A node for every time point. An instantaneous action has a start only, as unified-planning itself makes them."""
-    kinds = _module("unified_planning.model").TimepointKind
+    kinds = module_of("unified_planning.model").TimepointKind
     node = import_module("unified_planning.plans.stn_plan").STNPlanNode
     nodes: dict[TimePoint, up_plans.STNPlanNode] = {_ZERO: node(kinds.GLOBAL_START)}
     for one in stn.instances:
@@ -384,7 +481,7 @@ def _nodes(stn: STNPlan, problem: up.Problem, plans: ModuleType) -> dict[TimePoi
     return nodes
 
 
-def _instance(one: InstanceDeclaration, problem: up.Problem, plans: ModuleType) -> up_plans.ActionInstance:
+def _instance(one: InstanceDeclaration | TimedStep, problem: up.Problem, plans: ModuleType) -> up_plans.ActionInstance:
     actions = {action.name.lower(): action for action in problem.actions}
     objects = {found.name.lower(): found for found in problem.all_objects}
     action = _known("action", one.action, actions, one)
@@ -394,7 +491,7 @@ def _instance(one: InstanceDeclaration, problem: up.Problem, plans: ModuleType) 
     return found
 
 
-def _known(kind: str, name: str, known: Mapping[str, Any], one: InstanceDeclaration) -> Any:
+def _known(kind: str, name: str, known: Mapping[str, Any], one: InstanceDeclaration | TimedStep) -> Any:
     if name not in known:
         hint = did_you_mean(name, known)
         raise InputError(f"found {kind} {name!r}, expected one of the problem{hint}", one.location)
@@ -411,7 +508,8 @@ def _value(bound: STNBound, known: Mapping[str, Fraction]) -> Fraction | None:
     return known[bound.name]
 
 
-def _module(name: str) -> ModuleType:
+def module_of(name: str) -> ModuleType:
+    """A module of unified-planning; UnsupportedError if it is not installed."""
     try:
         return import_module(name)
     except ImportError as error:

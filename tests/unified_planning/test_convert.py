@@ -9,10 +9,10 @@ from robust.api import validate
 from robust.errors import InputError, UnsupportedError
 from robust.execute.convert import convert
 from robust.execute.distances import InvalidPlanError
-from robust.execute.unified import from_unified_planning, to_unified_planning
 from robust.irr.check import Answer
 from robust.plan.model import Atom, Fluent, TimedLiteral
 from robust.plan.parameters import parse_specs
+from robust.unified_planning.convert import from_unified_planning, to_unified_planning
 
 up = pytest.importorskip("unified_planning.shortcuts")
 model = pytest.importorskip("unified_planning.model")
@@ -95,7 +95,7 @@ def test_conversion_there_and_back():
     # From above, fuel: 22/3 - d >= 1/3; the domain allows 1 to 6.
     assert bounds["Drive START", "Drive END"] == (Fraction(1), Fraction(6))
     assert bounds["Drive END", "honk START"][0] == Fraction(1, 1000)
-    assert returned.is_consistent
+    assert returned.is_consistent()
 
 
 def test_parameters_stand_for_their_values():
@@ -113,8 +113,8 @@ def test_what_cannot_be_converted_is_refused():
     # which unified-planning finds valid
     with pytest.raises(InvalidPlanError, match=r"invalid plan: found 'n0 drive: over all \(lit\)' broken at time 2"):
         convert(*from_unified_planning(soon, plan_of(soon)))
-    with pytest.raises(InputError, match="found a SequentialPlan, expected a TimeTriggeredPlan"):
-        from_unified_planning(problem, plans.SequentialPlan([]))
+    with pytest.raises(InputError, match="found a PartialOrderPlan, expected a sequential, "):
+        from_unified_planning(problem, plans.PartialOrderPlan({}, problem.environment))
     with pytest.raises(InputError, match="empty plan: found no step"):
         convert(*from_unified_planning(problem, plans.TimeTriggeredPlan([], problem.environment)))
     with pytest.raises(InputError, match="found action 'drive', expected one of the problem"):

@@ -1,0 +1,271 @@
+"""The engine that unified-planning calls: plans are judged exactly, those with a network for every schedule they allow.
+
+Separation is the problem's `epsilon`, or else that of the engine's parameters. Steps of sequential plans are one unit
+of time apart, so they are always separated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from unified_planning.engines import Credits, Engine
+from unified_planning.engines.mixins import PlanValidatorMixin
+from unified_planning.engines.results import (
+    FailedValidationReason,
+    LogLevel,
+    LogMessage,
+    ValidationResult,
+    ValidationResultStatus,
+)
+from unified_planning.model import ProblemKind, UPState
+from unified_planning.plans import PlanKind
+
+from robust.encode.interface import EPSILON
+from robust.errors import InputError, Location, RobustError
+from robust.execute.convert import check_plan
+from robust.execute.distances import declarations, schedule_of
+from robust.irr.check import Answer
+from robust.numbers import parse_number, readable, readable_values
+from robust.plan.load import assemble
+from robust.plan.model import TimePointKind
+from robust.plan.pddl.syntax import Domain, Problem
+from robust.plan.simulate import Simulation, Violation, simulate
+from robust.plan.stn import STNPlan
+from robust.plan.timed import TimedPlan
+from robust.smt.limits import Deadline, noticing_interrupts
+from robust.unified_planning.convert import from_unified_planning, instances_of
+
+if TYPE_CHECKING:
+    import unified_planning.model as up
+    import unified_planning.plans as up_plans
+
+INITIALLY = Fraction(-1)
+"""What unified-planning calls the time of the initial state in a trace."""
+
+KIND = {
+    "problem_class": ("ACTION_BASED",),
+    "problem_type": ("SIMPLE_NUMERIC_PLANNING", "GENERAL_NUMERIC_PLANNING"),
+    "time": ("CONTINUOUS_TIME", "TIMED_EFFECTS", "DURATION_INEQUALITIES", "SELF_OVERLAPPING"),
+    "expression_duration": (
+        "STATIC_FLUENTS_IN_DURATIONS",
+        "FLUENTS_IN_DURATIONS",
+        "INT_TYPE_DURATIONS",
+        "REAL_TYPE_DURATIONS",
+    ),
+    "numbers": ("CONTINUOUS_NUMBERS", "DISCRETE_NUMBERS"),
+    "conditions_kind": (
+        "NEGATIVE_CONDITIONS",
+        "DISJUNCTIVE_CONDITIONS",
+        "EQUALITIES",
+        "EXISTENTIAL_CONDITIONS",
+        "UNIVERSAL_CONDITIONS",
+    ),
+    "effects_kind": (
+        "CONDITIONAL_EFFECTS",
+        "INCREASE_EFFECTS",
+        "DECREASE_EFFECTS",
+        "INCREASE_CONTINUOUS_EFFECTS",
+        "DECREASE_CONTINUOUS_EFFECTS",
+        "STATIC_FLUENTS_IN_NUMERIC_ASSIGNMENTS",
+        "FLUENTS_IN_NUMERIC_ASSIGNMENTS",
+        "FORALL_EFFECTS",
+    ),
+    "typing": ("FLAT_TYPING", "HIERARCHICAL_TYPING"),
+    "fluents_type": ("NUMERIC_FLUENTS", "INT_FLUENTS", "REAL_FLUENTS"),
+    "quality_metrics": (
+        "ACTIONS_COST",
+        "FINAL_VALUE",
+        "MAKESPAN",
+        "PLAN_LENGTH",
+        "OVERSUBSCRIPTION",
+        "TEMPORAL_OVERSUBSCRIPTION",
+    ),
+    "actions_cost_kind": (
+        "STATIC_FLUENTS_IN_ACTIONS_COST",
+        "FLUENTS_IN_ACTIONS_COST",
+        "INT_NUMBERS_IN_ACTIONS_COST",
+        "REAL_NUMBERS_IN_ACTIONS_COST",
+    ),
+    "oversubscription_kind": ("INT_NUMBERS_IN_OVERSUBSCRIPTION", "REAL_NUMBERS_IN_OVERSUBSCRIPTION"),
+}
+"""The features of problems whose plans are judged; metrics do not bear on validity."""
+
+CREDITS = Credits(
+    "robust",
+    "The robust developers",
+    "",
+    "",
+    "Apache-2.0",
+    "Validates plans exactly, and STN plans for every schedule that they allow.",
+    "Each condition, separation and goal of a plan is one obligation, proved or refuted in rational arithmetic; STN "
+    "plans are valid if no schedule that their network allows breaks one. Mutex happenings are epsilon apart.",
+)
+
+
+class RobustValidator(Engine, PlanValidatorMixin):  # type: ignore[misc]
+    """Judges sequential, time-triggered and STN plans of unified-planning.
+
+    Args:
+        epsilon: the separation of mutex time points for problems that do not say theirs.
+        timeout: seconds after which an STN plan is called unknown; None never.
+        **options: what unified-planning gives to every engine.
+
+    Raises:
+        InputError: if `epsilon` is no number above 0.
+    """
+
+    def __init__(self, epsilon: Any = EPSILON, timeout: float | None = None, **options: Any) -> None:
+        Engine.__init__(self)
+        PlanValidatorMixin.__init__(self)
+        place = Location("epsilon")
+        self._epsilon = parse_number(str(epsilon), place)
+        if self._epsilon <= 0:
+            raise InputError(f"found {epsilon}, expected a number above 0", place)
+        self._timeout = timeout
+
+    @property
+    def name(self) -> str:
+        return "robust"
+
+    @staticmethod
+    def supported_kind() -> ProblemKind:
+        kind = ProblemKind()
+        for family, features in KIND.items():
+            for feature in features:
+                getattr(kind, f"set_{family}")(feature)
+        return kind
+
+    @staticmethod
+    def supports(problem_kind: ProblemKind) -> bool:
+        return bool(problem_kind <= RobustValidator.supported_kind())
+
+    @staticmethod
+    def supports_plan(plan_kind: PlanKind) -> bool:
+        return plan_kind in {PlanKind.SEQUENTIAL_PLAN, PlanKind.TIME_TRIGGERED_PLAN, PlanKind.STN_PLAN}
+
+    @staticmethod
+    def get_credits(**_: Any) -> Credits:
+        return CREDITS
+
+    def _validate(self, problem: up.AbstractProblem, plan: up_plans.Plan) -> ValidationResult:
+        epsilon = getattr(problem, "epsilon", None)
+        judge = _Judge(problem, plan, self._epsilon if epsilon is None else Fraction(epsilon))
+        try:
+            return judge.result(self._timeout)
+        except RobustError as error:
+            return _result(ValidationResultStatus.UNKNOWN, str(error))
+
+
+def _result(status: ValidationResultStatus, message: str | None = None, **known: Any) -> ValidationResult:
+    messages = [] if message is None else [LogMessage(LogLevel.INFO, message)]
+    return ValidationResult(status, "robust", messages, **known)
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """Judges one plan."""
+
+    problem: up.Problem
+    plan: up_plans.Plan
+    epsilon: Fraction
+
+    def result(self, timeout: float | None) -> ValidationResult:
+        if self.plan.kind is PlanKind.STN_PLAN and not self.plan.is_consistent():
+            return _result(ValidationResultStatus.INVALID, "the plan's network has no schedule")
+        domain, problem, plan = from_unified_planning(self.problem, self.plan)
+        if isinstance(plan, STNPlan):
+            return self._of_network(domain, problem, plan, timeout)
+        return self._of_schedule(domain, problem, plan)
+
+    def _of_schedule(self, domain: Domain, problem: Problem, timed: TimedPlan) -> ValidationResult:
+        declared = declarations(timed, domain, self.epsilon) if timed.steps else ()
+        plan = assemble(domain, problem, STNPlan((), declared, (), timed.file), may_be_empty=True)
+        epsilon = self.epsilon if self.plan.kind is PlanKind.TIME_TRIGGERED_PLAN else Fraction(1)
+        simulation = simulate(plan, plan.nominal, schedule_of(timed, declared), epsilon=epsilon)
+        if simulation.valid:
+            return _result(ValidationResultStatus.VALID, trace=self._trace(simulation, None))
+        first = min(simulation.violations, key=lambda one: one.time)
+        return self._refuted(simulation, first, "")
+
+    def _of_network(self, domain: Domain, problem: Problem, stn: STNPlan, timeout: float | None) -> ValidationResult:
+        plan = assemble(domain, problem, stn, may_be_empty=True)
+        with noticing_interrupts():
+            found = check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
+        if found.answer is Answer.PROVED:
+            return _result(ValidationResultStatus.VALID)
+        if found.answer is Answer.UNKNOWN:
+            return _result(ValidationResultStatus.UNKNOWN, found.reason or "not decided")
+        example = next(iter(found.counterexamples.values()))
+        names = {one.identifier: str(one) for one in stn.instances}
+        times = ", ".join(
+            f"{point.kind.value} of {names[point.instance]} at {readable(time)}"
+            for point, time in sorted(example.schedule.items(), key=lambda each: each[1])
+            if point.instance is not None
+        )
+        broken = next(one for one in example.simulation.violations if one.obligation == example.obligation)
+        return self._refuted(example.simulation, broken, f"; the plan allows this schedule: {times}")
+
+    def _refuted(self, simulation: Simulation, broken: Violation, more: str) -> ValidationResult:
+        reason = _reason(broken)
+        message = f"{broken.obligation} is broken at {readable(broken.time)}: {readable_values(broken.detail)}{more}"
+        known: dict[str, Any] = {"reason": reason, "trace": self._trace(simulation, broken)}
+        if reason is FailedValidationReason.INAPPLICABLE_ACTION:
+            number = broken.obligation.split()[0].removeprefix("n")
+            known["inapplicable_action"] = instances_of(self.plan)[int(number)]
+        return _result(ValidationResultStatus.INVALID, message, **known)
+
+    # -- states --------------------------------------------------------------------------------------------------------
+
+    def _trace(self, simulation: Simulation, broken: Violation | None) -> list[UPState] | dict[Fraction, UPState]:
+        """States up to the first violation, in unified-planning's form for the kind of plan."""
+        timed = dict(self._states(simulation, broken))
+        if self.plan.kind is not PlanKind.SEQUENTIAL_PLAN:
+            return timed
+        ends = {Fraction(number) for number in range(1, len(self.plan.actions) + 1)}
+        return [state for time, state in timed.items() if time == INITIALLY or time in ends]
+
+    def _states(self, simulation: Simulation, broken: Violation | None) -> Iterator[tuple[Fraction, UPState]]:
+        known = {one.name.lower(): one for one in self.problem.fluents}
+        objects = {one.name.lower(): one for one in self.problem.all_objects}
+        manager = self.problem.environment.expression_manager
+
+        def expression(name: str, arguments: tuple[str, ...]) -> up.FNode:
+            return manager.FluentExp(known[name], tuple(manager.ObjectExp(objects[one]) for one in arguments))
+
+        def number(name: str, value: Fraction) -> up.FNode:
+            return manager.Int(int(value)) if known[name].type.is_int_type() else manager.Real(value)
+
+        state = UPState(self.problem.explicit_initial_values, self.problem)
+        yield INITIALLY, state
+        for step in simulation.trace:
+            if all(point.kind is TimePointKind.ZERO for point in step.points):
+                continue
+            if broken is not None and (step.time > broken.time or (step.time == broken.time and _at_once(broken))):
+                return
+            changes = {
+                expression(atom.predicate, atom.arguments): manager.Bool(value) for atom, value in step.atoms_changed
+            }
+            for fluent, value in step.fluents.items():
+                changes[expression(fluent.function, fluent.arguments)] = number(fluent.function, value)
+            state = state.make_child(changes)
+            yield step.time, state
+
+
+_SEPARATION = "separation: "
+_GOAL = "goal"
+
+
+def _reason(broken: Violation) -> FailedValidationReason:
+    if broken.obligation.startswith(_SEPARATION):
+        return FailedValidationReason.MUTEX_CONFLICT
+    if broken.obligation.startswith(_GOAL):
+        return FailedValidationReason.UNSATISFIED_GOALS
+    return FailedValidationReason.INAPPLICABLE_ACTION
+
+
+def _at_once(broken: Violation) -> bool:
+    """Whether what is broken is demanded before the effects of its time: an action's condition, but not a goal."""
+    return _reason(broken) is not FailedValidationReason.UNSATISFIED_GOALS and "over all" not in broken.obligation
