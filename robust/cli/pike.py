@@ -56,7 +56,7 @@ class PikeOptions(TeamPlanFile, Solving, Output):
     """What most commands take."""
 
 
-_ASSUME: Any = option((), "a choice that is made already; may be repeated", metavar="NAME=VALUE", many=True)
+ASSUME: Any = option((), "a choice that is made already; may be repeated", metavar="NAME=VALUE", many=True)
 _TEMPORAL: Any = option(
     "lazy",
     "lazy: order by structure, conflicts as they are needed; apsp: labeled all-pairs shortest paths",
@@ -75,7 +75,7 @@ class PikeCheckCommand(PikeOptions):
     """Of `robust pike check`."""
 
     backend: str = option("oracle", "who answers", choices=("oracle", *KNOWLEDGE_BASES))
-    assume: tuple[str, ...] = _ASSUME
+    assume: tuple[str, ...] = ASSUME
     all_scenarios: bool = option(False, "find every team scenario that admits a correct execution")
     cross: bool = option(False, "ask all back ends and the oracle the same questions, and compare")
     patience: bool = option(
@@ -198,7 +198,7 @@ class PikePlotCommand(TeamPlanFile, Output):
         path=True,
         read=lambda path, _place: plot_file(path, place_of("plot")),
     )
-    assume: tuple[str, ...] = _ASSUME
+    assume: tuple[str, ...] = ASSUME
     links: bool = option(False, "draw the labeled causal links as well")
 
 

@@ -5,11 +5,12 @@ from dataclasses import replace
 from fractions import Fraction
 
 from robust.pike_bridge.envelopes.parameters import Kind, TeamParameterSpec, parametrize, specifications
+from robust.pike_bridge.model import guard
 from robust.pike_bridge.random_plans import Shape
 from robust.pike_bridge.random_plans import random_plan as structured_plan
-from robust.pike_bridge.semantics import Oracle
+from robust.pike_bridge.semantics import Existence, Oracle
 
-SMALL = Shape(top=5, squeeze=Fraction(0), threat_share=0.1, producer_share=0.8, inner_share=0.6)
+SMALL = Shape(top=3, squeeze=Fraction(0), threat_share=0.1, producer_share=0.8, inner_share=0.6)
 
 
 def parametric(plan, *texts):
@@ -52,10 +53,25 @@ def random_values(plan, draw):
     return values
 
 
-def possible_by_oracle(plan, values, key):
-    """The values of the key choices, as sorted pairs, in some correct execution with these parameter values."""
-    executions = Oracle(plan.at(values)).scenarios()
-    return {tuple(sorted((name, one.scenario[name]) for name in key)) for one in executions}
+def disagreements(region, values, draw, most=8):
+    """Full assignments to the key about which the oracle, told the values, differs from the region; and how many
+    assignments were asked about, and how many of them are possible.
+
+    Of each combination that the region tells apart one assignment is asked about, of many combinations some.
+    """
+    domains = region.plan.plan.network.domains
+    possible = set(region.possible(values))
+    asked = region.combinations
+    asked = draw.sample(asked, most) if len(asked) > most else asked
+    oracle = Oracle(region.plan.at(values))
+    wrong, found = [], 0
+    for each in asked:
+        assignment = guard({name: draw.choice(domains[name]) for name in region.key} | dict(each.choices))
+        exists = oracle.decide(assignment).verdict is Existence.EXISTS
+        found += exists
+        if exists != (each.choices in possible):
+            wrong.append((assignment, values))
+    return wrong, len(asked), found
 
 
 def strict(plan):

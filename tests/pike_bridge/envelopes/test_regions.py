@@ -11,8 +11,8 @@ from robust.pike_bridge.model import guard
 from robust.qe.polyhedron import Polyhedron
 from tests.pike_bridge import plans, stories
 from tests.pike_bridge.envelopes.examples import (
+    disagreements,
     parametric,
-    possible_by_oracle,
     random_parameters,
     random_values,
     strict,
@@ -27,27 +27,20 @@ def full(choices, domains, key):
         yield tuple(sorted(zip(key, values, strict=True)))
 
 
-def possible_by_region(region, values):
-    domains = region.plan.plan.network.domains
-    return {one for choices in region.possible(values) for one in full(choices, domains, region.key)}
-
-
 def compare(plan, draw, points):
     region = LabeledRegionSearch(plan).run()
     assert not region.cut_short
-    found = 0
+    total = 0
     for _ in range(points):
-        values = random_values(plan, draw)
-        expected = possible_by_oracle(plan, values, region.key)
-        assert possible_by_region(region, values) == expected, (values, plan.plan)
-        found += len(expected)
-    return found
+        wrong, _, found = disagreements(region, random_values(plan, draw), draw)
+        assert not wrong
+        total += found
+    return total
 
 
-@pytest.mark.parametrize("seed", range(25))
-def test_structured_plans_agree_with_the_oracle_at_random_values(seed):
-    plan = random_parameters(structured(seed), seed)
-    compare(plan, random.Random(seed), 8)
+def test_structured_plans_agree_with_the_oracle_at_random_values():
+    found = sum(compare(random_parameters(structured(seed), seed), random.Random(seed), 3) for seed in range(15))
+    assert found > 20  # it is not that nothing is ever possible
 
 
 @pytest.mark.parametrize("epsilon", [Fraction(0), Fraction(1, 4), Fraction(1, 1000)])
@@ -58,12 +51,7 @@ def test_plans_of_all_kinds_agree_with_the_oracle_at_random_values(epsilon):
         plan = plans.random_plan(draw)
         plan = type(plan)(plan.network, plan.conditions, plan.effects, epsilon)
         found += compare(random_parameters(plan, seed), draw, 6)
-    assert found > 20  # it is not that nothing is ever possible
-
-
-def test_some_structured_plans_have_executions():
-    regions = [LabeledRegionSearch(random_parameters(structured(seed), seed)).run() for seed in range(10)]
-    assert sum(bool(region.pieces) for region in regions) >= 5
+    assert found > 20
 
 
 def test_the_kitchen_as_the_guide_tells_it():
