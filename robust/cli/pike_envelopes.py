@@ -157,7 +157,7 @@ def envelope(options: PikeEnvelopeCommand, run: Run) -> int:
 
     found = run.best(begin, answer)
     if options.plot is not None and found.combinations:
-        layers = [("what is promised is so", found.region)]
+        layers = [(show.promise(found), found.region)]
         box = found.box if found.verified else None
         show.plot_layers(found.plan, layers, options.plot, options.drawn, box)
     answer(found)

@@ -468,12 +468,12 @@ def _ended(status: str) -> str:
 def print_envelope(out: Console, found: TeamEnvelope, *, quiet: bool) -> None:
     """What is promised for which values; unless `quiet` also what ends each side."""
     telling = Telling(found.plan)
-    promise = _promise(found)
+    promised = promise(found)
     if not found.verified:
-        _line(out, _failure(found, telling, promise))
+        _line(out, _failure(found, telling, promised))
     else:
         ranges = [telling.interval(one, found.box[one.name]) for one in found.plan.parameters]
-        _line(out, f"{promise}: {'; '.join(ranges)}.")
+        _line(out, f"{promised}: {'; '.join(ranges)}.")
         if not quiet:
             out.print()
             for one in found.plan.parameters:
@@ -489,7 +489,7 @@ def print_envelope(out: Console, found: TeamEnvelope, *, quiet: bool) -> None:
                    f"{duration(found.seconds)}.")  # fmt: skip
 
 
-def _promise(found: TeamEnvelope) -> str:
+def promise(found: TeamEnvelope) -> str:
     """What holds for all values in the box."""
     assumed = f"With {guard_text(found.assume)}" if found.assume else ""
     if not found.for_all:
@@ -499,19 +499,19 @@ def _promise(found: TeamEnvelope) -> str:
     return f"{assumed + ', whatever' if assumed else 'Whatever'} {names} will be, {known}"
 
 
-def _failure(found: TeamEnvelope, telling: Telling, promise: str) -> str:
+def _failure(found: TeamEnvelope, telling: Telling, promised: str) -> str:
     """Why there is no box."""
     if found.broken is None:
         return "Nothing is known yet."
     choices = f" with {guard_text(found.broken)}" if found.broken else ""
     if found.cut_short:
-        return f"{promise}: no correct execution{choices} is known yet at the nominal values."
+        return f"{promised}: no correct execution{choices} is known yet at the nominal values."
     if not found.possible:
-        return f"{promise}: there is no correct execution{choices}, whatever the parameters are."
+        return f"{promised}: there is no correct execution{choices}, whatever the parameters are."
     if found.waiting and not found.broken:
-        return f"{promise}: not at the nominal values; {' and '.join(map(telling.demand, found.needed))} would be needed."
+        return f"{promised}: not at the nominal values; {' and '.join(map(telling.demand, found.needed))} would be needed."
     needed = " and ".join(map(telling.demand, found.needed))
-    return f"{promise}: there is no correct execution{choices} at the nominal values; needed: {needed}."
+    return f"{promised}: there is no correct execution{choices} at the nominal values; needed: {needed}."
 
 
 # -- pictures ----------------------------------------------------------------------------------------------------------
@@ -541,10 +541,16 @@ def region_layers(found: LabeledRegion, cells: Cells | None) -> Layers:
     if cells is None:
         return [(guard_text(each.choices), found.region(dict(each.choices))) for each in found.combinations if each.pieces]
     return [
-        ("possible: " + (" | ".join(guard_text(one.choices) for one in possible) or "nothing"), cell)
+        ("\n".join(_few([guard_text(one.choices) or "any choices" for one in possible])), cell)
         for possible, cell in cells
         if possible
     ]
+
+
+def _few(labels: Sequence[str], most: int = 4) -> Sequence[str]:
+    """The labels, of many the first ones."""
+    shown = [cut(one, 80) for one in labels[:most]]
+    return shown if len(labels) <= most else [*shown, f"and {len(labels) - most} more"]
 
 
 def plot_layers(
@@ -582,7 +588,7 @@ def _figure(
     for number, (label, region) in enumerate(layers):
         colour = LIGHT[number % len(LIGHT)]
         hatch = "" if number < len(LIGHT) else "//"
-        text: str | None = cut(label, 70)
+        text: str | None = label
         for piece in region.pieces:
             corners = _corners(piece.intersection(view))
             if len(corners) > 2:

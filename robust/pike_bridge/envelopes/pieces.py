@@ -128,6 +128,8 @@ class Question:
     reader: Reader
     formulas: tuple[Formula, ...]
     statements: Mapping[Leaf, Statement]
+    choices: frozenset[Formula]
+    """Symbols, whether or not a formula mentions them."""
     label: Callable[[Mapping[str, Value]], Guard]
     guard: Callable[[Guard], Formula]
 
@@ -149,7 +151,7 @@ def question(parametric: ParametricPlan, key: Sequence[str], assume: Guard = ALW
         return frozenset(one for one in alike if one.variable in key and one not in assume)
 
     formulas = (*semantics.formulas, semantics.guard(assume))
-    return Question(terms, reader, formulas, semantics.statements, label, semantics.guard)
+    return Question(terms, reader, formulas, semantics.statements, semantics.choices, label, semantics.guard)
 
 
 class Pieces:
@@ -175,7 +177,7 @@ class Pieces:
         session.add_all(asked.formulas, deadline)
         session.add(*(one.to_formula(terms) for one in declared_bounds(self._parameters)))
         whole = conjunction(asked.reader.read(formula) for formula in asked.formulas)
-        symbols = {symbol for formula in asked.formulas for symbol in terms.variables(formula)}
+        symbols = asked.choices.union(*map(terms.variables, asked.formulas))
         while True:
             self.queries += 1
             if not satisfiable(session, "parameter values with another correct execution", deadline):

@@ -61,6 +61,7 @@ class _Waiting:
             self._reader,
             tuple(formulas),
             self._statements,
+            frozenset(),
             lambda _values: ALWAYS,
             lambda _label: terms.true,
         )
