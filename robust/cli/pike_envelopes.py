@@ -46,7 +46,9 @@ class ParametricOptions(PikeOptions, Slice):
         plan = self.load()
         specs = specifications(self.parameter, self.parameters, read_tpnu(self.file).parameters)
         if not specs:
-            raise InputError("found no parameters, expected some: --parameter duration:ACTIVITY, or a file", place_of("parameter"))
+            raise InputError(
+                "found no parameters, expected some: --parameter duration:ACTIVITY, or a file", place_of("parameter")
+            )
         found = parametrize(plan, specs)
         if self.plot is not None:
             from robust.show.pike_envelopes import plotted

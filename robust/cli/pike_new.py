@@ -34,9 +34,7 @@ def _structure(text: str, place: Location) -> tuple[int, ...]:
 class PikeNewCommand(Output):
     """Of `robust pike new`."""
 
-    kind: str = option(
-        ..., "kitchen, wing, k-intents, random or figure", metavar="KIND", choices=KINDS, argument=True
-    )
+    kind: str = option(..., "kitchen, wing, k-intents, random or figure", metavar="KIND", choices=KINDS, argument=True)
     output: Path = option(..., "the directory to write to", "--output", "-o", metavar="DIR", path=True)
     name: str = option("", "of the .tpnu.json file, else that of the plan", metavar="NAME")
     structure: tuple[int, ...] = option(
@@ -87,7 +85,9 @@ def new(options: PikeNewCommand, run: Run) -> int:
         files = [options.output / each for each in (f"{name}.tpnu.json", "domain.pddl", "problem.pddl")]
         there = [str(each) for each in files if each.exists()]
         if there and not options.force:
-            raise InputError(f"found {', '.join(there)}, expected no such files; --force replaces them", place_of("output"))
+            raise InputError(
+                f"found {', '.join(there)}, expected no such files; --force replaces them", place_of("output")
+            )
         return instance, instance.write(options.output, name)
 
     instance, path = run.only(write)

@@ -75,7 +75,9 @@ def parse_tpnu(text: str, file: str = "<tpnu>") -> TpnuDocument:
     places = Places(file, {path: inner.location for path, inner in walk(value)})
     found = _DOCUMENT.read(value)
     lists = {key: found.get(key, ()) for key in ("choices", "events", "constraints", "activities")}
-    return TpnuDocument(Tpnu(found["name"], **lists), found["domain"], found["problem"], places, found.get("parameters", ()))
+    return TpnuDocument(
+        Tpnu(found["name"], **lists), found["domain"], found["problem"], places, found.get("parameters", ())
+    )
 
 
 def write_tpnu(path: str | os.PathLike[str], network: Tpnu, *, domain: str, problem: str) -> None:

@@ -250,7 +250,7 @@ def kind_of(value: object) -> str:
 
 
 def set_attribute(attributes: dict[str, Fraction | None], word: str, text: str, location: Location) -> None:
-    """Note the value of an attribute, which is one of :data:`ATTRIBUTES`; InputError for a second one or a wrong one."""
+    """Note the value of one of :data:`ATTRIBUTES`; InputError for a second value, or a wrong one."""
     if ATTRIBUTES[word] in attributes:
         raise InputError(f"found a second value for {word!r}, expected each attribute at most once", location)
     attributes[ATTRIBUTES[word]] = attribute_value(word, text, location)

@@ -1,4 +1,4 @@
-"""Envelopes of plans with choices for people and programs: sentences about each combination of choices, and pictures."""
+"""Envelopes of plans with choices for people and programs: sentences about combinations of choices, and pictures."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.text import Text
 
 from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
+from robust.errors import InputError, did_you_mean
 from robust.numbers import duration, exact_end, interval_text, plural, readable
 from robust.options import place_of
-from robust.errors import InputError, did_you_mean
 from robust.pike_bridge.envelopes.parameters import Kind, ParametricPlan, TeamParameter
 from robust.pike_bridge.envelopes.pieces import (
     BoundStatement,
@@ -35,7 +35,7 @@ from robust.qe.render import signed_sum
 from robust.show.documents import Constraint as ConstraintRecord
 from robust.show.documents import Document, Ended, SearchEnded, document
 from robust.show.documents import Polyhedron as PolyhedronRecord
-from robust.show.drawing import LIGHT, BLACK, VERMILION, cut, save
+from robust.show.drawing import BLACK, LIGHT, VERMILION, cut, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -189,11 +189,10 @@ Cells = Sequence[tuple[tuple[Combination, ...], Region]]
 
 
 def _choices(label: Guard) -> dict[str, str]:
-    return {name: value for name, value in sorted(label)}
+    return dict(sorted(label))
 
 
 def _polyhedra(pieces: Iterable[Polyhedron]) -> list[PolyhedronRecord]:
-
 
     return [PolyhedronRecord(constraints=[_constraint(each) for each in one.constraints]) for one in pieces]
 
@@ -312,7 +311,7 @@ class Telling:
             self._events.setdefault(activity.target, f"the end of {activity.action}")
 
     def sentence(self, piece: Polyhedron) -> str:
-        """What a polyhedron demands, beyond the declared bounds: `coffee may take up to 5; limit must be at least 7`."""
+        """What a polyhedron demands, beyond the declared bounds: `a may take up to 5; limit must be at least 7`."""
         bounds = set(declared_bounds(self._plan.declared))
         own: dict[str, list[LinearConstraint]] = {}
         joint: list[str] = []
@@ -353,7 +352,9 @@ class Telling:
     def demand(self, constraint: LinearConstraint) -> str:
         """An inequality of several parameters: a limit is told by what it must be at least, others as a sum."""
         for name, factor in constraint.coefficients:
-            limit = self._parameters[name].kind is Kind.AT_MOST and factor < 0 and constraint.relation is not Sense.EQUAL
+            limit = (
+                self._parameters[name].kind is Kind.AT_MOST and factor < 0 and constraint.relation is not Sense.EQUAL
+            )
             if limit and len(constraint.parameters) > 1:
                 rest = [(self._words(n), Fraction(f, -factor)) for n, f in constraint.coefficients if n != name]
                 number = constraint.constant / factor
@@ -412,7 +413,11 @@ class Telling:
         with_choices = f"with {guard_text(stop.choices)}: " if stop.choices else ""
         told = list(self.statements(stop.statements))
         if stop.own:
-            return f"{with_choices}its own other bound: {'; '.join(told)}" if told else f"{with_choices}its own other bound"
+            return (
+                f"{with_choices}its own other bound: {'; '.join(told)}"
+                if told
+                else f"{with_choices}its own other bound"
+            )
         demand = "" if stop.constraint is None else self.sentence(Polyhedron(self._plan.names, (stop.constraint,)))
         more = "" if len(told) <= STATEMENTS else f"; {len(told) - STATEMENTS} more (--json lists them)"
         because = f", because {'; '.join(told[:STATEMENTS])}{more}" if told else ""
@@ -509,7 +514,9 @@ def _failure(found: TeamEnvelope, telling: Telling, promised: str) -> str:
     if not found.possible:
         return f"{promised}: there is no correct execution{choices}, whatever the parameters are."
     if found.waiting and not found.broken:
-        return f"{promised}: not at the nominal values; {' and '.join(map(telling.demand, found.needed))} would be needed."
+        return (
+            f"{promised}: not at the nominal values; {' and '.join(map(telling.demand, found.needed))} would be needed."
+        )
     needed = " and ".join(map(telling.demand, found.needed))
     return f"{promised}: there is no correct execution{choices} at the nominal values; needed: {needed}."
 
@@ -539,7 +546,9 @@ Layers = Sequence[tuple[str, Region]]
 def region_layers(found: LabeledRegion, cells: Cells | None) -> Layers:
     """What is drawn of a labeled region: where exactly which combinations are possible, else where each is."""
     if cells is None:
-        return [(guard_text(each.choices), found.region(dict(each.choices))) for each in found.combinations if each.pieces]
+        return [
+            (guard_text(each.choices), found.region(dict(each.choices))) for each in found.combinations if each.pieces
+        ]
     return [
         ("\n".join(_few([guard_text(one.choices) or "any choices" for one in possible])), cell)
         for possible, cell in cells
@@ -553,9 +562,7 @@ def _few(labels: Sequence[str], most: int = 4) -> Sequence[str]:
     return shown if len(labels) <= most else [*shown, f"and {len(labels) - most} more"]
 
 
-def plot_layers(
-    plan: ParametricPlan, layers: Layers, path: Path, axes: Sequence[str], box: Box | None = None
-) -> None:
+def plot_layers(plan: ParametricPlan, layers: Layers, path: Path, axes: Sequence[str], box: Box | None = None) -> None:
     """Draw regions of two parameters, the others at their nominal values, and perhaps a box."""
     shown = plotted(plan, axes)
     names = tuple(one.name for one in shown)
@@ -630,7 +637,6 @@ def _view(plan: ParametricPlan, one: TeamParameter, layers: Layers, box: Box | N
 
 def _corners(piece: Polyhedron) -> list[tuple[float, float]]:
     """The vertices in the order around their centre."""
-
 
     across, up = piece.parameters
     corners = [(float(one[across]), float(one[up])) for one in piece.vertices()]

@@ -1,4 +1,4 @@
-"""Plans with choices that are made for people: new ones as files, and many random ones on which back ends are compared."""
+"""Plans with choices that are made for people: new ones as files, and random ones on which back ends are compared."""
 
 from __future__ import annotations
 
@@ -129,7 +129,9 @@ def random_cross_document(crossed: RandomCrossed) -> Document:
 def print_random_cross(out: Console, crossed: RandomCrossed, *, quiet: bool) -> None:
     """Whether all agree, or the smallest disagreement and how to see it again; unless `quiet` also who was asked."""
     seed, sizes = crossed.seed, crossed.sizes
-    found = f"{plural(crossed.plans, f'{sizes} random plan')} of seed {seed}, {crossed.feasible} with a correct execution"
+    found = (
+        f"{plural(crossed.plans, f'{sizes} random plan')} of seed {seed}, {crossed.feasible} with a correct execution"
+    )
     if crossed.agree:
         asked = sum(crossed.questions.values())
         _line(out, f"All agree on {found}: {plural(crossed.scenarios, 'team scenario')}, {plural(asked, 'question')}.")

@@ -167,8 +167,7 @@ def cycles(edges: Iterable[Edge], parameters: Sequence[Parameter], deadline: Dea
 def _representatives(edges: Iterable[Edge]) -> dict[str, str]:
     """For each event that is at the same time as another, one for all of those."""
     at_most = {
-        (edge.source, edge.target)
-        for edge in edges if not (edge.constant or edge.strict or any(edge.factors.values()))
+        (edge.source, edge.target) for edge in edges if not (edge.constant or edge.strict or any(edge.factors.values()))
     }
     groups: dict[str, list[str]] = {}
     for one, other in at_most:

@@ -55,7 +55,7 @@ _PREFIX = {Kind.DURATION: "", Kind.AT_LEAST: "least_", Kind.AT_MOST: "most_", Ki
 
 @dataclass(frozen=True, slots=True)
 class TeamParameterSpec:
-    """One specification, not yet looked up in a plan; `attributes` as of :class:`robust.plan.parameters.ParameterSpec`."""
+    """One specification, not yet looked up; `attributes` as of :class:`robust.plan.parameters.ParameterSpec`."""
 
     kind: Kind
     subject: str
@@ -363,9 +363,7 @@ class _Work:
             if event not in events:
                 raise InputError(f"found unknown event {shorten(event)}{did_you_mean(event, events)}", spec.location)
         there = [
-            place
-            for place, one in enumerate(self._network.constraints)
-            if (one.source, one.target) == (source, target)
+            place for place, one in enumerate(self._network.constraints) if (one.source, one.target) == (source, target)
         ]
         if not there:
             message = f"found no constraint from {source} to {target}, expected one of the plan"
@@ -387,7 +385,9 @@ class _Work:
             if one.target == choice.event and one.lower is not None and one.lower >= 0
         )
         if not places:
-            message = f"found nothing that event {choice.event} of choice {choice.name} comes after, expected a constraint"
+            message = (
+                f"found nothing that event {choice.event} of choice {choice.name} comes after, expected a constraint"
+            )
             raise InputError(message, spec.location)
         return places, f"how long after it is possible {choice.name} is chosen", choice.name
 

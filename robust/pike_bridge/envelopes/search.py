@@ -445,12 +445,15 @@ class TeamEnvelopeSearch:
 
 
 def _fewest_broken(polyhedra: Sequence[Polyhedron], values: Point) -> tuple[LinearConstraint, ...]:
-    """What the values break, of the polyhedron of which they break least."""
+    """What the values break, of the polyhedron of which they break fewest inequalities, and by least."""
 
-    def broken(one: Polyhedron) -> Iterator[LinearConstraint]:
-        return (constraint for constraint in one.constraints if not constraint.evaluate(values))
+    def broken(one: Polyhedron) -> tuple[LinearConstraint, ...]:
+        return tuple(constraint for constraint in one.constraints if not constraint.evaluate(values))
 
-    return min((tuple(broken(one)) for one in polyhedra), key=len)
+    def cost(constraints: tuple[LinearConstraint, ...]) -> tuple[int, Fraction]:
+        return len(constraints), sum((one.value(values) - one.constant for one in constraints), Fraction(0))
+
+    return min(map(broken, polyhedra), key=cost)
 
 
 def faces_in_order(envelope: TeamEnvelope) -> Iterator[tuple[Face, TeamStop]]:

@@ -13,13 +13,18 @@ from robust.pike_bridge.semantics import Existence, Oracle
 SMALL = Shape(top=3, squeeze=Fraction(0), threat_share=0.1, producer_share=0.8, inner_share=0.6)
 
 
+def seeded(seed):
+    """Draws that are always the same."""
+    return random.Random(seed)  # noqa: S311
+
+
 def parametric(plan, *texts):
     return parametrize(plan, specifications(texts, None))
 
 
 def random_parameters(plan, seed, count=2):
     """A structured or any other plan with parameters for random bounds, of random kinds."""
-    draw = random.Random(f"parameters/{seed}")
+    draw = seeded(f"parameters/{seed}")
     network = plan.network
     specs = []
     for at in draw.sample(range(len(network.activities)), min(count, len(network.activities))):

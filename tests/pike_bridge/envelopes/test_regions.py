@@ -1,6 +1,5 @@
 """Labeled regions against the oracle, which is told values instead of parameters, and against their own parts."""
 
-import random
 from fractions import Fraction
 from itertools import product
 
@@ -15,6 +14,7 @@ from tests.pike_bridge.envelopes.examples import (
     parametric,
     random_parameters,
     random_values,
+    seeded,
     strict,
     structured,
 )
@@ -39,7 +39,7 @@ def compare(plan, draw, points):
 
 
 def test_structured_plans_agree_with_the_oracle_at_random_values():
-    found = sum(compare(random_parameters(structured(seed), seed), random.Random(seed), 3) for seed in range(15))
+    found = sum(compare(random_parameters(structured(seed), seed), seeded(seed), 3) for seed in range(15))
     assert found > 20  # it is not that nothing is ever possible
 
 
@@ -47,7 +47,7 @@ def test_structured_plans_agree_with_the_oracle_at_random_values():
 def test_plans_of_all_kinds_agree_with_the_oracle_at_random_values(epsilon):
     found = 0
     for seed in range(25):
-        draw = random.Random(f"{seed}/{epsilon}")
+        draw = seeded(f"{seed}/{epsilon}")
         plan = plans.random_plan(draw)
         plan = type(plan)(plan.network, plan.conditions, plan.effects, epsilon)
         found += compare(random_parameters(plan, seed), draw, 6)
@@ -70,7 +70,7 @@ def test_exact_cells_are_disjoint_cover_everything_and_say_what_is_possible():
     plan = parametric(stories.kitchen().plan(), "coffee=duration:make-coffee", "limit=at-most:e1:e44")
     region = LabeledRegionSearch(plan).run()
     cells = region.exactly()
-    draw = random.Random(7)
+    draw = seeded(7)
     for _ in range(200):
         values = random_values(plan, draw)
         inside = [possible for possible, cell in cells if values in cell]
@@ -84,7 +84,7 @@ def test_combinations_cover_all_values_once():
     domains = plan.plan.network.domains
     covered = [one for each in region.combinations for one in full(each.choices, domains, region.key)]
     assert len(covered) == len(set(covered))
-    assert set(covered) == {one for one in full({}, domains, region.key)}
+    assert set(covered) == set(full({}, domains, region.key))
 
 
 def test_assumed_choices_are_not_told_apart_and_hold():
