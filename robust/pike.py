@@ -1,11 +1,11 @@
 """Plans with choices in Python: written as programs, read from files, and asked how far reality may deviate.
 
-    from robust import pike
+from robust import pike
 
-    plan = pike.load("kitchen.tpnu.json")
-    coffee = ["coffee=duration:make-coffee", "limit=at-most:e1:e44"]
-    print(pike.region(plan, coffee).possible({"coffee": Fraction(3), "limit": Fraction(7)}))
-    print(pike.envelope(plan, coffee, for_all=["xA1"]).box)
+plan = pike.load("kitchen.tpnu.json")
+coffee = ["coffee=duration:make-coffee", "limit=at-most:e1:e44"]
+print(pike.region(plan, coffee).possible({"coffee": Fraction(3), "limit": Fraction(7)}))
+print(pike.envelope(plan, coffee, for_all=["xA1"]).box)
 """
 
 from __future__ import annotations

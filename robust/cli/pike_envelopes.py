@@ -10,7 +10,7 @@ from robust.cli.build import action
 from robust.cli.guard import Run
 from robust.cli.pike import ASSUME, PikeOptions, assumed
 from robust.cli.plans import CODES
-from robust.errors import InputError
+from robust.errors import InputError, Location
 from robust.options import Slice, names, option, place_of
 from robust.smt.limits import Deadline, OutOfTimeError
 
@@ -62,11 +62,19 @@ class ParametricOptions(PikeOptions, Slice):
         return tuple(self.axes or ())
 
 
+def _names_or_none(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
+    """Names, or none of them."""
+    return names(value, place) if value else ()
+
+
 class PikeRegionCommand(ParametricOptions):
     """Of `robust pike region`."""
 
     choices: Any = option(
-        None, "the choices that are told apart, else those of people and nature; '' for none", metavar="A,B", read=names
+        None,
+        "the choices that are told apart, else those of people and nature; '' for none",
+        metavar="A,B",
+        read=_names_or_none,
     )
 
 

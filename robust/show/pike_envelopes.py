@@ -436,18 +436,24 @@ def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
             told.setdefault(" – or else – ".join(sentences), []).append(guard_text(each.choices))
         else:
             impossible.append(guard_text(each.choices))
-    whatever = "so far " if found.cut_short else ""
     if found.assume:
         _line(out, f"Assumed: {guard_text(found.assume)}.")
     for sentence, combinations in told.items():
-        shown = _listed([each or "any choices" for each in combinations])
-        _line(out, f"With {shown}: {sentence}.")
+        shown = [each or "any choices" for each in combinations]
+        for each in shown[: -1 if len(shown) <= MANY else MANY]:
+            _line(out, f"With {each}, or")
+        more = "" if len(shown) <= MANY else f"{len(shown) - MANY} other combinations like "
+        _line(out, f"With {more}{shown[-1]}: {sentence}.")
     if not told:
-        _line(out, f"No parameter values {whatever}lead to a correct execution." if found.cut_short
-              else "No parameter values lead to a correct execution.")  # fmt: skip
+        known = " are known yet to lead" if found.cut_short else " lead"
+        _line(out, f"No parameter values{known} to a correct execution.")
     elif impossible:
-        word = "Nothing is known yet of" if found.cut_short else "Impossible, whatever the parameters are:"
-        _line(out, f"{word} {_listed(impossible)}.")
+        what = "Nothing is known yet of" if found.cut_short else "Impossible, whatever the parameters are:"
+        _line(out, what)
+        for each in impossible[:MANY]:
+            _line(out, f"  {each}")
+        if len(impossible) > MANY:
+            _line(out, f"  {len(impossible) - MANY} more (--json lists them)")
     if quiet:
         return
     out.print()
@@ -455,11 +461,6 @@ def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
         _line(out, f"{one.words}: {one.meaning}, {readable(one.parameter.nominal)} in the plan")
     count = plural(len(found.pieces), "polyhedron").replace("polyhedrons", "polyhedra")
     _line(out, f"{_ended(found.status.value)}: {count}, {duration(found.seconds)}.")
-
-
-def _listed(combinations: Sequence[str]) -> str:
-    shown = " | ".join(combinations[:MANY])
-    return shown if len(combinations) <= MANY else f"{shown} | {len(combinations) - MANY} more"
 
 
 def _line(out: Console, text: str) -> None:
