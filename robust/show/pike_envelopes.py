@@ -439,9 +439,9 @@ def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
     if found.assume:
         _line(out, f"Assumed: {guard_text(found.assume)}.")
     for sentence, combinations in told.items():
-        shown = [each or "any choices" for each in combinations]
-        for each in shown[: -1 if len(shown) <= MANY else MANY]:
-            _line(out, f"With {each}, or")
+        shown = [label or "any choices" for label in combinations]
+        for label in shown[: -1 if len(shown) <= MANY else MANY]:
+            _line(out, f"With {label}, or")
         more = "" if len(shown) <= MANY else f"{len(shown) - MANY} other combinations like "
         _line(out, f"With {more}{shown[-1]}: {sentence}.")
     if not told:
@@ -450,8 +450,8 @@ def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
     elif impossible:
         what = "Nothing is known yet of" if found.cut_short else "Impossible, whatever the parameters are:"
         _line(out, what)
-        for each in impossible[:MANY]:
-            _line(out, f"  {each}")
+        for label in impossible[:MANY]:
+            _line(out, f"  {label}")
         if len(impossible) > MANY:
             _line(out, f"  {len(impossible) - MANY} more (--json lists them)")
     if quiet:

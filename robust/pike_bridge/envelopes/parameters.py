@@ -149,7 +149,7 @@ def parse_spec(text: str) -> TeamParameterSpec:
         raise InputError(f"found {shorten(head.strip())}, expected [NAME=]{_EXPECTED}", location)
     kind = _KINDS.get(match["kind"].lower())
     if kind is None:
-        raise InputError(f"found {shorten(match['kind'])}, expected {_EXPECTED}{_hint(match['kind'])}", location)
+        raise InputError(f"found {shorten(match['kind'])}, expected {_EXPECTED}", location)
     name = None if match["name"] is None else match["name"].strip()
     return _checked(TeamParameterSpec(kind, match["subject"].strip(), name, attributes, location))
 
@@ -217,10 +217,6 @@ def _checked(spec: TeamParameterSpec) -> TeamParameterSpec:
     if not spec.subject:
         raise InputError(f"found nothing after {spec.kind.value!r}, expected {_EXPECTED}", spec.location)
     return spec
-
-
-def _hint(word: str) -> str:
-    return did_you_mean(word, _KINDS)
 
 
 def specifications(

@@ -12,6 +12,7 @@ from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
 from robust.pike_bridge.envelopes.search import TeamEnvelopeSearch
 from robust.pike_bridge.model import guard
+from robust.pike_bridge.online.world import Ending, Rehearsal, Story
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.qe.box import Side
@@ -206,3 +207,27 @@ def test_waiting_keeps_the_strict_order_without_epsilon():
     found = TeamEnvelopeSearch(parametric(team, "late=hesitation:x"), for_all=["x"], waiting=True).run()
     assert found.verified
     assert Fraction("3.9") < found.box["late"].upper < 4
+
+
+def succeeds(plan, values, outcomes):
+    """Whether a patient executive has a correct execution in which these choices are made, each as soon as possible."""
+    told = Story(outcomes={name: (value, None) for name, value in outcomes.items()})
+    return Rehearsal(plan.at(values), told, infer=False).run().ending is Ending.SUCCEEDED
+
+
+@pytest.mark.parametrize(
+    ("team", "texts", "name"),
+    [
+        (stories.kitchen().plan(), ("coffee=duration:make-coffee", "late=hesitation:xA1"), "xA1"),
+        (race(9, robot_first=False), ("late=hesitation:x", "serve=duration:serve"), "x"),
+    ],
+)
+def test_the_patient_executive_keeps_what_boxes_promise_and_nobody_does_more(team, texts, name):
+    plan = parametric(team, *texts)
+    found = TeamEnvelopeSearch(plan, for_all=[name], waiting=True).run()
+    values = team.network.domains[name]
+    far = {one: interval.upper for one, interval in found.box.intervals.items()}
+    assert all(succeeds(plan, far, {name: value}) for value in values)
+    late = far | {"late": far["late"] + Fraction(1, 100)}
+    assert late not in found.region
+    assert not all(succeeds(plan, late, {name: value}) for value in values)
