@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Any, TypeAlias
 
 from robust.pike_bridge.envelopes.differences import Cycle, Edge, cycles
@@ -18,7 +17,7 @@ from robust.pike_bridge.envelopes.parameters import ParametricPlan
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, contradicts
 from robust.pike_bridge.semantics import Semantics, environment_alike, mentions
-from robust.plan.model import Parameter, ParameterReference
+from robust.plan.model import Parameter
 from robust.plan.polynomial import Polynomial
 from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import Leaf, Nnf, Reader, conjunction, implicant
@@ -267,13 +266,3 @@ def combinations(pieces: Sequence[Piece], domains: Mapping[str, tuple[str, ...]]
         for value in reversed(domains[name]):
             more = chosen | {Assignment(name, value)}
             pending.append((more, tuple(one for one in possible if not contradicts(one.label, more))))
-
-
-def nominal_values(parameters: Iterable[Parameter]) -> dict[str, Fraction]:
-    """The nominal value of each parameter."""
-    return {one.name: one.nominal for one in parameters}
-
-
-def reference(name: str) -> Polynomial[ParameterReference]:
-    """A parameter in formulas."""
-    return Polynomial.variable(ParameterReference(name))

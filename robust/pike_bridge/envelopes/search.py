@@ -8,7 +8,7 @@ exact widening, as for plans without choices, inside polyhedra instead of formul
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -31,7 +31,7 @@ from robust.pike_bridge.envelopes.pieces import (
 from robust.pike_bridge.envelopes.waiting import waiting_question
 from robust.pike_bridge.model import ALWAYS, Guard
 from robust.plan.model import Parameter
-from robust.qe.box import Box, Face, Side
+from robust.qe.box import Box, Face
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, outside
@@ -454,11 +454,3 @@ def _fewest_broken(polyhedra: Sequence[Polyhedron], values: Point) -> tuple[Line
         return len(constraints), sum((one.value(values) - one.constant for one in constraints), Fraction(0))
 
     return min(map(broken, polyhedra), key=cost)
-
-
-def faces_in_order(envelope: TeamEnvelope) -> Iterator[tuple[Face, TeamStop]]:
-    """What ends each finite side, by parameter, the lower side first."""
-    for name in envelope.plan.names:
-        for side in Side:
-            if (name, side) in envelope.stops:
-                yield (name, side), envelope.stops[name, side]
