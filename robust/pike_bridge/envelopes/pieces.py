@@ -46,7 +46,7 @@ class OrderStatement:
 
 @dataclass(frozen=True, slots=True)
 class WaitingStatement:
-    """That nothing is done differently before it is known what is different."""
+    """That nothing is done differently before it is known what is different: all that joins copies of a plan."""
 
 
 Statement: TypeAlias = BoundStatement | OrderStatement | WaitingStatement
@@ -191,13 +191,13 @@ class Pieces:
         chosen: dict[Leaf, None] = {}
         if not implicant(whole, values, chosen):
             raise ValueError("the solver's model does not satisfy the plan's formulas")
-        statements: list[Statement | None] = []
+        statements: list[Statement] = []
         edges: list[Edge] = []
         found: list[Cycle] = []
         for leaf in chosen:
             if not isinstance(leaf, LinearConstraint):
                 continue
-            statements.append(self._asked.statements.get(leaf))
+            statements.append(self._asked.statements.get(leaf, WaitingStatement()))
             for half in leaf.halves():
                 edge = self._edge(half, len(statements) - 1)
                 if edge is None:
@@ -205,10 +205,7 @@ class Pieces:
                 else:
                     edges.append(edge)
         found += cycles(edges, self._parameters, deadline)
-        because = {
-            cycle.constraint: tuple(one for at in cycle.origins if (one := statements[at]) is not None)
-            for cycle in found
-        }
+        because = {cycle.constraint: tuple(dict.fromkeys(statements[at] for at in cycle.origins)) for cycle in found}
         polyhedron = Polyhedron(self._names, tuple(because))
         return Piece(self._asked.label(values), polyhedron, because)
 

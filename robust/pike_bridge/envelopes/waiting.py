@@ -12,9 +12,8 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations as pairs
 
 from robust.pike_bridge.envelopes.parameters import ParametricPlan
-from robust.pike_bridge.envelopes.pieces import ParametricSemantics, Question, Statement, WaitingStatement
+from robust.pike_bridge.envelopes.pieces import ParametricSemantics, Question, Statement
 from robust.pike_bridge.model import ALWAYS, Assignment, Choice, Event, Guard
-from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import Leaf, Reader
 from robust.smt.terms import Formula, Terms
 
@@ -53,7 +52,7 @@ class _Waiting:
         for copy, alternative in zip(self._copies, self._alternatives, strict=True):
             formulas += [*copy.formulas, copy.guard(alternative | self._assume)]
             self._statements |= copy.statements
-        for one, other in pairs(range(len(self._copies)), 2):
+        for one, other in self._neighbours():
             formulas += self._together(one, other)
         terms = self._terms
         return Question(
@@ -66,14 +65,32 @@ class _Waiting:
             lambda _label: terms.true,
         )
 
+    def _neighbours(self) -> Iterator[tuple[int, int]]:
+        """The pairs that have to go together for all pairs to do so.
+
+        Two copies go together if both do with a third one that differs from each of them in some of the choices only in
+        which they differ from each other: until one of these is made, all three are alike.
+        """
+        numbers = range(len(self._copies))
+        telling = {(one, other): self._telling(one, other) for one in numbers for other in numbers if one != other}
+        for one, other in pairs(numbers, 2):
+            apart = telling[one, other]
+            if not any(
+                telling[one, third] < apart and telling[third, other] < apart
+                for third in numbers
+                if third not in {one, other}
+            ):
+                yield one, other
+
+    def _telling(self, one: int, other: int) -> frozenset[str]:
+        """The choices by which two copies are told apart."""
+        values, others = dict(self._alternatives[one]), dict(self._alternatives[other])
+        return frozenset(name for name in values.keys() & others.keys() if values[name] != others[name])
+
     def _together(self, one: int, other: int) -> Iterator[Formula]:
         """What both copies do alike until they can be told apart."""
-        values, others = dict(self._alternatives[one]), dict(self._alternatives[other])
-        telling = [
-            choice
-            for choice in self._plan.network.choices
-            if values.get(choice.name) != others.get(choice.name) and choice.name in values and choice.name in others
-        ]
+        names = self._telling(one, other)
+        telling = [choice for choice in self._plan.network.choices if choice.name in names]
         for event in self._plan.network.events:
             yield self._event_together(event, one, other, telling)
 
@@ -87,7 +104,6 @@ class _Waiting:
                 assignment = [Assignment(choice.name, value)]
                 alike.append(terms.equivalence(first.guard(assignment), second.guard(assignment)))
         apart = (self._after(first, event, telling, there), self._after(second, event, telling, here))
-        self._note(alike[2])
         return terms.disjunction((neither, terms.conjunction(alike), terms.conjunction(apart)))
 
     def _after(
@@ -103,13 +119,6 @@ class _Waiting:
             known = copy.active(choice.event)
             apart = terms.at_least(later - epsilon) if epsilon else terms.greater(later)
             at_once = terms.at_least(later)
-            for formula in (apart, at_once):
-                self._note(formula)
             ways.append(terms.conjunction((known, apart)))
             ways.append(terms.conjunction((known, terms.negation(active_in_other), at_once)))
         return terms.disjunction(ways)
-
-    def _note(self, formula: Formula) -> None:
-        found = self._reader.read(formula)
-        if isinstance(found, LinearConstraint):
-            self._statements.setdefault(found, WaitingStatement())
