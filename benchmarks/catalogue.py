@@ -212,6 +212,19 @@ class StnuOptions(LocalOptions, Plot):
     limit: float | None = _limit("10", "seconds after which a repair is the best so far")
 
 
+class EnvelopeOptions(LocalOptions):
+    """Regions and boxes of plans with choices: the stories, and random plans beside the oracle, in one process.
+
+    Polyhedra and times of envelopes of plans with choices.
+    """
+
+    plans: int = _count(100, "how many random plans")
+    points: int = _inner(20, "values of the parameters of each random plan at which the oracle is asked")
+    every: int = _inner(1, "only each so manieth question about the stories")
+    seed: int = _count(0, "which random plans")
+    limit: float | None = _limit("60", "seconds after which a question is out of time")
+
+
 def _whole_numbers(values: tuple[str | int, ...], place: Location) -> tuple[int, ...]:
     for value in values:
         if not str(value).isdecimal():
@@ -330,6 +343,7 @@ EXPERIMENTS = {
         Entry("conversions", "irr.conversions", ConversionOptions),
         Entry("logs", "irr.logs", LogsOptions),
         Entry("stnu", "irr.stnu", StnuOptions),
+        Entry("envelopes", "pike.envelopes", EnvelopeOptions),
         Entry("table1", "irr.tables", Table1Options),
         Entry("table2", "irr.tables", Table2Options),
         Entry("figure20a", "pike.figure20a_21", Figure20aOptions),

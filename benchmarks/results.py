@@ -50,6 +50,7 @@ FILES = {
     "certificates": "6-certificates.md",
     "logs": "7-logs.md",
     "stnu": "8-stnu.md",
+    "envelopes": "9-envelopes.md",
 }
 """Where the parts of the page are."""
 

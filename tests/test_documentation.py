@@ -166,7 +166,7 @@ def test_documented_parameter_file_is_read(name, tmp_path):
     assert [parameter.name for parameter in plan.parameters] == ["to_ridge", "to_crater", "endurance"]
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/api.md", "docs/stnu.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/api.md", "docs/choices.md", "docs/stnu.md"])
 def test_documented_python_says_what_is_so(page, monkeypatch, tmp_path):
     """Each line `expression  # Value` evaluates to something that is written like that value."""
     (tmp_path / "robust").symlink_to(ROOT / "robust")

@@ -34,7 +34,10 @@ def network_of(text: str) -> dict[str, Any]:
     """The network, each of its lists there, numbers as text."""
     found = json.loads(text, parse_int=str, parse_float=str, parse_constant=str, object_pairs_hook=members)
     need(type(found) is dict and found.get("format") == "tpnu/1", "expected a network of format tpnu/1")
-    need(found.keys() <= {"format", "name", "domain", "problem", *KEYS}, "found an unknown key in the network")
+    need(
+        found.keys() <= {"format", "name", "domain", "problem", "parameters", *KEYS},
+        "found an unknown key in the network",
+    )
     need(type(found.get("domain")) is type(found.get("problem")) is str, "expected the names of domain and problem")
     for kind, (required, optional) in KEYS.items():
         for each in found.setdefault(kind, []):

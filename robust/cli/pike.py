@@ -22,6 +22,7 @@ from robust.options import (
     argument,
     not_negative,
     option,
+    ordinal,
     place_of,
     plot_file,
     positive,
@@ -56,7 +57,7 @@ class PikeOptions(TeamPlanFile, Solving, Output):
     """What most commands take."""
 
 
-_ASSUME: Any = option((), "a choice that is made already; may be repeated", metavar="NAME=VALUE", many=True)
+ASSUME: Any = option((), "a choice that is made already; may be repeated", metavar="NAME=VALUE", many=True)
 _TEMPORAL: Any = option(
     "lazy",
     "lazy: order by structure, conflicts as they are needed; apsp: labeled all-pairs shortest paths",
@@ -74,8 +75,10 @@ def witness_directory(path: Path, _place: Location) -> Path:
 class PikeCheckCommand(PikeOptions):
     """Of `robust pike check`."""
 
+    file: Path | None = argument(None, "a plan with choices, .tpnu.json; none with --random", "FILE")  # type: ignore[assignment]
+
     backend: str = option("oracle", "who answers", choices=("oracle", *KNOWLEDGE_BASES))
-    assume: tuple[str, ...] = _ASSUME
+    assume: tuple[str, ...] = ASSUME
     all_scenarios: bool = option(False, "find every team scenario that admits a correct execution")
     cross: bool = option(False, "ask all back ends and the oracle the same questions, and compare")
     patience: bool = option(
@@ -88,10 +91,21 @@ class PikeCheckCommand(PikeOptions):
         path=True,
         read=witness_directory,
     )
-    seed: int = option(0, "with --cross: which sets of choices are tried", metavar="N")
+    random: int | None = option(
+        None, "with --cross: compare on so many random plans instead of a file", metavar="N", read=ordinal
+    )
+    sizes: str = option("small", "with --random: how large they are", choices=("small", "medium", "paper"))
+    seed: int = option(0, "with --cross: which sets of choices are tried, and which random plans", metavar="N")
     temporal: str = _TEMPORAL
 
     def check_combinations(self, given: Collection[str]) -> None:
+        if self.random is not None and not self.cross:
+            raise InputError("expected only together with --cross", place_of("random"))
+        if self.random is None and "sizes" in given:
+            raise InputError("expected only together with --random", place_of("sizes"))
+        if (self.file is None) == (self.random is None):
+            found = "neither" if self.file is None else "both"
+            raise InputError(f"found {found} of FILE and --random, expected one of them")
         for name in ("cross", "backend", "all_scenarios", "temporal") if self.patience else ():
             if name in given:
                 raise InputError("found together with --patience, expected without", place_of(name))
@@ -198,7 +212,7 @@ class PikePlotCommand(TeamPlanFile, Output):
         path=True,
         read=lambda path, _place: plot_file(path, place_of("plot")),
     )
-    assume: tuple[str, ...] = _ASSUME
+    assume: tuple[str, ...] = ASSUME
     links: bool = option(False, "draw the labeled causal links as well")
 
 
@@ -264,6 +278,8 @@ def check(options: PikeCheckCommand, run: Run) -> int:
 
 
 def _cross(options: PikeCheckCommand, run: Run) -> int:
+    if options.random is not None:
+        return _cross_random(options, options.random, run)
     from robust.pike_bridge.cross_check import Crossing
     from robust.show import pike
 
@@ -281,6 +297,30 @@ def _cross(options: PikeCheckCommand, run: Run) -> int:
         begin, pike.cross_document, lambda out, found: pike.print_cross(out, found, quiet=options.quiet)
     )
     return 1 if crossed.outcome is not None and not crossed.outcome.agree else CODES[crossed.status]
+
+
+def _cross_random(options: PikeCheckCommand, number: int, run: Run) -> int:
+    from robust.pike_bridge.cross_random import RandomCrossed, RandomCrossing
+    from robust.show import pike_plans
+
+    def begin() -> Search[RandomCrossed]:
+        return RandomCrossing(
+            number,
+            options.seed,
+            options.sizes,
+            witness=options.witness,
+            epsilon=options.separation,
+            solver=options.solver,
+            deadline=Deadline.after(run.remaining),
+            on_stage=run.display.say,
+        )
+
+    crossed = run.reply(
+        begin,
+        pike_plans.random_cross_document,
+        lambda out, found: pike_plans.print_random_cross(out, found, quiet=options.quiet),
+    )
+    return 1 if not crossed.agree else CODES[crossed.status]
 
 
 def _patience(options: PikeCheckCommand, run: Run) -> int:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
+from typing import Protocol
 
 from robust.encode.interface import Encoding, Facet
 from robust.irr.containment import Question, Questions
@@ -70,6 +71,17 @@ def least_stretch(piece: Polyhedron, growing: Growing) -> Least | None:
     if best.value is None:
         raise ValueError("the stretch is not bounded below")
     return Least(-best.value, best.attained)
+
+
+class BadSet(Protocol):
+    """What boxes must miss, known polyhedron by polyhedron."""
+
+    def piece_in(self, box: Box, deadline: Deadline) -> Polyhedron | None:
+        """A polyhedron of bad values that meets the box; None if there is none.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+        """
 
 
 class DiscoveredBadSet(Questions[Polyhedron]):
@@ -151,7 +163,7 @@ class Widening:
         on_box: called with every box that is known to be inside; each contains those before.
     """
 
-    bad: DiscoveredBadSet
+    bad: BadSet
     parameters: Sequence[Parameter]
     pieces: list[Polyhedron]
     groups: Sequence[Sequence[Face]]

@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -19,6 +20,7 @@ from robust.errors import InputError, Location, did_you_mean
 from robust.files import atomic_write
 from robust.json_text import Array, Constant, Json, Numeral, Object, Text, describe, parse_json, walk
 from robust.numbers import EXPECTED_NUMBER, format_number, is_number, parse_number, shorten
+from robust.pike_bridge.envelopes.parameters import TeamParameterSpec, of_members
 from robust.pike_bridge.model import Activity, Choice, Constraint, Event, Guard, Tpnu
 from robust.pike_bridge.model import guard as conjunction
 from robust.pike_bridge.validate import NOWHERE, Places
@@ -30,6 +32,8 @@ SCHEMA_FILE: Final = Path(__file__).with_name("tpnu.schema.json")
 
 _ACTION = re.compile(r"\( *[^ ()]+(?: +[^ ()]+)* *\)")
 _UNPRINTABLE = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+_KINDS_OF_PARAMETERS = ("duration", "at-least", "at-most", "hesitation")
+_NUMBERS_OF_PARAMETERS = (("default", None), ("lower", "-inf"), ("upper", "inf"), ("weight", None))
 T = TypeVar("T")
 
 
@@ -44,6 +48,8 @@ class TpnuDocument:
     domain: str
     problem: str
     places: Places = NOWHERE
+    parameters: tuple[TeamParameterSpec, ...] = ()
+    """Bounds that are to be varied; the network has their nominal values."""
 
     def beside(self, path: str) -> Path:
         """The path of a file that the document names."""
@@ -69,7 +75,9 @@ def parse_tpnu(text: str, file: str = "<tpnu>") -> TpnuDocument:
     places = Places(file, {path: inner.location for path, inner in walk(value)})
     found = _DOCUMENT.read(value)
     lists = {key: found.get(key, ()) for key in ("choices", "events", "constraints", "activities")}
-    return TpnuDocument(Tpnu(found["name"], **lists), found["domain"], found["problem"], places)
+    return TpnuDocument(
+        Tpnu(found["name"], **lists), found["domain"], found["problem"], places, found.get("parameters", ())
+    )
 
 
 def write_tpnu(path: str | os.PathLike[str], network: Tpnu, *, domain: str, problem: str) -> None:
@@ -171,6 +179,13 @@ def _bound(value: Json) -> Fraction | None:
     if isinstance(value, (Numeral, Text)):
         return _number(value)
     raise _fault(value, "a number, or null for no bound")
+
+
+def _number_text(infinite: str | None, value: Json) -> str:
+    """The text of a number; null for no bound, where that can be."""
+    if infinite is not None and _is_null(value):
+        return infinite
+    return format_number(_number(value))
 
 
 def _domain(value: Json) -> tuple[str, ...]:
@@ -293,6 +308,22 @@ _LISTS: Final[Mapping[str, _Part]] = {
         located=True,
     ),
 }
+
+
+def _parameter(*, location: Location, **members: str) -> TeamParameterSpec:
+    return of_members({key.replace("_", "-"): value for key, value in members.items()}, location)
+
+
+_PARAMETER: Final = _Part(
+    "a parameter",
+    (
+        _Member("name", "name", _text),
+        *(_Member(key, key.replace("-", "_"), _text, False) for key in _KINDS_OF_PARAMETERS),
+        *(_Member(key, key, partial(_number_text, infinite), False) for key, infinite in _NUMBERS_OF_PARAMETERS),
+    ),
+    _parameter,
+    located=True,
+)
 _DOCUMENT: Final = _Part(
     "a plan with choices",
     (
@@ -302,5 +333,6 @@ _DOCUMENT: Final = _Part(
             _Member(key, key, _list(_LISTS[key].read), required=key == "events")
             for key in ("events", "choices", "constraints", "activities")
         ),
+        _Member("parameters", "parameters", _list(_PARAMETER.read), required=False),
     ),
 )

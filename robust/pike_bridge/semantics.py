@@ -199,32 +199,17 @@ class Oracle:
         """
         session = self._start()
         session.add(self._semantics.guard(assume))
-        mentioned: dict[str, set[Guard]] = {}
-        for label in (*_guards(self.plan), assume):
-            for variable, _ in label:
-                mentioned.setdefault(variable, set()).add(label)
+        mentioned = mentions(self.plan, assume)
         seen: list[Guard] = []
         while satisfiable(session, "another scenario", deadline):
             witness = self._witness(session, movable=True)
-            alike = self._alike(witness.scenario, mentioned)
+            alike = environment_alike(witness.scenario, mentioned)
             for scenario in team_scenarios(self.plan.network, alike):
                 if not any(holds(earlier, scenario) for earlier in seen):
                     deadline.enforce()
                     yield confirmed(self.plan, Execution(scenario, witness.schedule), self._solver)
             seen.append(alike)
             session.add(self._semantics.excluded(alike))
-
-    def _alike(self, scenario: Mapping[str, str], mentioned: Mapping[str, set[Guard]]) -> Guard:
-        """An environment of the scenario throughout which every guard in question has the same truth.
-
-        Left out are choices that only such guards mention as are false for another reason.
-        """
-        kept = dict(scenario)
-        for name in scenario:
-            others = ([each for each in label if each.variable != name] for label in mentioned.get(name, ()))
-            if all(any(kept.get(variable, value) != value for variable, value in rest) for rest in others):
-                del kept[name]
-        return guard(kept)
 
     def _start(self) -> Session:
         session = Session(self._semantics.terms, solver=self._solver)
@@ -255,12 +240,29 @@ class Oracle:
         return confirmed(self.plan, Execution(scenario, schedule), self._solver)
 
 
-def _guards(plan: TeamPlan) -> set[Guard]:
-    """Every guard that makes a difference to what a scenario activates."""
+def mentions(plan: TeamPlan, assume: Guard = ALWAYS) -> dict[str, set[Guard]]:
+    """By choice, the guards that mention it: every guard that makes a difference to what a scenario activates."""
     guarded: Iterable[Event | Constraint | Condition | Effect] = chain(
         plan.network.events, plan.network.temporal_constraints, plan.conditions, plan.effects
     )
-    return {each.guard for each in guarded}
+    found: dict[str, set[Guard]] = {}
+    for label in {*(each.guard for each in guarded), assume}:
+        for variable, _ in label:
+            found.setdefault(variable, set()).add(label)
+    return found
+
+
+def environment_alike(scenario: Mapping[str, str], mentioned: Mapping[str, set[Guard]]) -> Guard:
+    """An environment of the scenario throughout which every guard in question has the same truth.
+
+    Left out are choices that only such guards mention as are false for another reason.
+    """
+    kept = dict(scenario)
+    for name in scenario:
+        others = ([each for each in label if each.variable != name] for label in mentioned.get(name, ()))
+        if all(any(kept.get(variable, value) != value for variable, value in rest) for rest in others):
+            del kept[name]
+    return guard(kept)
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,7 +54,7 @@ from robust.plan.stn import (
 
 _SPEC = re.compile(r"\s*(?:(?P<name>[^=:]*)=)?\s*(?P<target>[^=:()\s]*)\s*:(?P<subject>.*)", re.DOTALL)
 _FLUENT = re.compile(r"\(\s*[A-Za-z0-9_-]+(?:\s+[A-Za-z0-9_-]+)*\s*\)")
-_FIELDS = {
+ATTRIBUTES: Mapping[str, str] = {
     "weight": "weight",
     "default": "default",
     "lb": "lower",
@@ -98,11 +98,11 @@ def parse_spec(text: str) -> ParameterSpec:
     attributes: dict[str, Fraction | None] = {}
     for setting in settings:
         word, equals, value = (part.strip() for part in setting.partition("="))
-        if word not in _FIELDS or not equals:
+        if word not in ATTRIBUTES or not equals:
             hint = did_you_mean(word, ("weight", "lb", "ub", "default"))
             message = f"found {shorten(setting.strip())}, expected weight=W, lb=L, ub=U or default=D{hint}"
             raise InputError(message, location)
-        _set_attribute(attributes, word, value, location)
+        set_attribute(attributes, word, value, location)
     match = _SPEC.fullmatch(head)
     if match is None:
         name = head.strip()
@@ -126,7 +126,7 @@ def parse_specs(texts: Sequence[str]) -> tuple[ParameterSpec, ...]:
 
 def parse_parameter_file(text: str, file: str = "<parameters>") -> tuple[ParameterSpec, ...]:
     """The specifications in a TOML text; InputError names the parameter and the key that is wrong."""
-    document = _toml(text, file)
+    document = toml_document(text, file)
     for key in document:
         if key != "parameters":
             message = (
@@ -158,7 +158,7 @@ def specifications(
     if file is not None:
         return (*read_parameter_file(file), *given), None
     beside = None if plan is None or not Path(plan).name else Path(plan).with_suffix(".toml")
-    if beside is None or not beside.is_file() or "parameters" not in _toml(read_text(beside), str(beside)):
+    if beside is None or not beside.is_file() or "parameters" not in toml_document(read_text(beside), str(beside)):
         return given, None
     said = {(one.target, one.subject) for one in given}
     return (*(one for one in read_parameter_file(beside) if (one.target, one.subject) not in said), *given), beside
@@ -171,7 +171,8 @@ class _Decimal:
     text: str
 
 
-def _toml(text: str, file: str) -> dict[str, object]:
+def toml_document(text: str, file: str) -> dict[str, object]:
+    """The document, its floats as their texts; InputError with the place if it is not TOML."""
     import tomllib  # noqa: PLC0415 - only for parameter files
 
     as_text: Callable[[str], _Decimal] = _Decimal
@@ -190,17 +191,17 @@ def _toml(text: str, file: str) -> dict[str, object]:
 def _spec_of_table(name: str, table: object, file: str) -> ParameterSpec:
     location = Location(f"{file}: [parameters.{name if name.isprintable() else repr(name)}]")
     if not isinstance(table, dict):
-        raise InputError(f"found {_kind(table)}, expected a table with keys such as duration and weight", location)
+        raise InputError(f"found {kind_of(table)}, expected a table with keys such as duration and weight", location)
     _checked_name(name, location)
     targets: list[tuple[Target, str]] = []
     attributes: dict[str, Fraction | None] = {}
     for key, value in table.items():
         if key in _TARGETS:
             if not isinstance(value, str):
-                raise InputError(f"found {_kind(value)} as {key!r}, expected a text in quotes", location)
+                raise InputError(f"found {kind_of(value)} as {key!r}, expected a text in quotes", location)
             targets.append((_TARGETS[key], value))
-        elif key in _FIELDS:
-            _set_attribute(attributes, key, _number_text(key, value, location), location)
+        elif key in ATTRIBUTES:
+            set_attribute(attributes, key, number_text(key, value, location), location)
         elif isinstance(value, dict):
             quoted = shorten(f"{name}.{key}")
             message = f"found table {shorten(key)}, expected a key; a name with a dot is quoted: [parameters.{quoted}]"
@@ -218,7 +219,8 @@ def _spec_of_table(name: str, table: object, file: str) -> ParameterSpec:
     return ParameterSpec(target, _checked_subject(target, subject, location), name, attributes, location)
 
 
-def _number_text(key: str, value: object, location: Location) -> str:
+def number_text(key: str, value: object, location: Location) -> str:
+    """The text of a number in a TOML document; InputError if it is anything else."""
     match value:
         case bool():
             pass
@@ -228,10 +230,11 @@ def _number_text(key: str, value: object, location: Location) -> str:
             return value
         case _Decimal(text):
             return text.replace("_", "")
-    raise InputError(f'found {_kind(value)} as {key!r}, expected a number, or one in quotes such as "1/3"', location)
+    raise InputError(f'found {kind_of(value)} as {key!r}, expected a number, or one in quotes such as "1/3"', location)
 
 
-def _kind(value: object) -> str:
+def kind_of(value: object) -> str:
+    """What a value of a TOML document is, for messages."""
     match value:
         case bool():
             return str(value).lower()
@@ -246,10 +249,11 @@ def _kind(value: object) -> str:
     return f"a {type(value).__name__}"
 
 
-def _set_attribute(attributes: dict[str, Fraction | None], word: str, text: str, location: Location) -> None:
-    if _FIELDS[word] in attributes:
+def set_attribute(attributes: dict[str, Fraction | None], word: str, text: str, location: Location) -> None:
+    """Note the value of one of :data:`ATTRIBUTES`; InputError for a second value, or a wrong one."""
+    if ATTRIBUTES[word] in attributes:
         raise InputError(f"found a second value for {word!r}, expected each attribute at most once", location)
-    attributes[_FIELDS[word]] = attribute_value(word, text, location)
+    attributes[ATTRIBUTES[word]] = attribute_value(word, text, location)
 
 
 def _checked_name(name: str, location: Location) -> str:

@@ -10,11 +10,13 @@ import jsonschema
 import pytest
 
 from robust.codec import schema_of
-from robust.show import documents, made, pike, schemas, stnu, validation
+from robust.show import documents, made, pike, pike_envelopes, pike_plans, schemas, stnu, validation
 from robust.show.schemas import FILES, schema
 
 DOCUMENTS = {
-    one.__struct_config__.tag: one for module in (documents, made, validation, pike, stnu) for one in module.DOCUMENTS
+    one.__struct_config__.tag: one
+    for module in (documents, made, validation, pike, pike_envelopes, pike_plans, stnu)
+    for one in module.DOCUMENTS
 }
 
 

@@ -1,0 +1,456 @@
+"""Labeled regions and boxes of plans with choices: searches that keep what they have found when they are ended.
+
+A box for a strategy lies in the union of the polyhedra in which the choices that are assumed lead to a correct
+execution. A box for whatever people choose lies in that union for every combination of their choices. Both are found by
+exact widening, as for plans without choices, inside polyhedra instead of formulas.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from robust.errors import InputError, did_you_mean
+from robust.irr.search import Status
+from robust.irr.stops import JUST, touching
+from robust.irr.widen import Widening, faces_of
+from robust.pike_bridge.envelopes.parameters import ParametricPlan
+from robust.pike_bridge.envelopes.pieces import (
+    BoundStatement,
+    Combination,
+    Piece,
+    Pieces,
+    Question,
+    Statement,
+    combinations,
+    declared_bounds,
+    question,
+)
+from robust.pike_bridge.envelopes.waiting import waiting_question
+from robust.pike_bridge.model import ALWAYS, Guard
+from robust.plan.model import Parameter
+from robust.qe.box import Box, Face
+from robust.qe.constraint import LinearConstraint
+from robust.qe.polyhedron import Point, Polyhedron
+from robust.qe.region import Region, outside
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+
+ENUMERATING = 0.8
+"""The share of the time that a box leaves to finding polyhedra."""
+
+
+def uncontrollable(plan: ParametricPlan) -> tuple[str, ...]:
+    """The choices of people and nature."""
+    return tuple(one.name for one in plan.plan.network.choices if not one.controllable)
+
+
+def checked_choices(plan: ParametricPlan, names: Sequence[str], what: str) -> tuple[str, ...]:
+    """The names, if they are of choices; InputError, which says where they were found, if not."""
+    for name in names:
+        if name not in plan.plan.network.domains:
+            hint = did_you_mean(name, plan.plan.network.domains)
+            raise InputError(f"{what}: found unknown choice {name!r}, expected one of the plan{hint}")
+    return tuple(dict.fromkeys(names))
+
+
+# -- labeled regions ---------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class LabeledRegion:
+    """For which parameter values which choices lead to a correct execution; `status` says whether this is all."""
+
+    plan: ParametricPlan
+    key: tuple[str, ...]
+    """The choices that are told apart; the others are as it suits."""
+    assume: Guard = ALWAYS
+    pieces: tuple[Piece, ...] = ()
+    status: Status = Status.COMPLETE
+    queries: int = 0
+    seconds: float = 0.0
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the search before it was done."""
+        return self.status is not Status.COMPLETE
+
+    @property
+    def combinations(self) -> tuple[Combination, ...]:
+        """Combinations of values that cover all there are, with the pieces of each; without, it is impossible."""
+        return tuple(combinations(self.pieces, self.plan.plan.network.domains))
+
+    def region(self, choices: Mapping[str, str]) -> Region:
+        """The parameter values for which some correct execution has these choices."""
+        known = dict(choices)
+        fitting = [
+            piece.polyhedron.restricted(declared_bounds(self.plan.declared))
+            for piece in self.pieces
+            if all(known.get(variable, value) == value for variable, value in piece.label)
+        ]
+        return Region.union_of(self.plan.names, fitting)
+
+    def possible(self, values: Point) -> tuple[Guard, ...]:
+        """The combinations for which some correct execution exists with these parameter values."""
+        return tuple(each.choices for each in self.combinations if any(values in one for one in each.polyhedra))
+
+    def exactly(self, deadline: Deadline = NEVER) -> tuple[tuple[tuple[Combination, ...], Region], ...]:
+        """The parameter values cut into regions, with the combinations that are possible in each, and no others.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+        """
+        whole = Polyhedron(self.plan.names, tuple(declared_bounds(self.plan.declared)))
+        cells: list[tuple[tuple[Combination, ...], list[Polyhedron]]] = [((), [whole])]
+        for combination in self.combinations:
+            following = []
+            for possible, parts in cells:
+                inside: list[Polyhedron] = []
+                left = parts
+                for piece in combination.polyhedra:
+                    deadline.enforce()
+                    met = [part.intersection(piece) for part in left]
+                    inside += [part for part in met if not part.is_empty]
+                    left = [rest for part in left for rest in part.minus(piece)]
+                following += [((*possible, combination), inside)] if inside else []
+                following += [(possible, left)] if left else []
+            cells = following
+        return tuple((possible, Region.union_of(self.plan.names, parts)) for possible, parts in cells)
+
+
+class LabeledRegionSearch:
+    """Finds a labeled region.
+
+    Args:
+        plan: the plan with its parameters.
+        key: the choices that are told apart; those of people and nature, if not given.
+        assume: choices that are made already.
+        on_piece: called with each piece as it is found.
+
+    Raises:
+        InputError: if a choice is unknown.
+    """
+
+    def __init__(
+        self,
+        plan: ParametricPlan,
+        key: Sequence[str] | None = None,
+        *,
+        assume: Guard = ALWAYS,
+        solver: str = "z3",
+        deadline: Deadline = NEVER,
+        on_piece: Callable[[Piece], None] | None = None,
+    ) -> None:
+        names = uncontrollable(plan) if key is None else checked_choices(plan, key, "choices")
+        made = {one.variable for one in assume}
+        self._known = LabeledRegion(plan, tuple(name for name in names if name not in made), assume)
+        asked = question(plan, self._known.key, assume)
+        self._pieces = Pieces(asked, plan.declared, solver=solver)
+        self._deadline = deadline
+        self._on_piece = on_piece
+        self._started = time.perf_counter()
+
+    def run(self) -> LabeledRegion:
+        """All pieces; out of time or after Ctrl-C, those by then.
+
+        Raises:
+            SolverError: if the solver is unknown, not installed, or fails.
+        """
+        try:
+            for piece in self._pieces.search(self._deadline):
+                if self._on_piece is not None:
+                    self._on_piece(piece)
+        except OutOfTimeError:
+            return self._ended(Status.TIMEOUT)
+        except KeyboardInterrupt:
+            return self._ended(Status.INTERRUPTED)
+        return self._ended(Status.COMPLETE)
+
+    def so_far(self, *, timed_out: bool) -> LabeledRegion | None:
+        """What is known by now."""
+        return self._ended(Status.TIMEOUT if timed_out else Status.INTERRUPTED)
+
+    def _ended(self, status: Status) -> LabeledRegion:
+        known = self._known
+        known.pieces, known.queries = tuple(self._pieces.found), self._pieces.queries
+        known.status, known.seconds = status, time.perf_counter() - self._started
+        return known
+
+
+# -- boxes -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class TeamStop:
+    """What ends a side of a box: with which choices, by which inequality, and the statements behind it."""
+
+    choices: Guard
+    constraint: LinearConstraint | None
+    """None for a declared bound, and where nothing is known."""
+    statements: tuple[Statement, ...] = ()
+    declared: bool = False
+    own: bool = False
+    """Whether it is the other bound of the same activity or constraint."""
+
+
+@dataclass
+class TeamEnvelope:
+    """A box of parameter values, and what it promises.
+
+    Of the choices in `for_all`, every combination leads to a correct execution for all values in the box, if what
+    people will choose is known beforehand; with `waiting`, also if it becomes known only when they choose. INVALID:
+    that is not even so at the nominal values, and `reason` says with which choices (`broken`) not.
+    """
+
+    plan: ParametricPlan
+    assume: Guard
+    for_all: tuple[str, ...]
+    waiting: bool
+    box: Box
+    verified: bool = False
+    status: Status = Status.COMPLETE
+    combinations: tuple[Combination, ...] = ()
+    stops: dict[Face, TeamStop] = field(default_factory=dict)
+    broken: Guard | None = None
+    possible: bool = True
+    """Of the broken choices: whether other parameter values would help."""
+    needed: tuple[LinearConstraint, ...] = ()
+    """What the nominal values break, of a polyhedron of the broken choices."""
+    queries: int = 0
+    boxes: int = 0
+    seconds: float = 0.0
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the search before it was done."""
+        return self.status not in {Status.COMPLETE, Status.INVALID}
+
+    @property
+    def region(self) -> Region:
+        """The parameter values for which what the box promises is so, as far as polyhedra were found."""
+        bounds = Polyhedron(self.plan.names, tuple(declared_bounds(self.plan.declared)))
+        found = Region.union_of(self.plan.names, [bounds])
+        for each in self.combinations:
+            found = found.intersection(Region.union_of(self.plan.names, each.polyhedra))
+        return found
+
+
+class UnionBadSet:
+    """The parameter values that are outside the bounds, or in no polyhedron of some combination."""
+
+    def __init__(self, parameters: Sequence[Parameter], alternatives: Sequence[Combination]) -> None:
+        self._names = tuple(one.name for one in parameters)
+        self._bounds = [Polyhedron(self._names, tuple(one.negation())) for one in declared_bounds(parameters)]
+        self._alternatives = alternatives
+        self.stops: dict[Polyhedron, TeamStop] = {one: TeamStop(ALWAYS, None, declared=True) for one in self._bounds}
+        """Why each polyhedron that was found is bad."""
+        self._sides: dict[Polyhedron, tuple[tuple[LinearConstraint, tuple[Statement, ...]], ...]] = {}
+        self.checks = 0
+
+    def piece_in(self, box: Box, deadline: Deadline) -> Polyhedron | None:
+        """A polyhedron of bad values that meets the box; None if there is none.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+        """
+        self.checks += 1
+        for bound in self._bounds:
+            if bound.meets(box):
+                return bound
+        asked = Polyhedron.of_box(self._names, box)
+        for combination in self._alternatives:
+            deadline.enforce()
+            point = outside(asked, combination.polyhedra)
+            if point is not None:
+                return self._around(point, combination)
+        return None
+
+    def _around(self, point: Point, combination: Combination) -> Polyhedron:
+        """What breaks, of each polyhedron of a combination, an inequality that the point breaks."""
+        chosen: dict[LinearConstraint, tuple[LinearConstraint, tuple[Statement, ...]]] = {}
+        for piece in combination.pieces:
+            broken = {
+                side: (one, piece.because.get(one, ()))
+                for one in piece.polyhedron.constraints
+                for side in one.negation()
+                if side.evaluate(point)
+            }
+            if not broken.keys() & chosen.keys():
+                side = next(iter(broken))
+                chosen[side] = broken[side]
+        found = Polyhedron(self._names, tuple(chosen))
+        self.stops.setdefault(found, TeamStop(combination.choices, None))
+        self._sides.setdefault(found, tuple(chosen.values()))
+        return found
+
+    def stop(self, piece: Polyhedron, face: Face, box: Box) -> TeamStop:
+        """Why a box ends at a polyhedron, by the inequality that holds the face back: the whole box satisfies it."""
+        stop = self.stops[piece]
+        name, side = face
+        towards = [
+            (constraint, statements)
+            for constraint, statements in self._sides.get(piece, ())
+            if any(known == name and factor * side.sign > 0 for known, factor in constraint.coefficients)
+        ]
+        for constraint, statements in towards:
+            if all(not Polyhedron(self._names, (beyond,)).meets(box) for beyond in constraint.negation()):
+                return TeamStop(stop.choices, constraint, statements)
+        return TeamStop(stop.choices, *towards[0]) if towards else stop
+
+
+class TeamEnvelopeSearch:
+    """Finds a box of parameter values around the nominal ones.
+
+    Args:
+        plan: the plan with its parameters.
+        assume: choices that are made already.
+        for_all: choices of which every combination of values must lead to a correct execution.
+        waiting: whether what they will be becomes known only when they are made.
+        on_stage: called with the name of each stage that begins.
+
+    Raises:
+        InputError: if a choice is unknown, or assumed and asked about for all values.
+    """
+
+    def __init__(
+        self,
+        plan: ParametricPlan,
+        *,
+        assume: Guard = ALWAYS,
+        for_all: Sequence[str] = (),
+        waiting: bool = False,
+        solver: str = "z3",
+        deadline: Deadline = NEVER,
+        on_stage: Callable[[str], None] | None = None,
+    ) -> None:
+        names = checked_choices(plan, for_all, "--for-all")
+        for one in assume:
+            if one.variable in names:
+                raise InputError(f"--for-all: found {one.variable!r}, which is assumed to be {one.value}; expected one")
+        self._found = TeamEnvelope(plan, assume, names, waiting, Box.nominal(plan.declared))
+        self._solver = solver
+        self._deadline = deadline
+        self._say = on_stage or (lambda _stage: None)
+        self._started = time.perf_counter()
+        self._bad = UnionBadSet(plan.declared, ())
+
+    def run(self) -> TeamEnvelope:
+        """The box; out of time or after Ctrl-C, the best by then, which is right if it is `verified`.
+
+        Raises:
+            SolverError: if the solver is unknown, not installed, or fails.
+        """
+        found = self._found
+        try:
+            remaining = self._deadline.remaining
+            share = None if remaining is None else remaining * ENUMERATING
+            alternatives = self._alternatives(Deadline.after(share))
+            found.combinations = alternatives
+            self._bad = UnionBadSet(found.plan.declared, alternatives)
+            if self._is_inside():
+                self._say("widening")
+                self._widen()
+        except OutOfTimeError:
+            found.status = Status.TIMEOUT
+        except KeyboardInterrupt:
+            found.status = Status.INTERRUPTED
+        return self._ended()
+
+    def so_far(self, *, timed_out: bool) -> TeamEnvelope | None:
+        """What is known by now."""
+        self._found.status = Status.TIMEOUT if timed_out else Status.INTERRUPTED
+        return self._ended()
+
+    def _ended(self) -> TeamEnvelope:
+        self._found.seconds = time.perf_counter() - self._started
+        self._found.boxes = self._bad.checks
+        return self._found
+
+    # -- polyhedra -----------------------------------------------------------------------------------------------------
+
+    def _alternatives(self, deadline: Deadline) -> tuple[Combination, ...]:
+        """The combinations in all of which the box must be, as far as they are found in time."""
+        found = self._found
+        self._say("choices and polyhedra")
+        pieces = self._enumerated(question(found.plan, found.for_all, found.assume), deadline)
+        alternatives = tuple(combinations(pieces, found.plan.plan.network.domains))
+        if not found.waiting or len(alternatives) < 2 or not all(each.pieces for each in alternatives):
+            return alternatives
+        self._say("waiting")
+        asked = waiting_question(found.plan, [each.choices for each in alternatives], found.assume)
+        return (Combination(ALWAYS, tuple(self._enumerated(asked, deadline))),)
+
+    def _enumerated(self, asked: Question, deadline: Deadline) -> list[Piece]:
+        """All pieces, or those that are found in time."""
+        search = Pieces(asked, self._found.plan.declared, solver=self._solver)
+        try:
+            for number, _ in enumerate(search.search(deadline), 1):
+                self._say(f"polyhedra: {number}")
+        except OutOfTimeError:
+            self._found.status = Status.TIMEOUT
+        self._found.queries += search.queries
+        return search.found
+
+    def _is_inside(self) -> bool:
+        """Whether the nominal values are; if not, what is broken is noted."""
+        found = self._found
+        nominal = found.plan.nominal
+        for each in found.combinations:
+            if not any(nominal in one for one in each.polyhedra):
+                if found.status is Status.COMPLETE:
+                    found.status = Status.INVALID
+                found.broken, found.possible = each.choices, bool(each.pieces)
+                if each.pieces:
+                    found.needed = _fewest_broken(each.polyhedra, nominal)
+                return False
+        found.verified = True
+        return True
+
+    # -- boxes ---------------------------------------------------------------------------------------------------------
+
+    def _widen(self) -> None:
+        found, parameters = self._found, self._found.plan.declared
+        pieces: list[Polyhedron] = []
+        Widening(
+            bad=self._bad,
+            parameters=parameters,
+            pieces=pieces,
+            groups=[faces_of(parameters)],
+            deadline=self._deadline,
+            on_box=self._keep,
+        ).run()
+        for face in faces_of(parameters):
+            end = found.box[face[0]].end(face[1])
+            if end is not None:
+                found.stops[face] = self._stop(face, end, pieces)
+
+    def _keep(self, box: Box) -> None:
+        self._found.box = box
+
+    def _stop(self, face: Face, end: Fraction, pieces: Sequence[Polyhedron]) -> TeamStop:
+        box = self._found.box
+        touched = [self._bad.stop(piece, face, box) for piece in touching(pieces, box, face)]
+        if not touched:
+            piece = self._bad.piece_in(box.moved(face, end + face[1].sign * JUST), self._deadline)
+            touched = [] if piece is None else [self._bad.stop(piece, face, box)]
+        stop = min(touched, key=lambda one: (not one.declared, len(one.statements)), default=TeamStop(ALWAYS, None))
+        return TeamStop(stop.choices, stop.constraint, stop.statements, stop.declared, self._is_own(stop, face))
+
+    def _is_own(self, stop: TeamStop, face: Face) -> bool:
+        """Whether all that holds a face back are bounds of the one thing that the parameter is about."""
+        parameter = next(one for one in self._found.plan.parameters if one.name == face[0])
+        places = {one.place if isinstance(one, BoundStatement) else None for one in stop.statements}
+        return len(places) == 1 and places <= set(parameter.places)
+
+
+def _fewest_broken(polyhedra: Sequence[Polyhedron], values: Point) -> tuple[LinearConstraint, ...]:
+    """What the values break, of the polyhedron of which they break fewest inequalities, and by least."""
+
+    def broken(one: Polyhedron) -> tuple[LinearConstraint, ...]:
+        return tuple(constraint for constraint in one.constraints if not constraint.evaluate(values))
+
+    def cost(constraints: tuple[LinearConstraint, ...]) -> tuple[int, Fraction]:
+        return len(constraints), sum((one.value(values) - one.constant for one in constraints), Fraction(0))
+
+    return min(map(broken, polyhedra), key=cost)

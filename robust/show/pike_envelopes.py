@@ -1,0 +1,645 @@
+"""Envelopes of plans with choices for people and programs: sentences about combinations of choices, and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
+from math import atan2
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from rich.console import Console
+from rich.text import Text
+
+from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
+from robust.errors import InputError, did_you_mean
+from robust.numbers import duration, exact_end, interval_text, plural, readable
+from robust.options import place_of
+from robust.pike_bridge.envelopes.parameters import Kind, ParametricPlan, TeamParameter
+from robust.pike_bridge.envelopes.pieces import (
+    BoundStatement,
+    Combination,
+    OrderStatement,
+    Statement,
+    WaitingStatement,
+    declared_bounds,
+)
+from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope, TeamStop
+from robust.pike_bridge.model import Guard, guard_text
+from robust.plan.polynomial import Polynomial
+from robust.qe.box import Box, Interval, Side
+from robust.qe.constraint import LinearConstraint, Sense
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region, absorb
+from robust.qe.render import signed_sum
+from robust.show.documents import Constraint as ConstraintRecord
+from robust.show.documents import Document, Ended, SearchEnded, document
+from robust.show.documents import Polyhedron as PolyhedronRecord
+from robust.show.drawing import BLACK, LIGHT, VERMILION, cut, save
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MANY = 20
+"""Combinations that are told one by one."""
+STATEMENTS = 6
+"""Statements that are told of what ends a side."""
+
+
+# -- JSON --------------------------------------------------------------------------------------------------------------
+
+
+class TeamParameterRecord(JsonObject):
+    """
+    Attributes:
+        meaning: for people
+        lower: the declared bound
+        upper: the declared bound
+    """
+
+    kind: Annotated[str, one_of(*(kind.value for kind in Kind))]
+    meaning: str
+    nominal: Rational
+    lower: End
+    upper: End
+
+
+class PossibleCombination(JsonObject):
+    """
+    Attributes:
+        choices: values of choices; those left out do not matter
+        polyhedra: the parameter values, within their declared bounds, for which a correct execution has these values;
+            none: it is impossible, as far as is known
+    """
+
+    choices: dict[str, str]
+    polyhedra: list[PolyhedronRecord]
+
+
+class ExactCell(JsonObject):
+    """
+    Attributes:
+        possible: the combinations that are possible for these parameter values, and no others are
+    """
+
+    possible: list[dict[str, str]]
+    polyhedra: list[PolyhedronRecord]
+
+
+class PikeRegion(JsonObject, tag_field="schema", tag="robust/pike-region/1"):
+    """what `robust pike region --json` prints
+
+    Attributes:
+        status: timeout and interrupted: what is there is right, but not all there is
+        choices: those that are told apart
+        combinations: they cover all values of these choices, each once
+        exactly: the parameter values, cut by which combinations are possible; null if there was no time
+        queries: questions to the solver
+    """
+
+    status: Ended
+    assume: dict[str, str]
+    choices: list[str]
+    epsilon: Rational
+    parameters: dict[str, TeamParameterRecord]
+    combinations: list[PossibleCombination]
+    exactly: list[ExactCell] | None
+    queries: Count
+    seconds: Seconds
+
+
+class StoppedBy(JsonObject):
+    """
+    Attributes:
+        choices: with which values of choices nothing correct is left beyond; empty: with all
+        constraint: which inequality the parameters must satisfy; null for a declared bound
+        statements: what of the plan says so
+        reason: as text
+    """
+
+    choices: dict[str, str]
+    constraint: str | None
+    statements: list[str]
+    reason: str
+
+
+class TeamWithin(JsonObject):
+    """
+    Attributes:
+        stopped_below: what ends the box there; null if unbounded or not known
+    """
+
+    kind: Annotated[str, one_of(*(kind.value for kind in Kind))]
+    meaning: str
+    nominal: Rational
+    lower: End
+    upper: End
+    lower_closed: bool
+    upper_closed: bool
+    stopped_below: StoppedBy | None
+    stopped_above: StoppedBy | None
+
+
+class BrokenCombination(JsonObject):
+    """
+    Attributes:
+        choices: for which there is no correct execution at the nominal values
+        possible: whether there is one for other parameter values
+        needed: inequalities that the nominal values break, of those that would do
+    """
+
+    choices: dict[str, str]
+    possible: bool
+    needed: list[str]
+
+
+class PikeEnvelope(JsonObject, tag_field="schema", tag="robust/pike-envelope/1"):
+    """what `robust pike envelope --json` prints
+
+    Attributes:
+        status: invalid: what is asked for is not even so at the nominal values; timeout and interrupted: the box is
+            right if verified, but may not be maximal
+        verified: what is promised holds for all values in the box; if false, parameters are merely the nominal values
+        for_all: the choices of which every combination of values leads to a correct execution
+        waiting: whether what they will be need not be known before they are made
+        broken: if invalid: which combination is
+        polyhedra: the parameter values for which what is promised holds, within the declared bounds; null if they are
+            not all known
+        boxes: tried by widening
+    """
+
+    status: SearchEnded
+    verified: bool
+    assume: dict[str, str]
+    for_all: list[str]
+    waiting: bool
+    epsilon: Rational
+    parameters: dict[str, TeamWithin]
+    broken: BrokenCombination | None
+    polyhedra: list[PolyhedronRecord] | None
+    queries: Count
+    boxes: Count
+    seconds: Seconds
+
+
+DOCUMENTS: tuple[type[JsonObject], ...] = (PikeRegion, PikeEnvelope)
+"""As in :mod:`robust.show.documents`."""
+Cells = Sequence[tuple[tuple[Combination, ...], Region]]
+
+
+def _choices(label: Guard) -> dict[str, str]:
+    return dict(sorted(label))
+
+
+def _polyhedra(pieces: Iterable[Polyhedron]) -> list[PolyhedronRecord]:
+
+    return [PolyhedronRecord(constraints=[_constraint(each) for each in one.constraints]) for one in pieces]
+
+
+def _constraint(one: LinearConstraint) -> ConstraintRecord:
+    coefficients = {name: Fraction(factor) for name, factor in one.coefficients}
+    return ConstraintRecord(coefficients=coefficients, relation=one.relation.value, constant=one.constant)
+
+
+def region_document(found: LabeledRegion, cells: Cells | None) -> Document:
+    """`robust/pike-region/1`."""
+    combinations = [
+        PossibleCombination(choices=_choices(each.choices), polyhedra=_polyhedra(tidy(found.plan, each.polyhedra)))
+        for each in found.combinations
+    ]
+    exactly = None
+    if cells is not None:
+        exactly = [
+            ExactCell(possible=[_choices(one.choices) for one in possible], polyhedra=_polyhedra(_tidied(cell)))
+            for possible, cell in cells
+        ]
+    return document(
+        like(
+            PikeRegion,
+            found,
+            status=found.status.value,
+            assume=_choices(found.assume),
+            choices=list(found.key),
+            epsilon=found.plan.plan.epsilon,
+            parameters={
+                one.name: TeamParameterRecord(
+                    kind=one.kind.value,
+                    meaning=one.meaning,
+                    nominal=one.parameter.nominal,
+                    lower=exact_end(one.parameter.lower, upper=False),
+                    upper=exact_end(one.parameter.upper, upper=True),
+                )
+                for one in found.plan.parameters
+            },
+            combinations=combinations,
+            exactly=exactly,
+        )
+    )
+
+
+def envelope_document(found: TeamEnvelope) -> Document:
+    """`robust/pike-envelope/1`."""
+    telling = Telling(found.plan)
+    broken = None
+    if found.broken is not None:
+        needed = [telling.demand(one) for one in found.needed]
+        broken = BrokenCombination(choices=_choices(found.broken), possible=found.possible, needed=needed)
+    known = not found.cut_short and bool(found.combinations)
+    return document(
+        like(
+            PikeEnvelope,
+            found,
+            status=found.status.value,
+            assume=_choices(found.assume),
+            for_all=list(found.for_all),
+            epsilon=found.plan.plan.epsilon,
+            parameters={one.name: _within(found, one, telling) for one in found.plan.parameters},
+            broken=broken,
+            polyhedra=_polyhedra(_tidied(found.region)) if known else None,
+        )
+    )
+
+
+def _within(found: TeamEnvelope, one: TeamParameter, telling: Telling) -> TeamWithin:
+    interval = found.box[one.name]
+
+    def stopped(side: Side) -> StoppedBy | None:
+        stop = found.stops.get((one.name, side))
+        if stop is None:
+            return None
+        constraint = None if stop.constraint is None else str(stop.constraint)
+        told = list(telling.statements(stop.statements))
+        reason = telling.stop(stop, one)
+        return StoppedBy(choices=_choices(stop.choices), constraint=constraint, statements=told, reason=reason)
+
+    return TeamWithin(
+        kind=one.kind.value,
+        meaning=one.meaning,
+        nominal=one.parameter.nominal,
+        lower=exact_end(interval.lower, upper=False),
+        upper=exact_end(interval.upper, upper=True),
+        lower_closed=interval.lower is not None and interval.lower_closed,
+        upper_closed=interval.upper is not None and interval.upper_closed,
+        stopped_below=stopped(Side.LOWER),
+        stopped_above=stopped(Side.UPPER),
+    )
+
+
+def tidy(plan: ParametricPlan, pieces: Iterable[Polyhedron]) -> list[Polyhedron]:
+    """The pieces within the declared bounds, without those that others contain, and without what follows."""
+    bounds = tuple(declared_bounds(plan.declared))
+    return [one.simplified() for one in absorb(one.restricted(bounds) for one in pieces)]
+
+
+def _tidied(region: Region) -> Sequence[Polyhedron]:
+    return region.simplified().as_union().pieces if len(region.pieces) <= MANY else absorb(region.pieces)
+
+
+# -- sentences ---------------------------------------------------------------------------------------------------------
+
+
+class Telling:
+    """Inequalities and statements of one plan in words."""
+
+    def __init__(self, plan: ParametricPlan) -> None:
+        self._plan = plan
+        self._parameters = {one.name: one for one in plan.parameters}
+        self._events: dict[str, str] = {}
+        for activity in plan.plan.network.activities:
+            self._events.setdefault(activity.source, f"the start of {activity.action}")
+            self._events.setdefault(activity.target, f"the end of {activity.action}")
+
+    def sentence(self, piece: Polyhedron) -> str:
+        """What a polyhedron demands, beyond the declared bounds: `a may take up to 5; limit must be at least 7`."""
+        bounds = set(declared_bounds(self._plan.declared))
+        own: dict[str, list[LinearConstraint]] = {}
+        joint: list[str] = []
+        for constraint in piece.constraints:
+            if constraint in bounds:
+                continue
+            if len(constraint.parameters) == 1:
+                own.setdefault(constraint.parameters[0], []).append(constraint)
+            else:
+                joint.append(self.demand(constraint))
+        told = [self._range(name, Polyhedron((name,), tuple(kept)).extent(name)) for name, kept in own.items()]
+        return "; ".join([*told, *joint]) or "anything goes"
+
+    def _range(self, name: str, interval: Interval | None) -> str:
+        if interval is None:
+            return "impossible"
+        return self.interval(self._parameters[name], interval)
+
+    def interval(self, parameter: TeamParameter, interval: Interval) -> str:
+        """What values a parameter may have, as a sentence."""
+        words, low, high = parameter.words, interval.lower, interval.upper
+        least = None if low is None or low == parameter.parameter.lower else readable(low)
+        above = "" if interval.lower_closed else "more than "
+        below = "" if interval.upper_closed else "less than "
+        match parameter.kind:
+            case Kind.DURATION:
+                verb, needs = "may take", "must take"
+            case _:
+                verb, needs = "may be", "must be"
+        if low is not None and low == high:
+            return f"{words} {needs} exactly {readable(low)}"
+        if least is None:
+            return f"{words} {verb} anything" if high is None else f"{words} {verb} up to {below}{readable(high)}"
+        if high is None:
+            return f"{words} {needs} {above or 'at least '}{least}"
+        return f"{words} {verb} {above}{least} to {below}{readable(high)}"
+
+    def demand(self, constraint: LinearConstraint) -> str:
+        """An inequality of several parameters: a limit is told by what it must be at least, others as a sum."""
+        for name, factor in constraint.coefficients:
+            limit = (
+                self._parameters[name].kind is Kind.AT_MOST and factor < 0 and constraint.relation is not Sense.EQUAL
+            )
+            if limit and len(constraint.parameters) > 1:
+                rest = [(self._words(n), Fraction(f, -factor)) for n, f in constraint.coefficients if n != name]
+                number = constraint.constant / factor
+                tail = "" if not number else f" {'+' if number > 0 else '−'} {readable(abs(number))}"
+                word = "more than" if constraint.is_strict else "at least"
+                return f"{self._words(name)} must be {word} {signed_sum(rest, '−', readable)}{tail}"
+        terms, sign, number = constraint.oriented()
+        told = [(self._words(name), factor) for name, factor in terms]
+        return f"{signed_sum(told, '−', readable)} {sign} {readable(number)}"
+
+    def _words(self, name: str) -> str:
+        return self._parameters[name].words
+
+    def statements(self, statements: Iterable[Statement]) -> Iterator[str]:
+        """What of the plan says so; separations of ε that are only the order of a program are left out."""
+        for one in dict.fromkeys(statements):
+            match one:
+                case BoundStatement(place, upper):
+                    if not self._is_order(place, upper=upper):
+                        yield self._bound(place, upper=upper)
+                case OrderStatement(earlier, later):
+                    yield f"{self._event(earlier)} is before {self._event(later)}"
+                case WaitingStatement():
+                    continue
+
+    def _is_order(self, place: int, *, upper: bool) -> bool:
+        """Whether a bound merely puts one event after another."""
+        constraints = self._plan.plan.network.constraints
+        bound = self._plan.bounds[place][upper]
+        small = bound is not None and bound.is_constant and bound.constant_term <= self._plan.plan.epsilon
+        return not upper and place < len(constraints) and small
+
+    def _bound(self, place: int, *, upper: bool) -> str:
+        network = self._plan.plan.network
+        bound = self._plan.bounds[place][upper]
+        number = "" if bound is None else self._number(bound)
+        word = "at most" if upper else "at least"
+        first = len(network.constraints)
+        if place >= first:
+            return f"{network.activities[place - first].action} takes {word} {number}"
+        one = network.constraints[place]
+        return f"from {self._event(one.source)} to {self._event(one.target)} {word} {number}"
+
+    def _number(self, bound: Polynomial[Any]) -> str:
+        told = [self._words(unknown.name) for unknown, _ in bound.coefficients()]
+        constant = bound.constant_term
+        return " + ".join([*told, *([readable(constant)] if constant or not told else [])])
+
+    def _event(self, name: str) -> str:
+        return self._events.get(name, name)
+
+    def stop(self, stop: TeamStop, parameter: TeamParameter) -> str:
+        """Why a side ends."""
+        if stop.declared:
+            return "declared bound"
+        with_choices = f"with {guard_text(stop.choices)}: " if stop.choices else ""
+        told = list(self.statements(stop.statements))
+        if stop.own:
+            return (
+                f"{with_choices}its own other bound: {'; '.join(told)}"
+                if told
+                else f"{with_choices}its own other bound"
+            )
+        demand = "" if stop.constraint is None else self.sentence(Polyhedron(self._plan.names, (stop.constraint,)))
+        more = "" if len(told) <= STATEMENTS else f"; {len(told) - STATEMENTS} more (--json lists them)"
+        because = f", because {'; '.join(told[:STATEMENTS])}{more}" if told else ""
+        return f"{with_choices}{demand or 'not known'}{because}"
+
+
+def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
+    """For each combination of choices what the parameters may be, and which combinations are impossible."""
+    telling = Telling(found.plan)
+    told: dict[str, list[str]] = {}
+    impossible = []
+    for each in found.combinations:
+        pieces = tidy(found.plan, each.polyhedra)
+        if pieces:
+            sentences = [telling.sentence(one) for one in pieces]
+            told.setdefault(" – or else – ".join(sentences), []).append(guard_text(each.choices))
+        else:
+            impossible.append(guard_text(each.choices))
+    if found.assume:
+        _line(out, f"Assumed: {guard_text(found.assume)}.")
+    for sentence, combinations in told.items():
+        shown = [label or "any choices" for label in combinations]
+        for label in shown[: -1 if len(shown) <= MANY else MANY]:
+            _line(out, f"With {label}, or")
+        more = "" if len(shown) <= MANY else f"{len(shown) - MANY} other combinations like "
+        _line(out, f"With {more}{shown[-1]}: {sentence}.")
+    if not told:
+        known = " are known yet to lead" if found.cut_short else " lead"
+        _line(out, f"No parameter values{known} to a correct execution.")
+    elif impossible:
+        what = "Nothing is known yet of" if found.cut_short else "Impossible, whatever the parameters are:"
+        _line(out, what)
+        for label in impossible[:MANY]:
+            _line(out, f"  {label}")
+        if len(impossible) > MANY:
+            _line(out, f"  {len(impossible) - MANY} more (--json lists them)")
+    if quiet:
+        return
+    out.print()
+    for one in found.plan.parameters:
+        _line(out, f"{one.words}: {one.meaning}, {readable(one.parameter.nominal)} in the plan")
+    count = plural(len(found.pieces), "polyhedron").replace("polyhedrons", "polyhedra")
+    _line(out, f"{_ended(found.status.value)}: {count}, {duration(found.seconds)}.")
+
+
+def _line(out: Console, text: str) -> None:
+    out.print(Text(text), soft_wrap=True)
+
+
+def _ended(status: str) -> str:
+    return {"timeout": "out of time", "unknown": "undecided"}.get(status, status)
+
+
+def print_envelope(out: Console, found: TeamEnvelope, *, quiet: bool) -> None:
+    """What is promised for which values; unless `quiet` also what ends each side."""
+    telling = Telling(found.plan)
+    promised = promise(found)
+    if not found.verified:
+        _line(out, _failure(found, telling, promised))
+    else:
+        ranges = [telling.interval(one, found.box[one.name]) for one in found.plan.parameters]
+        _line(out, f"{promised}: {'; '.join(ranges)}.")
+        if not quiet:
+            out.print()
+            for one in found.plan.parameters:
+                _line(out, f"{one.words} ∈ {interval_text(found.box[one.name])}: {one.meaning}, "
+                           f"{readable(one.parameter.nominal)} in the plan")  # fmt: skip
+                for side, word in ((Side.UPPER, "above"), (Side.LOWER, "below")):
+                    stop = found.stops.get((one.name, side))
+                    if stop is not None:
+                        _line(out, f"  {word}: {telling.stop(stop, one)}")
+    if not quiet:
+        out.print()
+        _line(out, f"{_ended(found.status.value)}: {plural(found.boxes, 'box').replace('boxs', 'boxes')} tried, "
+                   f"{duration(found.seconds)}.")  # fmt: skip
+
+
+def promise(found: TeamEnvelope) -> str:
+    """What holds for all values in the box."""
+    assumed = f"With {guard_text(found.assume)}" if found.assume else ""
+    if not found.for_all:
+        return assumed or "With choices that suit them"
+    names = " and ".join(filter(None, (", ".join(found.for_all[:-1]), found.for_all[-1])))
+    known = "even if the team learns of it only then, and waits" if found.waiting else "if it is known beforehand"
+    return f"{assumed + ', whatever' if assumed else 'Whatever'} {names} will be, {known}"
+
+
+def _failure(found: TeamEnvelope, telling: Telling, promised: str) -> str:
+    """Why there is no box."""
+    if found.broken is None:
+        return "Nothing is known yet."
+    choices = f" with {guard_text(found.broken)}" if found.broken else ""
+    if found.cut_short:
+        return f"{promised}: no correct execution{choices} is known yet at the nominal values."
+    if not found.possible:
+        return f"{promised}: there is no correct execution{choices}, whatever the parameters are."
+    if found.waiting and not found.broken:
+        return (
+            f"{promised}: not at the nominal values; {' and '.join(map(telling.demand, found.needed))} would be needed."
+        )
+    needed = " and ".join(map(telling.demand, found.needed))
+    return f"{promised}: there is no correct execution{choices} at the nominal values; needed: {needed}."
+
+
+# -- pictures ----------------------------------------------------------------------------------------------------------
+
+
+def plotted(plan: ParametricPlan, axes: Sequence[str]) -> tuple[TeamParameter, TeamParameter]:
+    """The two parameters to draw: those asked for, or the first two.
+
+    Raises:
+        InputError: if there are not two, or one is unknown.
+    """
+    names = tuple(axes) or plan.names[:2]
+    for name in names:
+        if name not in plan.names:
+            raise InputError(f"found unknown parameter {name!r}{did_you_mean(name, plan.names)}", place_of("axes"))
+    if len(names) != 2 or names[0] == names[1]:
+        raise InputError(f"found {plural(len(names), 'parameter')} to draw, expected two", place_of("plot"))
+    known = {one.name: one for one in plan.parameters}
+    return known[names[0]], known[names[1]]
+
+
+Layers = Sequence[tuple[str, Region]]
+
+
+def region_layers(found: LabeledRegion, cells: Cells | None) -> Layers:
+    """What is drawn of a labeled region: where exactly which combinations are possible, else where each is."""
+    if cells is None:
+        return [
+            (guard_text(each.choices), found.region(dict(each.choices))) for each in found.combinations if each.pieces
+        ]
+    return [
+        ("\n".join(_few([guard_text(one.choices) or "any choices" for one in possible])), cell)
+        for possible, cell in cells
+        if possible
+    ]
+
+
+def _few(labels: Sequence[str], most: int = 4) -> Sequence[str]:
+    """The labels, of many the first ones."""
+    shown = [cut(one, 80) for one in labels[:most]]
+    return shown if len(labels) <= most else [*shown, f"and {len(labels) - most} more"]
+
+
+def plot_layers(plan: ParametricPlan, layers: Layers, path: Path, axes: Sequence[str], box: Box | None = None) -> None:
+    """Draw regions of two parameters, the others at their nominal values, and perhaps a box."""
+    shown = plotted(plan, axes)
+    names = tuple(one.name for one in shown)
+    rest = {name: value for name, value in plan.nominal.items() if name not in names}
+    sliced = [(label, Region.union_of(names, region.slice(rest).as_union().pieces)) for label, region in layers]
+    save(lambda: _figure(plan, shown, sliced, box), path)
+
+
+def _figure(
+    plan: ParametricPlan, shown: tuple[TeamParameter, TeamParameter], layers: Layers, box: Box | None
+) -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    figure = Figure(figsize=(8.4, 4.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    canvas = figure.add_subplot()
+    frame = {one.name: _view(plan, one, layers, box) for one in shown}
+    view = Polyhedron(
+        tuple(frame),
+        tuple(
+            constraint
+            for name, (low, high) in frame.items()
+            for constraint in (
+                LinearConstraint.of({name: 1}, ">=", low),
+                LinearConstraint.of({name: 1}, "<=", high),
+            )
+        ),
+    )
+    for number, (label, region) in enumerate(layers):
+        colour = LIGHT[number % len(LIGHT)]
+        hatch = "" if number < len(LIGHT) else "//"
+        text: str | None = label
+        for piece in region.pieces:
+            corners = _corners(piece.intersection(view))
+            if len(corners) > 2:
+                canvas.fill(*zip(*corners, strict=True), facecolor=colour, edgecolor="0.5", linewidth=0.5, label=text,
+                            hatch=hatch)  # fmt: skip
+                text = None
+    if box is not None:
+        sides = [side for side in box.constraints() if side.parameters[0] in frame]
+        corners = _corners(view.restricted(sides))
+        canvas.fill(*zip(*corners, strict=True), fill=False, edgecolor=VERMILION, linewidth=2, label="box")
+    nominal = [float(one.parameter.nominal) for one in shown]
+    canvas.plot([nominal[0]], [nominal[1]], "+", color=BLACK, markersize=10, label="in the plan")
+    _finish(canvas, shown, frame)
+    return figure
+
+
+def _finish(canvas: Axes, shown: Sequence[TeamParameter], frame: Mapping[str, tuple[Fraction, Fraction]]) -> None:
+    across, up = shown
+    canvas.set_xlabel(f"{across.words}: {cut(across.meaning, 60)}")
+    canvas.set_ylabel(f"{up.words}: {cut(up.meaning, 40)}")
+    canvas.set_xlim(*map(float, frame[across.name]))
+    canvas.set_ylim(*map(float, frame[up.name]))
+    canvas.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), fontsize="small", frameon=False)
+
+
+def _view(plan: ParametricPlan, one: TeamParameter, layers: Layers, box: Box | None) -> tuple[Fraction, Fraction]:
+    """The values that are shown: those at which something happens, and the nominal one, with a margin."""
+    values = [one.parameter.nominal]
+    for _, region in layers:
+        for piece in region.pieces:
+            values += [vertex[one.name] for vertex in piece.closure().vertices()]
+    if box is not None:
+        values += [end for end in (box[one.name].lower, box[one.name].upper) if end is not None]
+    low, high = min(values), max(values)
+    margin = (high - low) / 5 or Fraction(1)
+    lowest = low - margin if one.parameter.lower is None else max(one.parameter.lower, low - margin)
+    return lowest, high + margin
+
+
+def _corners(piece: Polyhedron) -> list[tuple[float, float]]:
+    """The vertices in the order around their centre."""
+
+    across, up = piece.parameters
+    corners = [(float(one[across]), float(one[up])) for one in piece.vertices()]
+    x, y = (sum(values) / len(corners) for values in zip(*corners, strict=True)) if corners else (0.0, 0.0)
+    return sorted(corners, key=lambda corner: atan2(corner[1] - y, corner[0] - x))
