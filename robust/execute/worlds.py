@@ -12,7 +12,7 @@ the plan expects::
 
     [[draw]]
     duration = "prepare"          # an action, a ground action "(prepare first cap)", or an instance of the plan
-    distribution = "normal"       # or constant, uniform, half-normal
+    distribution = "normal"       # or constant, uniform, half-normal, truncated-normal, triangular, exponential
     mean = 150                    # the planned value if left out
     deviation = 70
     minimum = 20                  # none if left out
@@ -57,21 +57,7 @@ from robust.plan import model
 from robust.plan.pddl.forms import read_text
 from robust.plan.polynomial import Polynomial
 from robust.plan.timeline import Reading, State
-
-GRID = 1000
-"""How many values there are from one integer to the next."""
-
-
-class Below(Enum):
-    """What becomes of draws below the minimum: folded up, to as far above it as they were below, or clipped to it."""
-
-    FOLD = "fold"
-    CLIP = "clip"
-
-
-def on_grid(value: float) -> Fraction:
-    """The nearest multiple of 1/1000."""
-    return Fraction(round(value * GRID), GRID)
+from robust.risk.distributions import KEYS, OPTIONAL, PLANNED, Below, Distribution, require_possible
 
 
 class Luck:
@@ -117,16 +103,6 @@ class Subject(Enum):
     PARAMETER = "parameter"
 
 
-_KEYS: Final[Mapping[str, tuple[str, ...]]] = {
-    "constant": ("value",),
-    "uniform": ("lower", "upper"),
-    "normal": ("mean", "deviation", "minimum", "below"),
-    "half-normal": ("origin", "deviation"),
-}
-_PLANNED: Final = {"value", "mean", "origin"}
-"""Keys that mean the planned value if they are left out."""
-
-
 @dataclass(frozen=True, slots=True)
 class Rule:
     """`numbers` are those of the file; `of` puts in the planned value."""
@@ -141,34 +117,22 @@ class Rule:
     def of(self, planned: Fraction) -> Mapping[str, Fraction]:
         """The numbers of the distribution for a quantity with this planned value."""
         unit = planned if self.relative else Fraction(1)
-        numbers = dict.fromkeys(_PLANNED.intersection(_KEYS[self.distribution]), planned)
+        numbers = dict.fromkeys(PLANNED.intersection(KEYS[self.distribution]), planned)
         numbers |= {key: value * unit for key, value in self.numbers.items()}
-        if self.distribution == "uniform":  # a negative unit turns the ends round
-            numbers["lower"], numbers["upper"] = sorted((numbers["lower"], numbers["upper"]))
+        for lower, upper in (("lower", "upper"), ("minimum", "maximum")):  # a negative unit turns the ends round
+            if unit < 0 and lower in numbers and upper in numbers:
+                numbers[lower], numbers[upper] = numbers[upper], numbers[lower]
         if "deviation" in numbers:
             numbers["deviation"] = abs(numbers["deviation"])
         return numbers
 
-    def draw(self, planned: Fraction, random: Random) -> Fraction:
-        """One value.
+    def about(self, planned: Fraction) -> Distribution:
+        """The distribution of a quantity with this planned value."""
+        return Distribution(self.distribution, self.of(planned), self.below)
 
-        A normal distribution may have a minimum [IRR §5, "described by a normal distribution with a minimum value"]; a
-        half-normal one is its origin plus the absolute value of a normal variable with mean 0.
-        """
-        numbers = self.of(planned)
-        match self.distribution:
-            case "constant":
-                return numbers["value"]
-            case "uniform":
-                drawn = on_grid(random.uniform(float(numbers["lower"]), float(numbers["upper"])))
-                return min(max(drawn, numbers["lower"]), numbers["upper"])
-            case "half-normal":
-                return numbers["origin"] + abs(on_grid(random.gauss(0.0, float(numbers["deviation"]))))
-        drawn = on_grid(random.gauss(float(numbers["mean"]), float(numbers["deviation"])))
-        minimum = numbers.get("minimum", drawn)
-        if drawn >= minimum:
-            return drawn
-        return minimum if self.below is Below.CLIP else 2 * minimum - drawn
+    def draw(self, planned: Fraction, random: Random) -> Fraction:
+        """One value."""
+        return self.about(planned).draw(random)
 
 
 @dataclass(frozen=True)
@@ -232,10 +196,10 @@ def _rule(table: Mapping[str, object], place: str) -> Rule:
     if not isinstance(name, str) or not name.strip() or isinstance(name, _Decimal):
         raise InputError(f"found {shorten(str(name))} for {subject.value!r}, expected a name", location)
     kind = table.get("distribution")
-    if not isinstance(kind, str) or kind not in _KEYS:
-        hint = did_you_mean(str(kind), _KEYS)
-        raise InputError(f"found distribution {shorten(str(kind))}, expected one of {', '.join(_KEYS)}{hint}", location)
-    known = {subject.value, "distribution", "relative", *_KEYS[kind]}
+    if not isinstance(kind, str) or kind not in KEYS:
+        hint = did_you_mean(str(kind), KEYS)
+        raise InputError(f"found distribution {shorten(str(kind))}, expected one of {', '.join(KEYS)}{hint}", location)
+    known = {subject.value, "distribution", "relative", *KEYS[kind]}
     for key in table:
         if key not in known:
             raise InputError(f"found key {shorten(key)}, expected another{did_you_mean(key, known)}", location)
@@ -244,7 +208,7 @@ def _rule(table: Mapping[str, object], place: str) -> Rule:
         raise InputError(f"found {shorten(str(relative))} for 'relative', expected true or false", location)
     if below not in {"fold", "clip"}:
         raise InputError(f"found {shorten(str(below))} for 'below', expected fold or clip", location)
-    numbers = {key: _number(table[key], key, location) for key in _KEYS[kind] if key != "below" and key in table}
+    numbers = {key: _number(table[key], key, location) for key in KEYS[kind] if key != "below" and key in table}
     rule = Rule(subject, _normal_name(subject, name), kind, numbers, Below(below), relative)
     _check_numbers(rule, location)
     return rule
@@ -266,20 +230,27 @@ def _number(value: object, key: str, location: Location) -> Fraction:
     raise InputError(f"found {shorten(str(value))} for {key!r}, expected a number", location)
 
 
+_LEAST: Final = {
+    "uniform": "lower",
+    "constant": "value",
+    "half-normal": "origin",
+    "triangular": "lower",
+    "exponential": "minimum",
+}
+"""What no draw is below, by distribution."""
+
+
 def _check_numbers(rule: Rule, location: Location) -> None:
-    for key in _KEYS[rule.distribution]:
-        if key not in rule.numbers and key not in {*_PLANNED, "minimum", "below"}:
+    for key in KEYS[rule.distribution]:
+        if key not in rule.numbers and key not in OPTIONAL:
             raise InputError(f"found no {key!r}, expected a number for a {rule.distribution} distribution", location)
     numbers = rule.numbers
-    if numbers.get("deviation", Fraction(0)) < 0:
-        raise InputError(f"found deviation {numbers['deviation']}, expected at least 0", location)
-    if rule.distribution == "uniform" and numbers["lower"] > numbers["upper"]:
-        raise InputError("found lower above upper, expected lower ≤ upper", location)
+    require_possible(rule.distribution, numbers, location)
     if rule.subject is Subject.DURATION:
-        least = {"uniform": "lower", "constant": "value", "half-normal": "origin"}.get(rule.distribution)
+        least = _LEAST.get(rule.distribution)
         if least is not None and numbers.get(least, Fraction(0)) < 0:
             raise InputError(f"found {least} {numbers[least]} of a duration, expected at least 0", location)
-        if rule.distribution == "normal" and numbers.get("minimum", Fraction(-1)) < 0:
+        if rule.distribution in {"normal", "truncated-normal"} and numbers.get("minimum", Fraction(-1)) < 0:
             found = "no minimum" if "minimum" not in numbers else f"minimum {numbers['minimum']}"
             raise InputError(f"found {found} of a duration, expected one of at least 0", location)
 

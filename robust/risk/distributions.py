@@ -1,0 +1,398 @@
+"""What a random quantity may be: how it is written, drawn from, and how probable its values are, exactly enclosed.
+
+A distribution is a part that has a density, and values that have a probability of their own (`atoms`): a constant is
+nothing else, and a normal distribution that is clipped to its minimum has one there. On the command line it is
+`normal:30:5`, the numbers of :data:`KEYS` in their order; an empty or missing one is left out, where it may be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from fractions import Fraction
+from functools import cached_property, lru_cache
+from math import lcm
+from random import Random
+from statistics import NormalDist
+from typing import Final
+
+from robust.errors import InputError, Location, did_you_mean
+from robust.numbers import format_number, parse_number, shorten
+from robust.risk.enclosures import (
+    ONE,
+    UNIT,
+    ZERO,
+    Enclosure,
+    difference,
+    exp_minus,
+    normal,
+    of,
+    quotient,
+)
+
+KEYS: Final[Mapping[str, tuple[str, ...]]] = {
+    "constant": ("value",),
+    "uniform": ("lower", "upper"),
+    "normal": ("mean", "deviation", "minimum", "below"),
+    "half-normal": ("origin", "deviation"),
+    "truncated-normal": ("mean", "deviation", "minimum", "maximum"),
+    "triangular": ("lower", "mode", "upper"),
+    "exponential": ("mean", "minimum"),
+}
+"""The distributions with what each is told."""
+PLANNED: Final = frozenset({"value", "mean", "origin", "mode"})
+"""Keys that mean the planned value if they are left out."""
+OPTIONAL: Final = PLANNED | {"minimum", "maximum", "below"}
+"""Keys that may be left out."""
+GRID = 1000
+"""How many values there are from one integer to the next in simulated worlds."""
+LEAST_SHARE = 10**9
+"""A normal distribution that keeps less than one over that when it is truncated is taken for a mistake."""
+
+
+class Below(Enum):
+    """What becomes of draws below the minimum: folded up, to as far above it as they were below, or clipped to it."""
+
+    FOLD = "fold"
+    CLIP = "clip"
+
+
+def on_grid(value: float, grid: int | None = GRID) -> Fraction:
+    """The nearest multiple of 1/1000, or the exact value of the float without a grid."""
+    return Fraction(value) if grid is None else Fraction(round(value * grid), grid)
+
+
+Weights = tuple[int, int, Fraction]
+"""Of a density over an interval: in proportion to a linear function with these values at the ends, up to a factor
+between two numbers whose ratio is the third."""
+_FINE: Final = 1 << 40
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """One of :data:`KEYS` with all its numbers."""
+
+    kind: str
+    numbers: Mapping[str, Fraction] = field(hash=False)
+    below: Below = Below.FOLD
+
+    # -- drawing -------------------------------------------------------------------------------------------------------
+
+    def draw(self, random: Random, grid: int | None = GRID) -> Fraction:
+        """One value, a multiple of 1/1000; or as exactly as floats are, without a grid.
+
+        A normal distribution may have a minimum [IRR §5, "described by a normal distribution with a minimum value"]; a
+        half-normal one is its origin plus the absolute value of a normal variable with mean 0; an exponential one is
+        never below its minimum, and `mean` is its mean.
+        """
+        numbers = self.numbers
+        match self.kind:
+            case "constant":
+                drawn = numbers["value"]
+            case "uniform":
+                drawn = on_grid(random.uniform(float(numbers["lower"]), float(numbers["upper"])), grid)
+            case "half-normal":
+                drawn = numbers["origin"] + abs(on_grid(random.gauss(0.0, float(numbers["deviation"])), grid))
+            case "triangular":
+                ends = float(numbers["lower"]), float(numbers["upper"])
+                drawn = on_grid(random.triangular(*ends, float(numbers["mode"])), grid)
+            case "exponential":
+                drawn = self._start + on_grid(random.expovariate(1 / float(self.scale)), grid)
+            case "truncated-normal":
+                drawn = on_grid(self._truncated(random), grid)
+            case _:
+                return self._reflected(on_grid(random.gauss(float(numbers["mean"]), float(numbers["deviation"])), grid))
+        return self._within(drawn)
+
+    def _reflected(self, drawn: Fraction) -> Fraction:
+        """A draw of a normal variable that has a minimum, or none."""
+        minimum = self.numbers.get("minimum", drawn)
+        if drawn >= minimum:
+            return drawn
+        return minimum if self.below is Below.CLIP else 2 * minimum - drawn
+
+    def _within(self, value: Fraction) -> Fraction:
+        lower, upper = self.support
+        above = value if lower is None else max(value, lower)
+        return above if upper is None else min(above, upper)
+
+    def _truncated(self, random: Random) -> float:
+        plain = NormalDist(float(self.numbers["mean"]), float(self.scale))
+        ends = self.support
+        low, high = (rest if end is None else plain.cdf(float(end)) for end, rest in zip(ends, (0, 1), strict=True))
+        return plain.inv_cdf(min(max(low + (high - low) * random.random(), 1e-300), 1 - 1e-16))
+
+    # -- probabilities -------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def settled(self) -> Distribution:
+        """The same; a constant, if there is nothing random about it."""
+        numbers, value = self.numbers, None
+        if self.kind in {"uniform", "triangular"} and numbers["lower"] == numbers["upper"]:
+            value = numbers["lower"]
+        elif numbers.get("deviation") == 0:
+            value = numbers["origin"] if self.kind == "half-normal" else self._within(self._reflected(numbers["mean"]))
+        elif self.kind == "exponential" and numbers["mean"] == self._start:
+            value = numbers["mean"]
+        return self if value is None else Distribution("constant", {"value": value})
+
+    @cached_property
+    def scale(self) -> Fraction:
+        """How wide it is, roughly: a deviation, or the length of its support."""
+        match self.kind:
+            case "constant":
+                return Fraction(1)
+            case "uniform" | "triangular":
+                return self.numbers["upper"] - self.numbers["lower"]
+            case "exponential":
+                return self.numbers["mean"] - self._start
+        return self.numbers["deviation"]
+
+    @property
+    def _start(self) -> Fraction:
+        return self.numbers.get("minimum", Fraction(0))
+
+    @cached_property
+    def centre(self) -> Fraction:
+        """A value in the middle, from which searches begin."""
+        match self.kind:
+            case "uniform":
+                return (self.numbers["lower"] + self.numbers["upper"]) / 2
+            case "half-normal":
+                return self.numbers["origin"] + self.scale * Fraction(2, 3)
+            case "exponential":
+                return self._start + self.scale * Fraction(2, 3)
+        return self._within(next(self.numbers[key] for key in ("value", "mode", "mean") if key in self.numbers))
+
+    @cached_property
+    def support(self) -> tuple[Fraction | None, Fraction | None]:
+        """Between which values it is; None without an end."""
+        numbers = self.numbers
+        match self.kind:
+            case "constant":
+                return numbers["value"], numbers["value"]
+            case "uniform" | "triangular":
+                return numbers["lower"], numbers["upper"]
+            case "half-normal":
+                return numbers["origin"], None
+            case "exponential":
+                return self._start, None
+        return numbers.get("minimum"), numbers.get("maximum")
+
+    @cached_property
+    def breaks(self) -> tuple[Fraction, ...]:
+        """Values inside the support where the density is no smooth function."""
+        if self.kind != "triangular":
+            return ()
+        return tuple(mode for mode in (self.numbers["mode"],) if mode not in self.support)
+
+    @cached_property
+    def atoms(self) -> tuple[tuple[Fraction, Enclosure], ...]:
+        """Values that have a probability of their own."""
+        if self.kind == "constant":
+            return ((self.numbers["value"], ONE),)
+        if self.kind == "normal" and self.below is Below.CLIP and "minimum" in self.numbers:
+            return ((self.numbers["minimum"], self._normal(self.numbers["minimum"])),)
+        return ()
+
+    def up_to(self, value: Fraction | None) -> Enclosure:
+        """The probability of the part with a density up to a value, counted from anywhere; None is infinitely far."""
+        return self._everything if value is None else self._up_to(value)
+
+    def between(self, lower: Fraction | None, upper: Fraction | None) -> Enclosure:
+        """The probability of the part with a density between two values; None is infinitely far."""
+        return difference(self.up_to(upper), ZERO if lower is None else self._up_to(lower))
+
+    @cached_property
+    def _everything(self) -> Enclosure:
+        if self.kind == "normal" and "minimum" in self.numbers and self.below is Below.CLIP:
+            return ONE  # counted from minus infinity, as in _up_to
+        return ZERO if self.kind == "constant" else ONE
+
+    def _normal(self, value: Fraction) -> Enclosure:
+        return normal((value - self.numbers.get("mean", self.numbers.get("origin", value))) / self.scale)
+
+    def _up_to(self, value: Fraction) -> Enclosure:
+        lower, upper = self.support
+        if upper is not None and value >= upper:
+            return self._everything
+        if lower is not None and value <= lower:
+            # Of a clipped distribution, what is below the minimum lies on it.
+            return self._normal(lower) if self.atoms and self.kind == "normal" else ZERO
+        match self.kind:
+            case "uniform":
+                found = of((value - self.numbers["lower"]) / self.scale)
+            case "triangular":
+                found = of(self._triangle(value))
+            case "exponential":
+                found = difference(ONE, exp_minus((value - self._start) / self.scale))
+            case "half-normal":
+                low, high = self._normal(value)
+                found = max(0, 2 * low - UNIT), min(UNIT, 2 * high - UNIT)
+            case "truncated-normal":
+                first, last = self.truncation
+                low, high = quotient(difference(self._normal(value), first), difference(last, first))
+                found = low, min(UNIT, high)
+            case _:
+                found = self._normal(value)
+                if lower is not None and self.below is Below.FOLD:
+                    found = difference(found, self._normal(2 * lower - value))
+        return found
+
+    @cached_property
+    def truncation(self) -> tuple[Enclosure, Enclosure]:
+        """The probabilities of less than the minimum and of at most the maximum, if there were neither."""
+        lower, upper = self.support
+        return (ZERO if lower is None else self._normal(lower)), (ONE if upper is None else self._normal(upper))
+
+    def _triangle(self, value: Fraction) -> Fraction:
+        lower, mode, upper = (self.numbers[key] for key in ("lower", "mode", "upper"))
+        if value <= mode:
+            return (value - lower) ** 2 / ((upper - lower) * (mode - lower))
+        return 1 - (upper - value) ** 2 / ((upper - lower) * (upper - mode))
+
+    # -- densities -----------------------------------------------------------------------------------------------------
+
+    def weights(self, lower: Fraction, upper: Fraction) -> Weights | None:
+        """The density between two values of the support, without a break in between; None where it varies too much.
+
+        A function with second derivative at most M differs from its interpolation over a length h by at most M h² / 8.
+        For φ it is (z² − 1) φ, for e^−x it is e^−x.
+        """
+        match self.kind:
+            case "uniform":
+                return 1, 1, Fraction(1)
+            case "triangular":
+                return self._linear(lower, upper)
+            case "exponential":
+                ends = ((lower - self._start) / self.scale, (upper - self._start) / self.scale)
+                return _interpolated(ends[1] - ends[0], [(ends[0], ends[1], ends[0], Fraction(1))])
+        centres = [self.numbers.get("mean", self.numbers.get("origin", Fraction(0)))]
+        minimum = self.numbers.get("minimum")
+        if self.kind == "normal" and minimum is not None and self.below is Below.FOLD:
+            centres.append(2 * minimum - centres[0])
+        length = (upper - lower) / self.scale
+        return _interpolated(length, [self._bell(lower, upper, centre) for centre in centres])
+
+    def _linear(self, lower: Fraction, upper: Fraction) -> Weights:
+        ends = self.numbers["lower"], self.numbers["upper"]
+        rising = upper <= self.numbers["mode"]
+        first, last = (lower - ends[0], upper - ends[0]) if rising else (ends[1] - lower, ends[1] - upper)
+        scale = lcm(first.denominator, last.denominator)
+        return int(first * scale), int(last * scale), Fraction(1)
+
+    def _bell(self, lower: Fraction, upper: Fraction, centre: Fraction) -> Component:
+        first, last = ((end - centre) / self.scale for end in (lower, upper))
+        squares = first * first, last * last
+        nearest = Fraction(0) if first <= 0 <= last else min(squares)
+        bend = max(abs(max(squares) - 1), abs(nearest - 1))
+        return squares[0] / 2, squares[1] / 2, nearest / 2, bend
+
+    # -- as text, and for pictures -------------------------------------------------------------------------------------
+
+    def density(self, value: Fraction) -> float:
+        """How dense it is around a value: for pictures, never for a verdict."""
+        step = self.scale / 1000
+        return float(Fraction(self.between(value - step, value + step)[0], UNIT) / (2 * step))
+
+    def __str__(self) -> str:
+        parts = [self.kind]
+        for key in KEYS[self.kind]:
+            if key in self.numbers:
+                parts.append(format_number(self.numbers[key]))
+            elif key == "below" and self.below is Below.CLIP:
+                parts.append(self.below.value)
+            elif key != "below":
+                parts.append("")
+        return ":".join(parts).rstrip(":")
+
+
+Component = tuple[Fraction, Fraction, Fraction, Fraction]
+"""Of a summand e^−x of a density: x at both ends and the least, and the greatest second derivative over its value."""
+_STEEP: Final = 30
+
+
+def _interpolated(length: Fraction, components: Iterable[Component]) -> Weights | None:
+    """Weights for a sum of such functions over a length."""
+    found = list(components)
+    base = min(min(first, last) for first, last, _, _ in found)
+    if max(base - least for _, _, least, _ in found) > _STEEP:
+        return None
+    ends, error = [0, 0], Fraction(0)
+    for first, last, least, bend in found:
+        for place, value in enumerate((first, last)):
+            ends[place] += _weight(value - base)
+        above, below = max(least - base, Fraction(0)), max(base - least, Fraction(0))
+        highest = Fraction(exp_minus(above)[1], exp_minus(below)[0])
+        error += min(length * length / 8 * bend, Fraction(1)) * highest
+    # Each weight is rounded by less than one unit for each component.
+    floor = Fraction(min(ends) - len(found), _FINE)
+    error += Fraction(2 * len(found), _FINE)
+    if floor <= 2 * error:
+        return None
+    return ends[0], ends[1], _rounded_up((floor + error) / (floor - error))
+
+
+@lru_cache(maxsize=1 << 14)
+def _weight(exponent: Fraction) -> int:
+    return exp_minus(exponent)[0] * _FINE // UNIT
+
+
+def _rounded_up(value: Fraction) -> Fraction:
+    """With a short denominator, which what is computed with it inherits."""
+    return Fraction(-(-value.numerator * _FINE // value.denominator), _FINE)
+
+
+# -- as they are written -----------------------------------------------------------------------------------------------
+
+
+def parse_distribution(text: str, planned: Fraction | None, place: Location) -> Distribution:
+    """`normal:30:5` and the like; InputError says what is wrong.
+
+    Args:
+        text: the name and the numbers of :data:`KEYS`.
+        planned: stands for numbers that are left out and mean the planned value; None if there is none.
+        place: what an error message is about.
+    """
+    kind, *given = (part.strip() for part in text.split(":"))
+    if kind not in KEYS:
+        hint = did_you_mean(kind, KEYS)
+        raise InputError(f"found distribution {shorten(kind)}, expected one of {', '.join(KEYS)}{hint}", place)
+    keys = KEYS[kind]
+    if len(given) > len(keys):
+        raise InputError(f"found {len(given)} numbers, expected {':'.join((kind, *map(str.upper, keys)))}", place)
+    below = Below.FOLD
+    numbers: dict[str, Fraction] = {}
+    for key, part in zip(keys, given, strict=False):
+        if key == "below" and part:
+            if part not in {"fold", "clip"}:
+                raise InputError(f"found {shorten(part)} for 'below', expected fold or clip", place)
+            below = Below(part)
+        elif part:
+            numbers[key] = parse_number(part, place)
+    for key in keys:
+        if key in PLANNED and key not in numbers and planned is not None:
+            numbers[key] = planned
+        if key not in numbers and (key in PLANNED or key not in OPTIONAL):
+            raise InputError(f"found no {key!r}, expected {':'.join((kind, *map(str.upper, keys)))}", place)
+    if "deviation" in numbers and numbers["deviation"] <= 0:
+        raise InputError(f"found deviation {numbers['deviation']}, expected a number above 0", place)
+    require_possible(kind, numbers, place)
+    return Distribution(kind, numbers, below)
+
+
+def require_possible(kind: str, numbers: Mapping[str, Fraction], place: Location) -> None:
+    """InputError unless there is such a distribution, as far as its numbers are known."""
+    for least, most in (("lower", "upper"), ("lower", "mode"), ("mode", "upper"), ("minimum", "maximum")):
+        if least in numbers and most in numbers and numbers[least] > numbers[most]:
+            raise InputError(f"found {least} above {most}, expected {least} ≤ {most}", place)
+    if numbers.get("deviation", Fraction(0)) < 0:
+        raise InputError(f"found deviation {numbers['deviation']}, expected at least 0", place)
+    if kind == "exponential" and "mean" in numbers and numbers["mean"] < numbers.get("minimum", 0):
+        raise InputError("found mean below minimum, expected minimum ≤ mean; minimum is 0 if left out", place)
+    if kind == "truncated-normal" and numbers.get("deviation") and "mean" in numbers:
+        one = Distribution(kind, numbers)
+        first, last = one.truncation
+        if difference(last, first)[0] < UNIT // LEAST_SHARE:
+            raise InputError("found almost nothing between minimum and maximum, expected values near the mean", place)

@@ -1,0 +1,401 @@
+"""The probability of a set of parameter values, from below and from above, by subdivision of the space of parameters.
+
+A cell is a product of intervals and single values. Half-spaces that hold or fail throughout it are settled; of one
+that cuts it, the part beyond is computed: over the cell each density is a linear function up to a known factor, and
+over the part of a box beyond a half-space, a product of linear functions has an integral in closed form. What several
+half-spaces cut off together is at least what any of them does, and at most the sum. The cell with the widest bounds is
+split.
+
+Everything is integer arithmetic: ends of cells are multiples of one unit, probabilities are rounded outwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from heapq import heappop, heappush
+from itertools import product as every
+from math import factorial, floor, lcm, prod
+
+from robust.qe.constraint import LinearConstraint
+from robust.qe.polyhedron import Polyhedron
+from robust.risk.distributions import Distribution, Weights
+from robust.risk.enclosures import ONE, UNIT, Enclosure, product
+from robust.smt.limits import Deadline
+
+Part = tuple[Polyhedron, tuple[Polyhedron, ...]]
+"""A polyhedron and polyhedra to remove from it."""
+SPARSE = 8
+"""Most parameters of a half-space of which the part beyond is computed: the time doubles with each."""
+FINENESS = 24
+"""Ends of cells are multiples of 2⁻²⁴ of the least width of a distribution, or finer."""
+WHOLE = 1 << 64
+"""One, where shares of a cell are added up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """A probability is at least `lower` and at most `upper`."""
+
+    lower: Fraction
+    upper: Fraction
+
+    @property
+    def width(self) -> Fraction:
+        return self.upper - self.lower
+
+    @staticmethod
+    def of(enclosure: Enclosure) -> Bounds:
+        return Bounds(Fraction(max(0, enclosure[0]), UNIT), Fraction(min(UNIT, enclosure[1]), UNIT))
+
+
+@dataclass(eq=False)
+class Span:
+    """A value, or an open interval of values, of one parameter, in units; None is an infinite end."""
+
+    lower: int | None
+    upper: int | None
+    mass: Enclosure
+    weights: Weights | None = None
+
+    @property
+    def is_point(self) -> bool:
+        return self.lower is not None and self.lower == self.upper
+
+    @property
+    def width(self) -> int | None:
+        return None if self.lower is None or self.upper is None else self.upper - self.lower
+
+
+class Axis:
+    """One random parameter: its spans, and how they are split."""
+
+    def __init__(self, distribution: Distribution, unit: int) -> None:
+        self._distribution = distribution
+        self._unit = unit
+        self._parts: dict[Span, tuple[Span, ...]] = {}
+        self._centre = floor(distribution.centre * unit)
+        self._step = floor(2 * distribution.scale * unit)
+        self._breaks = [int(value * unit) for value in distribution.breaks]
+
+    def roots(self) -> list[Span]:
+        """The values with a probability of their own, and all others."""
+        found = []
+        for value, mass in self._distribution.atoms:
+            place = int(value * self._unit)
+            found.append(Span(place, place, mass))
+        if self._distribution.kind != "constant":
+            ends = (None if end is None else int(end * self._unit) for end in self._distribution.support)
+            found.append(self._span(*ends))
+        return found
+
+    def _span(self, lower: int | None, upper: int | None) -> Span:
+        low, high = (None if end is None else Fraction(end, self._unit) for end in (lower, upper))
+        mass = self._distribution.between(low, high)
+        smooth = not any((lower is None or lower < at) and (upper is None or at < upper) for at in self._breaks)
+        if low is None or high is None or not smooth:
+            return Span(lower, upper, mass)
+        return Span(lower, upper, mass, self._distribution.weights(low, high))
+
+    def split(self, span: Span) -> tuple[Span, ...]:
+        """Two spans that it consists of, but for the value in between; itself if it is too small."""
+        if span not in self._parts:
+            place = self._place(span)
+            ends = (span.lower, place), (place, span.upper)
+            self._parts[span] = (span,) if place is None else tuple(self._span(*pair) for pair in ends)
+        return self._parts[span]
+
+    def _place(self, span: Span) -> int | None:
+        """Where to split it."""
+        inside = [at for at in self._breaks if _is_between(at, span)]
+        if inside:
+            return inside[0]
+        if span.lower is not None and span.upper is not None:
+            place = (span.lower + span.upper) // 2
+        elif span.lower is None and span.upper is None:
+            place = self._centre
+        else:
+            # Two widths farther out: few cells have infinite ends then, and little is in them.
+            inner = [self._centre] + [end for end in (span.lower, span.upper) if end is not None]
+            place = max(inner) + self._step if span.upper is None else min(inner) - self._step
+        return place if _is_between(place, span) else None
+
+
+def _is_between(place: int, span: Span) -> bool:
+    return (span.lower is None or span.lower < place) and (span.upper is None or place < span.upper)
+
+
+@dataclass(frozen=True, eq=False)
+class Half:
+    """`Σ factor · value ≤ limit` over axes by their number, in units; `<` if strict, `=` if an equality."""
+
+    factors: tuple[tuple[int, int], ...]
+    limit: int
+    strict: bool = False
+    equality: bool = False
+    shares: dict[tuple[Span, ...], tuple[int, int]] = field(default_factory=dict)
+
+    @cached_property
+    def opposite(self) -> tuple[tuple[int, int], ...]:
+        """The factors of what faces it in a slab."""
+        return tuple((axis, -factor) for axis, factor in self.factors)
+
+
+Cell = tuple[Span, ...]
+Active = tuple[tuple[Half, ...], tuple[tuple[Half, ...], ...]]
+"""A part in a cell, as far as it is not settled there: sides of the polyhedron, and of those to remove."""
+
+
+def holds(half: Half, cell: Cell) -> bool | None:
+    """Whether it almost surely holds, or fails, throughout a cell; None if it cuts the cell."""
+    least: int | None = 0
+    most: int | None = 0
+    single = True
+    for axis, factor in half.factors:
+        span = cell[axis]
+        low, high = (span.lower, span.upper) if factor > 0 else (span.upper, span.lower)
+        least = None if least is None or low is None else least + factor * low
+        most = None if most is None or high is None else most + factor * high
+        single = single and span.is_point
+    if single and least is not None:
+        at_limit = not half.strict
+        if half.equality:
+            return least == half.limit
+        return least < half.limit or (at_limit and least == half.limit)
+    if half.equality:
+        return False  # a hyperplane has no probability
+    if most is not None and most <= half.limit:
+        return True
+    return False if least is not None and least >= half.limit else None
+
+
+def beyond(half: Half, cell: Cell) -> tuple[int, int]:
+    """How much of a cell is beyond a half-space that cuts it, in shares of `WHOLE`."""
+    spans = tuple(cell[axis] for axis, _ in half.factors)
+    found = half.shares.get(spans)
+    if found is None:
+        found = half.shares[spans] = _beyond(half, spans)
+    return found
+
+
+def _beyond(half: Half, spans: Cell) -> tuple[int, int]:
+    """Seen from the corner where the form is greatest, the part beyond is where `Σ |factor| · distance < room`.
+
+    With distances t from 0 to 1, reaches R and densities p + (q − p) t, its integral is the inverse Laplace transform
+    at `room` of 1/s · Π ∫ (p + (q − p) t) e^(−sRt) dt, and each factor is p/sR + (q − p)/(sR)² less e^(−sR) times
+    q/sR + (q − p)/(sR)².
+    """
+    room = -half.limit
+    moving: list[tuple[int, int, int]] = []
+    spread = Fraction(1)
+    for (_, factor), span in zip(half.factors, spans, strict=True):
+        if span.lower is None or span.upper is None:
+            return 0, WHOLE
+        room += factor * (span.upper if factor > 0 else span.lower)
+        if span.is_point:
+            continue
+        if span.weights is None:
+            return 0, WHOLE
+        first, last, ratio = span.weights
+        first, last = (last, first) if factor > 0 else (first, last)
+        moving.append((abs(factor) * (span.upper - span.lower), first, last))
+        spread *= ratio
+    count = len(moving)
+    if count > SPARSE:
+        return 0, WHOLE
+    terms = [(room, [1])]
+    for reach, first, last in moving:
+        slope = last - first
+        shifted = [(rest - reach, _times(series, -last * reach, -slope)) for rest, series in terms if rest > reach]
+        terms = [(rest, _times(series, first * reach, slope)) for rest, series in terms] + shifted
+    top = factorial(2 * count)
+    part = 0
+    for rest, series in terms:
+        for power, coefficient in enumerate(series):
+            part += top // factorial(power) * coefficient * rest**power
+    part <<= count
+    whole = top * prod(reach * reach * (first + last) for reach, first, last in moving)
+    inside = whole - part
+    up, down = spread.numerator, spread.denominator
+    least = WHOLE * part * down // (part * down + inside * up)
+    return least, -(-WHOLE * part * up // (part * up + inside * down))
+
+
+def _times(series: Sequence[int], first: int, second: int) -> list[int]:
+    """A polynomial times `first · x + second · x²`."""
+    found = [0] * (len(series) + 2)
+    for power, coefficient in enumerate(series):
+        found[power + 1] += first * coefficient
+        found[power + 2] += second * coefficient
+    return found
+
+
+def _lost(halves: Sequence[Half], cell: Cell) -> tuple[int, int]:
+    """How much of a cell is outside of a polyhedron that these sides of it cut."""
+    certain = possible = 0
+    cut: dict[tuple[tuple[int, int], ...], int] = {}
+    for half in halves:
+        least, most = beyond(half, cell)
+        possible += most
+        # Both sides of a slab cut off parts that have nothing in common, or the slab is empty.
+        certain = max(certain, min(WHOLE, least + cut.get(half.opposite, 0)))
+        cut[half.factors] = least
+    return certain, min(WHOLE, possible)
+
+
+def share_of(active: Sequence[Active], cell: Cell) -> tuple[int, int]:
+    """How much of a cell is in a union of parts."""
+    lower = upper = 0
+    for base, removed in active:
+        certain, possible = _lost(base, cell)
+        least, most = WHOLE - possible, WHOLE - certain
+        for piece in removed:
+            kept, missed = _lost(piece, cell)
+            least -= WHOLE - kept
+            most = min(most, missed)
+        lower, upper = max(lower, least), upper + most
+    return lower, min(WHOLE, max(lower, upper))
+
+
+class Measure:
+    """Bounds on the probability of a union of parts, which become narrower with each step.
+
+    Args:
+        parts: polyhedra with polyhedra to remove, over the same parameters.
+        distributions: of these parameters, which are independent.
+    """
+
+    def __init__(self, parts: Sequence[Part], distributions: Mapping[str, Distribution]) -> None:
+        names = list(parts[0][0].parameters) if parts else []
+        settled = {name: distributions[name].settled for name in names}
+        unit = _unit(parts, settled.values())
+        self._axes = [Axis(settled[name], unit) for name in names]
+        index = {name: number for number, name in enumerate(names)}
+        known: dict[LinearConstraint, Half] = {}
+
+        def halves(piece: Polyhedron) -> tuple[Half, ...]:
+            for one in piece.constraints:
+                if one not in known:
+                    factors = tuple((index[name], factor) for name, factor in one.coefficients)
+                    known[one] = Half(factors, int(one.constant * unit), one.is_strict, one.is_equality)
+            return tuple(known[one] for one in piece.constraints)
+
+        active = [(halves(base), tuple(map(halves, removed))) for base, removed in parts]
+        self._heap: list[tuple[int, int, int, int, Cell, list[Active]]] = []
+        self._total = [0, 0]
+        self._made = 0
+        for cell in every(*(axis.roots() for axis in self._axes)):
+            self._add(cell, active)
+
+    @property
+    def bounds(self) -> Bounds:
+        """What is known by now."""
+        return Bounds.of((self._total[0], self._total[1]))
+
+    @property
+    def cells(self) -> int:
+        """How many cells were looked at."""
+        return self._made
+
+    @property
+    def is_done(self) -> bool:
+        """Whether no cell can be split that would make a difference."""
+        return not self._heap
+
+    def _add(self, cell: Cell, active: Sequence[Active]) -> None:
+        self._made += 1
+        rest = _unsettled(active, cell)
+        mass = ONE
+        for span in cell:
+            mass = product(mass, span.mass)
+        share = share_of(rest, cell)
+        lower, upper = mass[0] * share[0] // WHOLE, -(-mass[1] * share[1] // WHOLE)
+        self._total[0] += lower
+        self._total[1] += upper
+        if share[0] < share[1]:
+            heappush(self._heap, (lower - upper, self._made, lower, upper, cell, rest))
+
+    def step(self) -> None:
+        """Split the cell with the widest bounds."""
+        _, _, lower, upper, cell, active = heappop(self._heap)
+        axis = self._choice(cell, active)
+        if axis is None:
+            return
+        self._total[0] -= lower
+        self._total[1] -= upper
+        for span in self._axes[axis].split(cell[axis]):
+            self._add((*cell[:axis], span, *cell[axis + 1 :]), active)
+
+    def _choice(self, cell: Cell, active: Sequence[Active]) -> int | None:
+        """The axis to split: what makes several sides cut the cell, or else whose density is least like a line."""
+        scores: dict[int, float] = {}
+        halves = dict.fromkeys(half for base, removed in active for piece in (base, *removed) for half in piece)
+        for half in halves:
+            reaches = {axis: abs(factor) * (cell[axis].width or 0) for axis, factor in half.factors}
+            whole = sum(reaches.values()) or 1
+            for axis, reach in reaches.items():
+                span = cell[axis]
+                if span.is_point:
+                    continue
+                bent = 2.0 if span.weights is None else float(span.weights[2] - 1)
+                straight = reach / whole if len(halves) > 1 or len(half.factors) > SPARSE else 0.0
+                scores[axis] = scores.get(axis, 0.0) + straight + (4 * bent if span.width is not None else 16.0)
+        for axis in sorted(scores, key=lambda axis: -scores[axis]):
+            if len(self._axes[axis].split(cell[axis])) > 1:
+                return axis
+        return None
+
+    def run(self, within: Fraction, deadline: Deadline) -> Bounds:
+        """Split until the bounds are close.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first; `bounds` are what is known then.
+        """
+        wanted = floor(within * UNIT)
+        while self._heap and self._total[1] - self._total[0] > wanted:
+            deadline.enforce()
+            self.step()
+        return self.bounds
+
+
+def _unsettled(active: Sequence[Active], cell: Cell) -> list[Active]:
+    """What of the parts is in a cell, without sides that hold throughout it; parts that fill it leave no others."""
+    known: dict[int, bool | None] = {}
+
+    def cutting(halves: Sequence[Half]) -> tuple[Half, ...] | None:
+        kept = []
+        for half in halves:
+            number = id(half)
+            if number not in known:
+                known[number] = holds(half, cell)
+            if known[number] is False:
+                return None
+            if known[number] is None:
+                kept.append(half)
+        return tuple(kept)
+
+    found: list[Active] = []
+    for base, removed in active:
+        rest = cutting(base)
+        if rest is None:
+            continue
+        cuts = tuple(dict.fromkeys(cut for cut in map(cutting, removed) if cut is not None))
+        if () in cuts:
+            continue
+        if not rest and not cuts:
+            return [((), ())]
+        found.append((rest, cuts))
+    return found
+
+
+def _unit(parts: Iterable[Part], distributions: Iterable[Distribution]) -> int:
+    """How many units are one: every number that occurs is a whole number of them."""
+    exact = [c.constant for base, removed in parts for piece in (base, *removed) for c in piece.constraints]
+    fine = 1
+    for one in distributions:
+        exact += [value for value in one.numbers.values() if value is not None]
+        fine = max(fine, -(-(1 << FINENESS) // one.scale))
+    shared = lcm(*(value.denominator for value in exact))
+    return shared << max(0, (fine // shared).bit_length())
