@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robust.api import check, compare, envelope, load_plan, region, validate
+    from robust.api import check, compare, envelope, load_plan, region, risk, validate
     from robust.errors import InputError, RobustError, SolverError, UnsupportedError
     from robust.execute.convert import Conversion, Mode, convert
     from robust.execute.validate import Verdict
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from robust.irr.compare import Comparison
     from robust.irr.search import EnvelopeResult, Status, Step
     from robust.plan.model import ParametrizedPlan
+    from robust.probability.distributions import Distribution
+    from robust.probability.measure import Bounds
+    from robust.probability.risk import RiskResult, RiskStatus
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult, RegionStatus
     from robust.qe.region import Region
@@ -30,11 +33,13 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Answer": "robust.irr.check",
+    "Bounds": "robust.probability.measure",
     "Box": "robust.qe.box",
     "CheckResult": "robust.irr.check",
     "Comparison": "robust.irr.compare",
     "Conversion": "robust.execute.convert",
     "Counterexample": "robust.irr.check",
+    "Distribution": "robust.probability.distributions",
     "EnvelopeResult": "robust.irr.search",
     "InputError": "robust.errors",
     "Interval": "robust.qe.box",
@@ -43,6 +48,8 @@ _HOME = {
     "Region": "robust.qe.region",
     "RegionResult": "robust.qe.compute",
     "RegionStatus": "robust.qe.compute",
+    "RiskResult": "robust.probability.risk",
+    "RiskStatus": "robust.probability.risk",
     "RobustError": "robust.errors",
     "SolverError": "robust.errors",
     "Status": "robust.irr.search",
@@ -56,17 +63,20 @@ _HOME = {
     "from_unified_planning": "robust.unified_planning.convert",
     "load_plan": "robust.api",
     "region": "robust.api",
+    "risk": "robust.api",
     "to_unified_planning": "robust.unified_planning.convert",
     "validate": "robust.api",
 }
 
 __all__ = [
     "Answer",
+    "Bounds",
     "Box",
     "CheckResult",
     "Comparison",
     "Conversion",
     "Counterexample",
+    "Distribution",
     "EnvelopeResult",
     "InputError",
     "Interval",
@@ -75,6 +85,8 @@ __all__ = [
     "Region",
     "RegionResult",
     "RegionStatus",
+    "RiskResult",
+    "RiskStatus",
     "RobustError",
     "SolverError",
     "Status",
@@ -89,6 +101,7 @@ __all__ = [
     "from_unified_planning",
     "load_plan",
     "region",
+    "risk",
     "to_unified_planning",
     "validate",
 ]

@@ -9,10 +9,10 @@ from __future__ import annotations
 import inspect
 import textwrap
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import wraps
-from typing import TYPE_CHECKING, Concatenate, Generic, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Protocol, TypeVar, cast
 
 from robust.options import (
     CheckOptions,
@@ -21,6 +21,7 @@ from robust.options import (
     Number,
     Options,
     RegionOptions,
+    RiskOptions,
     ValidateOptions,
     settings,
 )
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from robust.plan.model import ParametrizedPlan
     from robust.plan.pddl.syntax import Domain, Problem
     from robust.plan.timed import TimedPlan
+    from robust.probability.distributions import Distribution
+    from robust.probability.risk import RiskResult
     from robust.qe.compute import RegionResult, RegionSearch
     from robust.smt.export import Exporter
 
@@ -282,6 +285,7 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Sear
         require_nominal_values(plan.parameters)
     order = tuple(options.order or ())
     beta = options.precision
+    known = distributions_of(plan, options) if options.method == "risk" else {}
 
     def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> Search[EnvelopeResult]:
         conduct: Conduct = {"deadline": deadline, "on_step": options.on_step}
@@ -294,6 +298,17 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Sear
                 beta=beta,
                 doubling=options.doubling,
                 order=order,
+                **conduct,
+            )
+        if options.method == "risk":
+            from robust.probability.greatest import GreatestBox
+
+            return GreatestBox(
+                formulas,
+                known,
+                within=Fraction(options.within),
+                solver=options.solver,
+                exporter=exporter,
                 **conduct,
             )
         from robust.irr.exact import ExactSearch
@@ -404,6 +419,60 @@ def compare(plan: ParametrizedPlan, options: CompareOptions) -> Comparison:
         UnsupportedError: an expression that is not linear.
     """
     return searching_compare(plan, options).run()
+
+
+# -- risk --------------------------------------------------------------------------------------------------------------
+
+
+def distributions_of(plan: ParametrizedPlan, options: RiskOptions | EnvelopeOptions) -> dict[str, Distribution]:
+    """How the parameters are distributed; InputError if that is not said of all."""
+    from robust.execute import randomness
+    from robust.execute.worlds import read_rules
+
+    rules = None if options.world is None else read_rules(options.world)
+    return randomness.distributions_of(plan, options.distribution, rules)
+
+
+def searching_risk(plan: ParametrizedPlan, options: RiskOptions) -> Search[RiskResult]:
+    """What :func:`risk` runs."""
+    from robust.probability.risk import Risk
+
+    return Risk(
+        plan,
+        distributions_of(plan, options),
+        within=Fraction(options.within),
+        draws=options.draws,
+        epsilon=options.separation,
+        encoding=options.encoding,
+        solver=options.solver,
+        timeout=options.limit,
+        on_bounds=options.on_bounds,
+        on_stage=options.on_stage,
+    )
+
+
+def risk(
+    plan: ParametrizedPlan, distributions: Mapping[str, str | Distribution] | Sequence[str] = (), **given: Any
+) -> RiskResult:
+    """The probability that a plan succeeds when its parameters are random and independent, as certified bounds.
+
+    Args:
+        plan: the plan, see :func:`robust.plan.load.load_plan`.
+        distributions: of each parameter, such as `{"a": "normal:30:5", "b": "uniform:10:20"}`, see
+            :mod:`robust.probability.distributions`.
+        given: other options, the fields of :class:`robust.options.RiskOptions`: `world`, `within`, `draws`, `epsilon`,
+            `encoding`, `solver`, `timeout`, `on_bounds`, `on_stage`.
+
+    Returns:
+        Bounds that hold whatever ended the search; which obligations take the rest; and how probable boxes are.
+
+    Raises:
+        InputError: wrong options, or a parameter without a distribution.
+        UnsupportedError: an expression that is not linear.
+    """
+    options = RiskOptions(distribution=distributions, **given)
+    with noticing_interrupts():
+        return searching_risk(plan, options).run()
 
 
 # -- validate ----------------------------------------------------------------------------------------------------------

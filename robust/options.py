@@ -22,6 +22,8 @@ from robust.numbers import EXPECTED_NUMBER, parse_number, shorten
 
 if TYPE_CHECKING:
     from robust.irr.search import Step
+    from robust.probability.distributions import Distribution
+    from robust.probability.measure import Bounds
     from robust.qe.box import Interval
     from robust.qe.polyhedron import Polyhedron
 
@@ -502,14 +504,50 @@ class CheckCommand(CheckOptions, AskCommand):
     """Of `robust check`."""
 
 
+def distributions(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
+    """How parameters are distributed."""
+    return option(
+        (),
+        "how a parameter is distributed: NAME=normal:MEAN:DEVIATION, truncated-normal:MEAN:DEVIATION:MINIMUM:MAXIMUM, "
+        "half-normal:ORIGIN:DEVIATION, uniform:LOWER:UPPER, triangular:LOWER:MODE:UPPER, exponential:MEAN or "
+        "constant:VALUE; an empty mean, mode, origin or value is the planned one; may be repeated",
+        metavar="NAME=KIND:...",
+        many=True,
+        needs=needs,
+    )
+
+
+def world_file(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
+    """The same by a file."""
+    return option(
+        None,
+        "the distributions of parameters and durations, in a TOML file; without a rule, parameters are as planned",
+        metavar="FILE",
+        path=True,
+        needs=needs,
+    )
+
+
+_FOR_RISK = ("method", ("risk",))
+
+
 class EnvelopeOptions(Separation, Solving, Export):
     """Of :func:`robust.envelope`."""
 
     method: str = option(
         "widen",
         "widen: exact, no valid box contains the result; irr: step by step, up to a precision; "
-        "optimal: exact, the greatest total width of all boxes",
-        choices=METHODS,
+        "optimal: exact, the greatest total width of all boxes; risk: the most probable box",
+        choices=(*METHODS, "risk"),
+    )
+    distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions(_FOR_RISK)
+    world: str | Path | None = world_file(_FOR_RISK)
+    within: Number = option(
+        "0.001",
+        "for risk: search until no box can be more probable by more than this",
+        metavar="W",
+        read=positive,
+        needs=_FOR_RISK,
     )
     beta: Number | None = option(
         None,
@@ -618,6 +656,30 @@ class CompareCommand(CompareOptions, Slice, AskCommand):
     html: Path | None = option(
         None, "write a report with a drawing as one HTML file", metavar="FILE", path=True, read=html_file, rank=DRAWING
     )
+
+
+class RiskOptions(Search):
+    """Of :func:`robust.risk`."""
+
+    distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions()
+    world: str | Path | None = world_file()
+    within: Number = option("0.001", "how close the bounds of the probability are to be", metavar="W", read=positive)
+    draws: int | None = option(
+        None,
+        "also estimate by so many random points; with more than 6 parameters 10000 if bounds are not close",
+        metavar="N",
+        read=ordinal,
+    )
+    on_bounds: Callable[[Bounds], None] | None = option(None, "called with bounds that have changed", shown=False)
+    on_stage: Callable[[str], None] | None = option(None, "called with the name of each stage", shown=False)
+
+
+class RiskCommand(RiskOptions, Plot, AskCommand):
+    """Of `robust risk`."""
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if not self.distribution and self.world is None:
+            raise InputError("found neither --distribution nor --world, expected how parameters are distributed")
 
 
 # -- other commands about plans ----------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from robust.irr.compare import Comparison
     from robust.irr.search import EnvelopeResult
     from robust.plan.model import ParametrizedPlan
+    from robust.probability.measure import Bounds
     from robust.qe.compute import RegionResult, RegionSearch
 
 CODES = {
@@ -80,6 +81,7 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
     """How far may parameters deviate, all at once, before the plan can fail? Ctrl-C prints the best box so far."""
     from robust.api import searching_envelope
     from robust.show import documents, text
+    from robust.show.probabilities import greatest_text
 
     plan: ParametrizedPlan | None = None
 
@@ -102,9 +104,15 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
                 from robust.show.execution import print_controllability
 
                 print_controllability(out, report, quiet=quiet)
+            if probability is not None:
+                out.print(greatest_text(result, probability), soft_wrap=True)
 
         wanted = options.controllability is not None
-        run.answer(lambda: documents.envelope(result, counterexample, report, controllability=wanted), tell)
+        probability = None if plan is None or not result.verified else _probability(options, plan, result)
+        run.answer(
+            lambda: documents.envelope(result, counterexample, report, controllability=wanted, probability=probability),
+            tell,
+        )
 
     result = run.best(begin, show)
     counterexample = report = None
@@ -118,6 +126,16 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
 
         plot_envelope(result, options.plot)
     return CODES[result.status.value]
+
+
+def _probability(options: EnvelopeCommand, plan: ParametrizedPlan, result: EnvelopeResult) -> Bounds | None:
+    """How probable the box is, where parameters are random."""
+    if options.method != "risk":
+        return None
+    from robust.api import distributions_of
+    from robust.probability.measure import box_probability
+
+    return box_probability(result.box, distributions_of(plan, options))
 
 
 def _promise(options: EnvelopeCommand) -> str:

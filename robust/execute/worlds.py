@@ -57,7 +57,7 @@ from robust.plan import model
 from robust.plan.pddl.forms import read_text
 from robust.plan.polynomial import Polynomial
 from robust.plan.timeline import Reading, State
-from robust.risk.distributions import KEYS, OPTIONAL, PLANNED, Below, Distribution, require_possible
+from robust.probability.distributions import KEYS, OPTIONAL, PLANNED, Below, Distribution, require_possible
 
 
 class Luck:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
 from typing import Unpack
 
 from robust.encode.interface import Encoding
@@ -195,7 +196,7 @@ class OptimalBox:
     def __post_init__(self) -> None:
         self._parameters = self.bad.encoding.plan.parameters
         self._faces = faces_of(self._parameters)
-        self._ends = [_end(face) for face in self._faces]
+        self._ends = [end_of(face) for face in self._faces]
         self._reach = REACH * max([Fraction(1), *(abs(parameter.nominal) for parameter in self._parameters)])
         self._terms = Terms()
         self._session = Session(self._terms, solver=self.bad.solver)
@@ -234,7 +235,7 @@ class OptimalBox:
 
     def _far_faces(self, candidate: Candidate) -> list[Face]:
         """Faces that only the reach of the search holds back."""
-        return [face for face in self._faces if abs(candidate.ends[_end(face)]) == self._reach]
+        return [face for face in self._faces if abs(candidate.ends[end_of(face)]) == self._reach]
 
     def _bad_piece(self, box: Box) -> Polyhedron | None:
         return self.bad.piece_in(box, self.deadline)
@@ -245,7 +246,7 @@ class OptimalBox:
         """The widest box that misses every known piece, proved by an unsatisfiable query for a wider one."""
         terms = self._terms
         for piece in self.pieces[len(self._clauses) :]:
-            self._clauses.append(self._clause(piece))
+            self._clauses.append(missing(piece, self._ends))
             self._session.add(terms.disjunction(c.to_formula(terms) for c in self._clauses[-1]))
         width = sum((variable(ParameterReference(n)).scaled(f) for n, f in self._objective().items()), _ZERO)
         symbols = [terms.real(ParameterReference(name)) for name in self._ends]
@@ -273,20 +274,10 @@ class OptimalBox:
             raise ValueError("a model satisfies the constraints, and all ends are within reach")
         return Candidate(best.value, best.attained, best.point, chosen)
 
-    def _clause(self, piece: Polyhedron) -> tuple[LinearConstraint, ...]:
-        """A box misses the piece if and only if its ends satisfy one of these."""
-        relevant = {name for constraint in piece.constraints for name in constraint.parameters}
-        constraints = list(piece.constraints)
-        for name, side in self._faces:
-            if name in relevant:
-                constraints.append(LinearConstraint.of({name: side.sign, _end((name, side)): -side.sign}, "<=", 0))
-        meeting = Polyhedron((*piece.parameters, *self._ends), tuple(constraints)).project(self._ends)
-        return tuple(negated for constraint in meeting.constraints for negated in constraint.negation())
-
     def _always(self) -> Iterator[LinearConstraint]:
         """Lower ends below upper ends, all within reach, and around the nominal point where that is asked for."""
         for parameter in self._parameters:
-            low, high = _end((parameter.name, Side.LOWER)), _end((parameter.name, Side.UPPER))
+            low, high = end_of((parameter.name, Side.LOWER)), end_of((parameter.name, Side.UPPER))
             yield LinearConstraint.of({low: 1, high: -1}, "<=", 0)
             yield LinearConstraint.of({low: 1}, ">=", -self._reach)
             yield LinearConstraint.of({high: 1}, "<=", self._reach)
@@ -296,7 +287,7 @@ class OptimalBox:
 
     def _objective(self) -> dict[str, Fraction]:
         weights = {parameter.name: parameter.weight for parameter in self._parameters}
-        return {_end((name, side)): side.sign * weights[name] for name, side in self._faces}
+        return {end_of((name, side)): side.sign * weights[name] for name, side in self._faces}
 
     # -- from ends to boxes --------------------------------------------------------------------------------------------
 
@@ -307,8 +298,8 @@ class OptimalBox:
         """
         intervals = {}
         for parameter in self._parameters:
-            low = candidate.ends[_end((parameter.name, Side.LOWER))]
-            high = candidate.ends[_end((parameter.name, Side.UPPER))]
+            low = candidate.ends[end_of((parameter.name, Side.LOWER))]
+            high = candidate.ends[end_of((parameter.name, Side.UPPER))]
             closed = candidate.attained or low == high
             kept = parameter.nominal if self.contain_nominal else None
             intervals[parameter.name] = Interval(low, high, closed or low == kept, closed or high == kept)
@@ -330,7 +321,7 @@ class OptimalBox:
         Strict bounds on sides without any width must be kept; those on the others are what the open ends stand for.
         """
         flat = {
-            _end((name, side))
+            end_of((name, side))
             for name, interval in self._box_at(candidate).intervals.items()
             for side in Side
             if interval.width == 0
@@ -355,6 +346,16 @@ class OptimalBox:
 _ZERO: Linear = Polynomial({})
 
 
-def _end(face: Face) -> str:
+def missing(piece: Polyhedron, ends: Sequence[str]) -> tuple[LinearConstraint, ...]:
+    """A box misses the piece if and only if its ends, the variables of :func:`end_of`, satisfy one of these."""
+    constraints = list(piece.constraints)
+    for name, side in product(piece.parameters, (Side.UPPER, Side.LOWER)):
+        if name in piece.mentioned:
+            constraints.append(LinearConstraint.of({name: side.sign, end_of((name, side)): -side.sign}, "<=", 0))
+    meeting = Polyhedron((*piece.parameters, *ends), tuple(constraints)).project(ends)
+    return tuple(negated for constraint in meeting.constraints for negated in constraint.negation())
+
+
+def end_of(face: Face) -> str:
     """The variable for an end; no parameter can have such a name."""
     return f"{face[1].value} end of {face[0]}"

@@ -16,6 +16,7 @@ from robust.backends import ENCODINGS, OFFERED, SOLVERS, SPLITTINGS
 from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of, plain
 from robust.errors import RobustError
 from robust.numbers import exact_end
+from robust.show.probabilities import Range, range_of
 
 if TYPE_CHECKING:
     from robust.execute.controllability import ControllabilityReport
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from robust.options import CheckCommand
     from robust.plan.model import Parameter
     from robust.plan.simulate import Violation
+    from robust.probability.measure import Bounds
     from robust.qe import inner
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult
@@ -303,8 +305,9 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
             maximal; invalid: the plan can fail at the nominal values
         verified: the plan is valid for all values in the box; if false, parameters are merely the nominal values
         beta: the precision of irr; null for the exact methods
-        bound: for optimal: no box that may be returned has a greater weighted total width; null if not finite or not
-            known
+        bound: for optimal: no box that may be returned has a greater weighted total width; for risk: none is more
+            probable; null if not finite or not known
+        probability: only for risk: that all parameters are in the box
         parameters: the box, in the plan's order
         checks: boxes tried
         unbounded_checks: further boxes tried to find out whether a direction is unbounded
@@ -321,7 +324,7 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
 
     status: SearchEnded
     verified: bool
-    method: Annotated[str, one_of("widen", "irr", "optimal")]
+    method: Annotated[str, one_of("widen", "irr", "optimal", "risk")]
     encoding: Encoding
     solver: Solver
     beta: Rational | None
@@ -338,6 +341,7 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
     convergence: list[Convergence]
     statistics: Statistics
     controllability: Controllability | UnsetType | None = UNSET
+    probability: Range | UnsetType = UNSET
 
 
 def envelope(
@@ -346,6 +350,7 @@ def envelope(
     report: ControllabilityReport | None,
     *,
     controllability: bool,
+    probability: Bounds | None = None,
 ) -> Document:
     """`counterexample` shows what breaks at the nominal point if the status is invalid."""
     seconds = {step.check: step.seconds for step in result.trace}
@@ -365,6 +370,7 @@ def envelope(
             ],
             statistics=like(Statistics, result.statistics),
             controllability=about_control if controllability else UNSET,
+            probability=UNSET if probability is None else range_of(probability),
         )
     )
 

@@ -72,7 +72,9 @@ def _title(result: EnvelopeResult) -> str:
         Status.INVALID: "invalid",
         Status.UNKNOWN: "a solver failed: best box so far",
     }
-    method = {"irr": "IRR", "widen": "exact widening", "optimal": "greatest total width"}[result.method]
+    method = {"irr": "IRR", "widen": "exact widening", "optimal": "greatest total width", "risk": "most probable"}[
+        result.method
+    ]
     precision = "" if result.beta is None else f", β = {readable(result.beta)}"
     search = f"{method}{precision}; {ends[result.status]}"
     return f"The plan is valid for all values in this box ({search})"

@@ -60,7 +60,7 @@ def draw_region(
     figure = Figure(figsize=(6.4, 1.4 + 0.3 * len(boxes) if flat else 4.8), layout="constrained")
     FigureCanvasAgg(figure)
     canvas = figure.add_subplot()
-    (_draw_line if flat else _draw_plane)(canvas, shown, rectangle, boxes, points)
+    (_draw_line if flat else draw_plane)(canvas, shown, rectangle, boxes, points)
     if inner is not None:
         _draw_inner(canvas, inner, shown.parameters, rectangle)
     if boxes or points:
@@ -103,7 +103,7 @@ def _clip(names: Sequence[str], rectangle: Rectangle) -> list[LinearConstraint]:
     return clip
 
 
-def _draw_plane(
+def draw_plane(
     canvas: Axes, region: Region, rectangle: Rectangle, boxes: Mapping[str, Box], points: Mapping[str, Point]
 ) -> None:
     """Pieces are filled without outline, so that no seam shows between them; only edges of the whole are drawn."""

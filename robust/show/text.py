@@ -301,7 +301,7 @@ def _envelope_summary(result: EnvelopeResult, promise: str) -> Text:
 
 def _total(result: EnvelopeResult) -> str:
     """The total width of an optimal box, where there is one."""
-    if result.bound is None:
+    if result.bound is None or result.method != "optimal":
         return ""
     weighted = any(parameter.weight != 1 for parameter in result.parameters)
     return f": total {'weighted ' if weighted else ''}width {readable(result.bound)}"

@@ -10,12 +10,12 @@ import jsonschema
 import pytest
 
 from robust.codec import schema_of
-from robust.show import documents, made, pike, pike_envelopes, pike_plans, schemas, stnu, validation
+from robust.show import documents, made, pike, pike_envelopes, pike_plans, risk, schemas, stnu, validation
 from robust.show.schemas import FILES, schema
 
 DOCUMENTS = {
     one.__struct_config__.tag: one
-    for module in (documents, made, validation, pike, pike_envelopes, pike_plans, stnu)
+    for module in (documents, made, validation, pike, pike_envelopes, pike_plans, stnu, risk)
     for one in module.DOCUMENTS
 }
 

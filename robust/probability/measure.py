@@ -19,10 +19,11 @@ from heapq import heappop, heappush
 from itertools import product as every
 from math import factorial, floor, lcm, prod
 
+from robust.probability.distributions import Distribution, Weights
+from robust.probability.enclosures import ONE, UNIT, Enclosure, product
+from robust.qe.box import Box, Interval
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
-from robust.risk.distributions import Distribution, Weights
-from robust.risk.enclosures import ONE, UNIT, Enclosure, product
 from robust.smt.limits import Deadline
 
 Part = tuple[Polyhedron, tuple[Polyhedron, ...]]
@@ -399,3 +400,92 @@ def _unit(parts: Iterable[Part], distributions: Iterable[Distribution]) -> int:
         fine = max(fine, -(-(1 << FINENESS) // one.scale))
     shared = lcm(*(value.denominator for value in exact))
     return shared << max(0, (fine // shared).bit_length())
+
+
+# -- what is known without subdivision ---------------------------------------------------------------------------------
+
+
+def box_probability(box: Box, distributions: Mapping[str, Distribution]) -> Bounds:
+    """The probability of a box, to the last digit that is computed."""
+    mass = ONE
+    for name, interval in box.intervals.items():
+        mass = product(mass, interval_probability(interval, distributions[name].settled))
+    return Bounds.of(mass)
+
+
+def interval_probability(interval: Interval, distribution: Distribution) -> Enclosure:
+    """The probability of an interval."""
+    lower, upper = distribution.between(interval.lower, interval.upper)
+    for value, mass in distribution.atoms:
+        if value in interval:
+            lower, upper = lower + mass[0], upper + mass[1]
+    return lower, min(UNIT, upper)
+
+
+class RegionMeasure:
+    """The probability of a polyhedron without others: the product of those of its independent groups of parameters.
+
+    Args:
+        base: the polyhedron.
+        removed: what is removed from it.
+        distributions: of all parameters, which are independent.
+    """
+
+    def __init__(
+        self, base: Polyhedron, removed: Sequence[Polyhedron], distributions: Mapping[str, Distribution]
+    ) -> None:
+        self._empty = base.is_empty or any(not piece.constraints for piece in removed)
+        groups = [] if self._empty else _groups(base, removed)
+        self._measures = [
+            Measure([(Polyhedron(names, sides), tuple(Polyhedron(names, piece.constraints) for piece in pieces))],
+                    distributions)
+            for names, sides, pieces in groups
+        ]  # fmt: skip
+
+    @property
+    def bounds(self) -> Bounds:
+        """What is known by now."""
+        if self._empty:
+            return Bounds(Fraction(0), Fraction(0))
+        found = [one.bounds for one in self._measures]
+        return Bounds(
+            prod((one.lower for one in found), start=Fraction(1)), prod((one.upper for one in found), start=Fraction(1))
+        )
+
+    @property
+    def cells(self) -> int:
+        """How many cells were looked at."""
+        return sum(one.cells for one in self._measures)
+
+    def run(self, within: Fraction, deadline: Deadline) -> Bounds:
+        """Split, always in the group whose bounds are widest, until the bounds are close.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first; `bounds` are what is known then.
+        """
+        while (open_ := [one for one in self._measures if not one.is_done]) and self.bounds.width > within:
+            widest = max(open_, key=lambda one: one.bounds.width)
+            widest.run(max(widest.bounds.width / 2, within / (2 * len(self._measures))), deadline)
+            if widest.bounds.width * 2 * len(self._measures) <= within:
+                break
+        return self.bounds
+
+
+def _groups(
+    base: Polyhedron, removed: Sequence[Polyhedron]
+) -> list[tuple[tuple[str, ...], tuple[LinearConstraint, ...], tuple[Polyhedron, ...]]]:
+    """Groups of parameters of which no side and no polyhedron to remove speaks together; others are free."""
+    home: dict[str, set[str]] = {}
+    spoken = [frozenset(one.parameters) for one in base.constraints] + [piece.mentioned for piece in removed]
+    for names in spoken:
+        joined = set(names).union(*(home[name] for name in names if name in home))
+        home |= dict.fromkeys(joined, joined)
+    groups = {id(group): group for group in home.values()}.values()
+    return [
+        (
+            tuple(name for name in base.parameters if name in group),
+            tuple(one for one in base.constraints if group.intersection(one.parameters)),
+            tuple(piece for piece in removed if group & piece.mentioned),
+        )
+        for group in groups
+    ]

@@ -19,7 +19,7 @@ from typing import Final
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number, parse_number, shorten
-from robust.risk.enclosures import (
+from robust.probability.enclosures import (
     ONE,
     UNIT,
     ZERO,

@@ -1,0 +1,104 @@
+"""How the parameters of a plan are distributed: by options, and by the rules of a world."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+
+from robust.errors import InputError, Location, did_you_mean
+from robust.execute.worlds import Rule, Rules
+from robust.numbers import shorten
+from robust.options import place_of
+from robust.plan.model import Parameter, ParametrizedPlan
+from robust.probability.distributions import Distribution, parse_distribution, require_possible
+
+Given = Mapping[str, str | Distribution] | Sequence[str]
+"""Distributions by parameter, or texts `NAME=normal:30:5`."""
+
+
+def distributions_of(plan: ParametrizedPlan, given: Given, world: Rules | None = None) -> dict[str, Distribution]:
+    """The distribution of each parameter: what is given, else what the first rule that fits says.
+
+    A rule fits that is about the parameter, or about the duration of an instance that the parameter is. With a world,
+    a parameter without a rule is as planned.
+
+    Raises:
+        InputError: wrong distributions, of unknown parameters, or none of a parameter.
+    """
+    parameters = {one.name: one for one in plan.parameters}
+    found = _given(given, parameters)
+    lasting = _lengths(plan)
+    ruled = False
+    for name, parameter in parameters.items():
+        if name in found:
+            continue
+        if world is None:
+            message = f"found no distribution of parameter {shorten(name)}, expected one of each"
+            raise InputError(f"{message}; --distribution {name}=constant:VALUE fixes it", place_of("distribution"))
+        rule = world.parameter(name)
+        if rule is None and name in lasting:
+            rule = world.duration(plan.instance[lasting[name]])
+        ruled = ruled or rule is not None
+        found[name] = _ruled(rule, parameter)
+    if world is not None and not ruled and not found.keys() & {*_names(given)}:
+        message = f"found no rule about a parameter, expected one; known are {', '.join(parameters) or 'none'}"
+        raise InputError(message, place_of("world"))
+    return {name: found[name] for name in parameters}
+
+
+def _names(given: Given) -> list[str]:
+    return list(given) if isinstance(given, Mapping) else [text.partition("=")[0].strip() for text in given]
+
+
+def _given(given: Given, parameters: Mapping[str, Parameter]) -> dict[str, Distribution]:
+    """What is given, each parameter at most once."""
+    pairs: list[tuple[str, str | Distribution, Location]] = []
+    if isinstance(given, Mapping):
+        pairs = [(name, value, place_of("distribution", name)) for name, value in given.items()]
+    else:
+        for text in given:
+            name, equals, value = (part.strip() for part in text.partition("="))
+            place = place_of("distribution", text)
+            if not equals or not name:
+                raise InputError(f"found {shorten(text)}, expected NAME=DISTRIBUTION such as a=normal:30:5", place)
+            pairs.append((name, value, place))
+    found: dict[str, Distribution] = {}
+    for name, kind, place in pairs:
+        if name not in parameters:
+            raise InputError(f"found unknown parameter {shorten(name)}{did_you_mean(name, parameters)}", place)
+        if name in found:
+            raise InputError(f"found a second distribution of {shorten(name)}, expected one", place)
+        planned = _planned(parameters[name])
+        found[name] = kind if isinstance(kind, Distribution) else parse_distribution(kind, planned, place)
+    return found
+
+
+def _planned(parameter: Parameter) -> Fraction | None:
+    return parameter.nominal if parameter.has_nominal else None
+
+
+def _ruled(rule: Rule | None, parameter: Parameter) -> Distribution:
+    """What a rule says about a parameter; without a rule, it is as planned."""
+    planned = _planned(parameter)
+    if planned is None:
+        message = f"found no nominal value of parameter {shorten(parameter.name)}, expected one: worlds are about plans"
+        raise InputError(message, place_of("world"))
+    if rule is None:
+        return Distribution("constant", {"value": planned})
+    found = rule.about(planned)
+    require_possible(found.kind, found.numbers, place_of("world", parameter.name))
+    return found
+
+
+def _lengths(plan: ParametrizedPlan) -> dict[str, str]:
+    """The instance whose duration a parameter is, by parameter."""
+    ends = {(one.start, one.end): one.identifier for one in plan.instances}
+    found: dict[str, str] = {}
+    for one in plan.constraints:
+        names = [] if one.lower is None or one.lower != one.upper else [*one.lower.variables]
+        instance = ends.get((one.source, one.target))
+        if instance is not None and len(names) == 1 and one.lower is not None:
+            ((unknown, factor),) = one.lower.coefficients()
+            if factor == 1 and one.lower.constant_term == 0:
+                found.setdefault(str(unknown), instance)
+    return found

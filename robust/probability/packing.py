@@ -1,0 +1,246 @@
+"""With many parameters: boxes inside the envelope that have nothing in common, and random points.
+
+Both go without the envelope itself. The boxes are found by exact widening, each from a good point of the most probable
+part that none of them covers yet; together they bound the probability from below. Random points estimate it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from heapq import heappop, heappush
+from random import Random
+
+from robust.irr.widen import DiscoveredBadSet, Widening, faces_of
+from robust.plan.model import Parameter
+from robust.probability.distributions import Distribution
+from robust.probability.measure import box_probability
+from robust.qe.box import Box, Interval, Side
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region
+from robust.qe.share import proportion_bounds
+from robust.smt.limits import Deadline
+
+CONFIDENCE = Fraction(999, 1000)
+"""Of the estimate."""
+ATTEMPTS = 8
+"""Points that are tried in a part before it is divided."""
+LEAST = Fraction(1, 10**6)
+"""Parts that are less probable are left alone."""
+
+
+class Packing:
+    """Boxes without common points, the first around the nominal values if these are good.
+
+    Args:
+        bad: the bad set.
+        parameters: of the plan.
+        distributions: of the parameters.
+    """
+
+    def __init__(
+        self, bad: DiscoveredBadSet, parameters: Sequence[Parameter], distributions: Mapping[str, Distribution]
+    ) -> None:
+        self._bad = bad
+        self._parameters = parameters
+        self._distributions = {name: one.settled for name, one in distributions.items()}
+        self._random = Random(0)  # noqa: S311 - reproducible searches, no secrets
+        self._names = tuple(parameter.name for parameter in parameters)
+        self._pieces: list[Polyhedron] = []
+        self._parts: list[tuple[Fraction, int, Box]] = []
+        self._made = 0
+        self.boxes: list[Box] = []
+        self.lower = Fraction(0)
+        self._push(Box({one.name: Interval(one.lower, one.upper, one.lower is not None, one.upper is not None)
+                        for one in parameters}))  # fmt: skip
+
+    def _push(self, part: Box) -> None:
+        probability = box_probability(part, self._distributions).upper
+        if probability > LEAST:
+            self._made += 1
+            heappush(self._parts, (-probability, self._made, part))
+
+    def run(self, deadline: Deadline) -> None:
+        """Add boxes until hardly anything is left that could hold one.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first; the boxes are good by then.
+        """
+        while self._parts:
+            part = heappop(self._parts)[2]
+            point = self._good_point(part, deadline)
+            if point is None:
+                self._divide(part)
+                continue
+            box = self._widened(part, point, deadline)
+            self.boxes.append(box)
+            self.lower += box_probability(box, self._distributions).lower
+            for rest in _around(part, box):
+                self._push(rest)
+
+    def _good_point(self, part: Box, deadline: Deadline) -> dict[str, Fraction] | None:
+        for attempt in range(ATTEMPTS):
+            point = {name: self._value(name, part[name], attempt) for name in self._names}
+            if not any(point in piece for piece in self._pieces):
+                piece = self._bad.piece_in(Box.point(point), deadline)
+                if piece is None:
+                    return point
+                self._pieces.append(piece)
+        return None
+
+    def _value(self, name: str, interval: Interval, attempt: int) -> Fraction:
+        """First the nominal value, or what is nearest to the middle of the distribution; then random ones."""
+        distribution = self._distributions[name]
+        if attempt == 0 and distribution.kind != "constant":
+            value = next(one.nominal for one in self._parameters if one.name == name)
+        else:
+            value = distribution.centre if attempt < 2 else distribution.draw(self._random, None)
+        if value in interval:
+            return value
+        if interval.width is None:
+            return _near_end(interval, distribution.scale / 2)
+        share = Fraction(1, 2) if attempt < 2 else Fraction(self._random.random())
+        return interval.some_value() + (share - Fraction(1, 2)) * interval.width
+
+    def _widened(self, part: Box, point: Mapping[str, Fraction], deadline: Deadline) -> Box:
+        """A box in a part around a good point that nothing but bad values and the part's own sides stop."""
+        walls = [Polyhedron(self._names, (half,)) for side in part.constraints() for half in side.negation()]
+        pieces = [*walls, *self._pieces]
+        parameters = [
+            replace(one, nominal=point[one.name], weight=self._distributions[one.name].scale)
+            for one in self._parameters
+        ]
+        found = [Box.point(point)]
+        Widening(
+            bad=self._bad,
+            parameters=parameters,
+            pieces=pieces,
+            groups=[faces_of(parameters)],
+            deadline=deadline,
+            on_box=found.append,
+        ).run()
+        self._pieces += pieces[len(walls) + len(self._pieces) :]
+        return found[-1]
+
+    def _divide(self, part: Box) -> None:
+        """Two halves, if good values are rare in a part: the one parameter that is widest is cut."""
+        name = max(self._names, key=lambda name: self._breadth(name, part[name]))
+        interval = part[name]
+        middle = self._value(name, interval, 1) if interval.width is None else interval.some_value()
+        if interval.width != 0 and middle not in (interval.lower, interval.upper):
+            self._push(part.replace(name, interval.with_end(Side.UPPER, middle, closed=False)))
+            self._push(part.replace(name, interval.with_end(Side.LOWER, middle)))
+
+    def _breadth(self, name: str, interval: Interval) -> Fraction:
+        distribution = self._distributions[name]
+        if distribution.kind == "constant":
+            return Fraction(-1)
+        return box_probability(Box({name: interval}), {name: distribution}).upper
+
+
+def _near_end(interval: Interval, step: Fraction) -> Fraction:
+    """A value of an interval with an infinite end, a step from the other."""
+    if interval.upper is not None:
+        return interval.upper - step
+    return step if interval.lower is None else interval.lower + step
+
+
+def _around(part: Box, box: Box) -> list[Box]:
+    """What a box leaves of a part around it, in boxes without common points."""
+    found = []
+    rest = part
+    for name, inner in box.intervals.items():
+        outer = rest[name]
+        if inner.lower is not None and _is_left(outer, inner.lower, Side.LOWER):
+            found.append(rest.replace(name, outer.with_end(Side.UPPER, inner.lower, closed=False)))
+        if inner.upper is not None and _is_left(outer, inner.upper, Side.UPPER):
+            found.append(rest.replace(name, outer.with_end(Side.LOWER, inner.upper, closed=False)))
+        rest = rest.replace(name, inner)
+    return found
+
+
+def _is_left(outer: Interval, end: Fraction, side: Side) -> bool:
+    """Whether there are values between the end of a part and that of a box; single values are left out."""
+    limit = outer.end(side)
+    return limit is None or limit != end
+
+
+# -- random points -----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Of `draws` random points the plan succeeded at `successes`; the probability of success is between `lower` and
+    `upper` with `confidence` [Clopper and Pearson 1934]: this is statistics, no proof."""
+
+    draws: int
+    successes: int
+    lower: float
+    upper: float
+    confidence: Fraction = CONFIDENCE
+
+    @staticmethod
+    def of(successes: int, draws: int) -> Estimate:
+        return Estimate(draws, successes, *proportion_bounds(successes, draws, float(CONFIDENCE)))
+
+
+class Points:
+    """Random points and what the plan makes of them: the envelope says so where it is known, else the solver.
+
+    Args:
+        bad: the bad set.
+        distributions: of the parameters.
+        good: boxes of good values.
+        region: the envelope, if it is known.
+        seed: of the points.
+    """
+
+    def __init__(
+        self,
+        bad: DiscoveredBadSet,
+        distributions: Mapping[str, Distribution],
+        *,
+        good: Sequence[Box] = (),
+        region: Region | None = None,
+        seed: int = 0,
+    ) -> None:
+        self._bad = bad
+        self._distributions = {name: one.settled for name, one in distributions.items()}
+        self._good = good
+        self._region = region
+        self._pieces: list[Polyhedron] = []
+        self._random = Random(seed)  # noqa: S311 - a simulation
+        self.draws = self.successes = 0
+
+    def run(self, draws: int, deadline: Deadline) -> None:
+        """Draw so many points.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+        """
+        while self.draws < draws:
+            deadline.enforce()
+            point = {name: one.draw(self._random, None) for name, one in self._distributions.items()}
+            succeeds = self._succeeds(point, deadline)
+            self.draws += 1
+            self.successes += succeeds
+
+    def _succeeds(self, point: Mapping[str, Fraction], deadline: Deadline) -> bool:
+        if self._region is not None:
+            return point in self._region
+        if any(point in box for box in self._good):
+            return True
+        for index, piece in enumerate(self._pieces):
+            if point in piece:
+                self._pieces.insert(0, self._pieces.pop(index))  # likely to hold others, too
+                return False
+        found = self._bad.piece_in(Box.point(point), deadline)
+        if found is not None:
+            self._pieces.insert(0, found)
+        return found is None
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """What is known by now; None without any point."""
+        return Estimate.of(self.successes, self.draws) if self.draws else None

@@ -1,0 +1,207 @@
+"""Probabilities of success: JSON, and texts for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Annotated
+
+from msgspec import UNSET, UnsetType
+from rich.console import Console
+from rich.text import Text
+
+from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.irr.search import Status
+from robust.numbers import duration, plural
+from robust.options import METHODS
+from robust.probability.blame import Share
+from robust.probability.measure import Bounds
+from robust.probability.packing import Estimate
+from robust.probability.risk import RiskResult, RiskStatus
+from robust.show.documents import Document, Ends, Noted, box_of, document
+from robust.show.probabilities import Range, bounds_text, decimal, places_for, range_of
+from robust.show.text import show_table, table
+
+# -- JSON --------------------------------------------------------------------------------------------------------------
+
+
+class KeptBox(JsonObject):
+    """
+    Attributes:
+        complete: false: the search for the box was cut short; it is inside, but not maximal
+        probability: that all parameters are in it
+        parameters: the box
+    """
+
+    method: Annotated[str, one_of(*METHODS)]
+    complete: bool
+    probability: Range
+    parameters: dict[str, Ends]
+
+
+class Blamed(JsonObject):
+    """how much of the probability an obligation takes as the first that breaks; the name may also be `declared bounds`
+    or `no schedule`"""
+
+    obligation: str
+    probability: Range
+
+
+class Drawn(JsonObject):
+    """an estimate, which proves nothing: the probability is between both ends with the confidence (Clopper-Pearson)"""
+
+    draws: Count
+    successes: Count
+    lower: float
+    upper: float
+    confidence: Rational
+
+
+class Disjoint(JsonObject):
+    """boxes of good values without common points, which bound the probability from below"""
+
+    boxes: Count
+
+
+class RiskAnswer(Noted, tag_field="schema", tag="robust/risk/1", kw_only=True):
+    """robust risk --json: the probability that a plan succeeds when its parameters are random and independent
+
+    Attributes:
+        status: complete: the bounds are as close as asked; wide: they are not, although nothing ended the search;
+            otherwise what ended it. They hold in any case
+        probability: that the plan succeeds whatever schedule its network allows; a parameter outside of its declared
+            bounds counts as failure
+        within: how close the bounds were to be
+        distributions: by parameter, as on the command line
+        box: the most probable of `boxes`
+        boxes: what the boxes of each method keep
+        by_obligation: what takes the rest; null if that is not known
+        cells: parts of parameter space that were looked at
+        disjoint: only with many parameters
+        estimate: only with many parameters, or --draws
+        reason: only if unknown: how a solver failed
+    """
+
+    status: Annotated[str, one_of("complete", "wide", "timeout", "interrupted", "unknown")]
+    probability: Range
+    within: Rational
+    distributions: dict[str, str]
+    box: KeptBox | None
+    boxes: list[KeptBox]
+    by_obligation: list[Blamed] | None
+    cells: Count
+    disjoint: Disjoint | UnsetType = UNSET
+    estimate: Drawn | UnsetType = UNSET
+    reason: str | UnsetType = UNSET
+    seconds: Seconds
+
+
+DOCUMENTS: tuple[type[JsonObject], ...] = (RiskAnswer,)
+
+
+def answer(result: RiskResult) -> Document:
+    """What `robust risk --json` prints."""
+    boxes = {
+        one.method: KeptBox(
+            method=one.method,
+            complete=one.result.status is Status.COMPLETE,
+            probability=range_of(one.probability),
+            parameters=box_of(one.result.box),
+        )
+        for one in result.kept
+    }
+    return document(
+        like(
+            RiskAnswer,
+            result,
+            probability=range_of(result.probability),
+            distributions={name: str(one) for name, one in result.distributions.items()},
+            box=None if result.best is None else boxes[result.best.method],
+            boxes=list(boxes.values()),
+            by_obligation=None if result.shares is None else [_blamed(one) for one in result.shares],
+            disjoint=Disjoint(boxes=len(result.disjoint)) if result.disjoint else UNSET,
+            estimate=UNSET if result.estimate is None else like(Drawn, result.estimate),
+            reason=UNSET if result.reason is None else result.reason,
+            status=result.status.value,
+        )
+    )
+
+
+def _blamed(share: Share) -> Blamed:
+    return Blamed(obligation=share.name, probability=range_of(share.probability))
+
+
+# -- text --------------------------------------------------------------------------------------------------------------
+
+_NAMES = {"irr": "IRR, β = 1", "widen": "exact widening", "optimal": "greatest total width"}
+_ENDED = {
+    RiskStatus.WIDE: "too many parameters for closer bounds",
+    RiskStatus.TIMEOUT: "out of time",
+    RiskStatus.INTERRUPTED: "interrupted",
+}
+
+
+def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
+    """The bounds; unless `quiet` also what takes the rest, and what boxes keep."""
+    places = places_for(result.within)
+    out.print(Text.assemble("probability of success: ", (bounds_text(result.probability, places), "bold")))
+    if result.estimate is not None:
+        out.print(_estimate(result.estimate, places), soft_wrap=True)
+    if quiet:
+        return
+    if result.shares:
+        out.print()
+        out.print("What fails, each value counted for the first that breaks:")
+        show_table(out, table(("obligation", "probability"), _share_rows(result.shares, result.within, places)))
+    if result.kept:
+        out.print()
+        out.print("What boxes keep:")
+        rows = [(_NAMES[one.method], bounds_text(one.probability, places), _of_success(one.probability, result))
+                for one in result.kept]  # fmt: skip
+        show_table(out, table(("box", "probability", "of success"), rows))
+    out.print()
+    out.print(_summary(result), soft_wrap=True)
+
+
+def _estimate(found: Estimate, places: int) -> Text:
+    share = f"{found.successes / found.draws:.{places}f}"
+    ends = f"{found.lower:.{places}f} to {found.upper:.{places}f}"
+    return Text(
+        f"estimate: {share}, from {found.draws} random points; {ends} with {float(found.confidence):.1%} confidence "
+        "(Clopper-Pearson); no proof"
+    )
+
+
+def _share_rows(shares: Sequence[Share], within: Fraction, places: int) -> list[tuple[str, str]]:
+    """Those that matter, the greatest first; what is negligible is counted."""
+    shown = [one for one in shares if one.probability.upper >= within]
+    shown.sort(key=lambda one: one.probability.upper, reverse=True)
+    rows = [(one.name, bounds_text(one.probability, places)) for one in shown]
+    if rest := len(shares) - len(shown):
+        rows.append((f"{plural(rest, 'other')}, each", f"at most {decimal(within, places, up=True)}"))
+    return rows
+
+
+def _of_success(kept: Bounds, result: RiskResult) -> str:
+    """What share of all successes a box has."""
+    whole = result.probability
+    if not whole.lower:
+        return ""
+    low, high = kept.lower / whole.upper, min(Fraction(1), kept.upper / whole.lower)
+    left, right = f"{float(low):.1%}", f"{float(high):.1%}"
+    return left if left == right else f"{left} to {right}"
+
+
+def _summary(result: RiskResult) -> Text:
+    text = Text()
+    if result.status is RiskStatus.COMPLETE:
+        text.append("complete", style="green")
+        text.append(": certified bounds")
+    else:
+        text.append(_ENDED.get(result.status) or f"{result.reason}", style="yellow")
+        text.append(": certified bounds so far")
+    text.append(f", a value outside of declared bounds fails; {plural(result.cells, 'cell')}")
+    if result.disjoint:
+        text.append(f", {plural(len(result.disjoint), 'box').replace('boxs', 'boxes')} without common points")
+    text.append(f", {duration(result.seconds)}.")
+    return text
