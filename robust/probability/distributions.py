@@ -196,27 +196,21 @@ class Distribution:
             return ((self.numbers["minimum"], self._normal(self.numbers["minimum"])),)
         return ()
 
-    def up_to(self, value: Fraction | None) -> Enclosure:
-        """The probability of the part with a density up to a value, counted from anywhere; None is infinitely far."""
-        return self._everything if value is None else self._up_to(value)
-
     def between(self, lower: Fraction | None, upper: Fraction | None) -> Enclosure:
         """The probability of the part with a density between two values; None is infinitely far."""
-        return difference(self.up_to(upper), ZERO if lower is None else self._up_to(lower))
-
-    @cached_property
-    def _everything(self) -> Enclosure:
-        if self.kind == "normal" and "minimum" in self.numbers and self.below is Below.CLIP:
-            return ONE  # counted from minus infinity, as in _up_to
-        return ZERO if self.kind == "constant" else ONE
+        if self.kind == "constant":
+            return ZERO
+        least = self.support[0] if lower is None else lower
+        return difference(ONE if upper is None else self._up_to(upper), ZERO if least is None else self._up_to(least))
 
     def _normal(self, value: Fraction) -> Enclosure:
         return normal((value - self.numbers.get("mean", self.numbers.get("origin", value))) / self.scale)
 
     def _up_to(self, value: Fraction) -> Enclosure:
+        """The probability of at most a value, if it is not below the support."""
         lower, upper = self.support
         if upper is not None and value >= upper:
-            return self._everything
+            return ONE
         if lower is not None and value <= lower:
             # Of a clipped distribution, what is below the minimum lies on it.
             return self._normal(lower) if self.atoms and self.kind == "normal" else ZERO

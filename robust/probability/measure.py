@@ -463,11 +463,12 @@ class RegionMeasure:
         Raises:
             OutOfTimeError: if the deadline passes first; `bounds` are what is known then.
         """
+        enough = within / (2 * max(1, len(self._measures)))
         while (open_ := [one for one in self._measures if not one.is_done]) and self.bounds.width > within:
             widest = max(open_, key=lambda one: one.bounds.width)
-            widest.run(max(widest.bounds.width / 2, within / (2 * len(self._measures))), deadline)
-            if widest.bounds.width * 2 * len(self._measures) <= within:
+            if widest.bounds.width <= enough:
                 break
+            widest.run(max(widest.bounds.width / 2, enough), deadline)
         return self.bounds
 
 

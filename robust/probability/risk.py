@@ -208,7 +208,7 @@ class Risk:
         self._on_stage("probability")
         self._measure(region)
         self._on_stage("boxes")
-        for method in METHODS:
+        for method in METHODS if self._bounds.upper else ():
             self._keep(method)
         self._on_stage("what fails")
         self._attribute()
