@@ -225,6 +225,20 @@ class EnvelopeOptions(LocalOptions):
     limit: float | None = _limit("60", "seconds after which a question is out of time")
 
 
+class RiskOptions(LocalOptions, Plot):
+    """Bound the probability that delivery plans of 1 to 8 random durations succeed, and draw random points beside.
+
+    Probabilities of success: time and width over the number of parameters.
+    """
+
+    plans: int = _count(5, "how many plans of each size")
+    seed: int = _count(0, "which plans")
+    draws: int = _count(100_000, "random points of each plan with up to 4 parameters")
+    within: Number = option("0.001", "how close bounds are to be", metavar="W", read=positive)
+    sizes: tuple[int, ...] = _inner(tuple(range(1, 9)), "numbers of parameters")
+    limit: float | None = _limit("60", "seconds after which bounds are what is known")
+
+
 def _whole_numbers(values: tuple[str | int, ...], place: Location) -> tuple[int, ...]:
     for value in values:
         if not str(value).isdecimal():
@@ -344,6 +358,7 @@ EXPERIMENTS = {
         Entry("logs", "irr.logs", LogsOptions),
         Entry("stnu", "irr.stnu", StnuOptions),
         Entry("envelopes", "pike.envelopes", EnvelopeOptions),
+        Entry("risk", "irr.risk", RiskOptions),
         Entry("table1", "irr.tables", Table1Options),
         Entry("table2", "irr.tables", Table2Options),
         Entry("figure20a", "pike.figure20a_21", Figure20aOptions),

@@ -51,6 +51,7 @@ FILES = {
     "logs": "7-logs.md",
     "stnu": "8-stnu.md",
     "envelopes": "9-envelopes.md",
+    "risk": "9-risk.md",
 }
 """Where the parts of the page are."""
 

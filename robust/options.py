@@ -543,7 +543,7 @@ class EnvelopeOptions(Separation, Solving, Export):
     distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions(_FOR_RISK)
     world: str | Path | None = world_file(_FOR_RISK)
     within: Number = option(
-        "0.001",
+        "0.005",
         "for risk: search until no box can be more probable by more than this",
         metavar="W",
         read=positive,
