@@ -48,10 +48,11 @@ ROUNDS = 4
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """`Σ factor · end ≤ limit` over ends by their number, in units."""
+    """`Σ factor · end ≤ limit` over ends by their number, in units: `limit` is rounded down, and `loose` up."""
 
     factors: tuple[tuple[int, int], ...]
     limit: int
+    loose: int
 
 
 Clause = tuple[Limit, ...]
@@ -80,6 +81,10 @@ class Ends:
             for side in Side
         }
         self._limits = [self._range(*pair) for pair in zip(parameters, self._distributions, strict=True)]
+        self._endless = [
+            (one.lower is None and known.support[0] is None, one.upper is None and known.support[1] is None)
+            for one, known in zip(parameters, self._distributions, strict=True)
+        ]
         self._clauses: list[Clause] = []
         self._masses: dict[tuple[int, int, int], Enclosure] = {}
         self.is_exact = True
@@ -120,7 +125,8 @@ class Ends:
         fixed = all(self._limits[at // 2][0] == self._limits[at // 2][1] for at, _ in factors)
         exact = side.constant * self._unit
         limit = floor(exact)
-        return Limit(factors, limit - 1 if side.is_strict and (fixed or strictly) and limit == exact else limit)
+        apart = side.is_strict and (fixed or strictly) and limit == exact
+        return Limit(factors, limit - 1 if apart else limit, ceil(exact))
 
     def offer(self, box: Box) -> None:
         """A box that is good may be the best."""
@@ -177,7 +183,10 @@ class Ends:
             if not parts or self.bound - self.value <= wanted or (most is not None and made > most):
                 return
             deadline.enforce()
-            pending = self._halves(heappop(parts)[2])
+            value, _, part = heappop(parts)
+            pending = self._halves(part)
+            if not pending:
+                highest_closed = max(highest_closed, -value)
 
     def _look_inside(self, ranges: Ranges) -> None:
         """The narrowest box of a part, as far as it can be extended."""
@@ -247,7 +256,7 @@ class Ends:
                 if current[at][0] > current[at][1] or current[at + 1][0] > current[at + 1][1]:
                     return None
             for clause in self._clauses:
-                possible = [side for side in clause if _least(side, current) <= side.limit]
+                possible = [side for side in clause if _least(side, current) <= side.loose]
                 if not possible:
                     return None
                 if len(possible) == 1 and not _narrow(possible[0], current):
@@ -282,9 +291,9 @@ class Ends:
     def _between(self, distribution: Distribution, number: int, low: int, high: int) -> Enclosure:
         """The probability between two ends; where nothing is in the way, all that is beyond as well."""
         least, most = self._limits[number]
-        start, end = distribution.support
-        lower = None if low == least and start is None else Fraction(low, self._unit)
-        upper = None if high == most and end is None else Fraction(high, self._unit)
+        below, above = self._endless[number]
+        lower = None if low == least and below else Fraction(low, self._unit)
+        upper = None if high == most and above else Fraction(high, self._unit)
         closed = lower is not None, upper is not None
         return interval_probability(Interval(lower, upper, *closed), distribution) if low <= high else (0, 0)
 
@@ -311,13 +320,13 @@ def _least(side: Limit, ranges: Sequence[tuple[int, int]]) -> int:
 
 def _narrow(side: Limit, ranges: list[tuple[int, int]]) -> bool:
     """Leave out places of ends that break a side wherever the others are; whether any are left."""
-    slack = side.limit - _least(side, ranges)
+    slack = side.loose - _least(side, ranges)
     for at, factor in side.factors:
         low, high = ranges[at]
         if factor > 0:
-            high = min(high, low + slack // factor)
+            high = min(high, low - (-slack // factor))
         else:
-            low = max(low, high - slack // -factor)
+            low = max(low, high + (-slack // -factor))
         if low > high:
             return False
         ranges[at] = low, high
