@@ -23,6 +23,7 @@ from robust.options import (
     RegionOptions,
     RiskOptions,
     ValidateOptions,
+    place_of,
     settings,
 )
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
@@ -430,7 +431,7 @@ def distributions_of(plan: ParametrizedPlan, options: RiskOptions | EnvelopeOpti
     from robust.execute.worlds import read_rules
 
     rules = None if options.world is None else read_rules(options.world)
-    return randomness.distributions_of(plan, options.distribution, rules)
+    return randomness.distributions_of(plan, options.distribution, rules, place_of)
 
 
 def searching_risk(plan: ParametrizedPlan, options: RiskOptions) -> Search[RiskResult]:

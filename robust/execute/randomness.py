@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.execute.worlds import Rule, Rules
 from robust.numbers import shorten
-from robust.options import place_of
 from robust.plan.model import Parameter, ParametrizedPlan
 from robust.probability.distributions import Distribution, parse_distribution, require_possible
 
 Given = Mapping[str, str | Distribution] | Sequence[str]
 """Distributions by parameter, or texts `NAME=normal:30:5`."""
+Places = Callable[[str, str | None], Location]
+"""How errors name what was given: from the name of an option and a text in it."""
 
 
-def distributions_of(plan: ParametrizedPlan, given: Given, world: Rules | None = None) -> dict[str, Distribution]:
+def _plainly(name: str, text: str | None) -> Location:
+    return Location(name if text is None else f"{name} {shorten(text)}")
+
+
+def distributions_of(
+    plan: ParametrizedPlan, given: Given, world: Rules | None = None, place_of: Places = _plainly
+) -> dict[str, Distribution]:
     """The distribution of each parameter: what is given, else what the first rule that fits says.
 
     A rule fits that is about the parameter, or about the duration of an instance that the parameter is. With a world,
@@ -26,7 +33,7 @@ def distributions_of(plan: ParametrizedPlan, given: Given, world: Rules | None =
         InputError: wrong distributions, of unknown parameters, or none of a parameter.
     """
     parameters = {one.name: one for one in plan.parameters}
-    found = _given(given, parameters)
+    found = _given(given, parameters, place_of)
     lasting = _lengths(plan)
     ruled = False
     for name, parameter in parameters.items():
@@ -34,15 +41,15 @@ def distributions_of(plan: ParametrizedPlan, given: Given, world: Rules | None =
             continue
         if world is None:
             message = f"found no distribution of parameter {shorten(name)}, expected one of each"
-            raise InputError(f"{message}; --distribution {name}=constant:VALUE fixes it", place_of("distribution"))
+            raise InputError(f"{message}; {name}=constant:VALUE fixes it", place_of("distribution", None))
         rule = world.parameter(name)
         if rule is None and name in lasting:
             rule = world.duration(plan.instance[lasting[name]])
         ruled = ruled or rule is not None
-        found[name] = _ruled(rule, parameter)
+        found[name] = _ruled(rule, parameter, place_of)
     if world is not None and not ruled and not found.keys() & {*_names(given)}:
         message = f"found no rule about a parameter, expected one; known are {', '.join(parameters) or 'none'}"
-        raise InputError(message, place_of("world"))
+        raise InputError(message, place_of("world", None))
     return {name: found[name] for name in parameters}
 
 
@@ -50,7 +57,7 @@ def _names(given: Given) -> list[str]:
     return list(given) if isinstance(given, Mapping) else [text.partition("=")[0].strip() for text in given]
 
 
-def _given(given: Given, parameters: Mapping[str, Parameter]) -> dict[str, Distribution]:
+def _given(given: Given, parameters: Mapping[str, Parameter], place_of: Places) -> dict[str, Distribution]:
     """What is given, each parameter at most once."""
     pairs: list[tuple[str, str | Distribution, Location]] = []
     if isinstance(given, Mapping):
@@ -77,12 +84,12 @@ def _planned(parameter: Parameter) -> Fraction | None:
     return parameter.nominal if parameter.has_nominal else None
 
 
-def _ruled(rule: Rule | None, parameter: Parameter) -> Distribution:
+def _ruled(rule: Rule | None, parameter: Parameter, place_of: Places) -> Distribution:
     """What a rule says about a parameter; without a rule, it is as planned."""
     planned = _planned(parameter)
     if planned is None:
         message = f"found no nominal value of parameter {shorten(parameter.name)}, expected one: worlds are about plans"
-        raise InputError(message, place_of("world"))
+        raise InputError(message, place_of("world", None))
     if rule is None:
         return Distribution("constant", {"value": planned})
     found = rule.about(planned)
