@@ -56,11 +56,6 @@ def difference(left: Enclosure, right: Enclosure) -> Enclosure:
     return max(0, left[0] - right[1]), max(0, left[1] - right[0])
 
 
-def half_of_sum(left: Enclosure, right: Enclosure) -> Enclosure:
-    """The mean of two numbers."""
-    return (left[0] + right[0]) >> 1, -(-(left[1] + right[1]) >> 1)
-
-
 @lru_cache(maxsize=1 << 14)
 def exp_minus(value: Fraction) -> Enclosure:
     """e^−x of a number that is not negative.

@@ -201,7 +201,7 @@ def _summary(result: RiskResult) -> Text:
         text.append(_ENDED.get(result.status) or f"{result.reason}", style="yellow")
         text.append(": certified bounds so far")
     text.append(f", a value outside of declared bounds fails; {plural(result.cells, 'cell')}")
-    if result.disjoint:
-        text.append(f", {plural(len(result.disjoint), 'box').replace('boxs', 'boxes')} without common points")
+    if count := len(result.disjoint):
+        text.append(f", {count} {'box' if count == 1 else 'boxes'} without common points")
     text.append(f", {duration(result.seconds)}.")
     return text
