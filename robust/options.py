@@ -800,16 +800,22 @@ class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, Plot, 
             raise InputError("found neither PLAN nor --planner, expected one of them: where is the plan to come from?")
 
 
-class CertifyCommand(PlanningOutput, Search, Output):
+WITH_CHOICES = ("execution", "knowledge")
+CERTIFICATES = ("plan", "box", "maximal", "region", *WITH_CHOICES)
+ASSUMED = "a choice that is made already; may be repeated"
+
+
+class CertifyCommand(PlanningOutput, PlanParameters, Search, Output):
     """Of `robust certify`; one file is a plan with choices, three are a domain, a problem and a plan."""
 
     files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
     output: Path = option(..., "where to write the certificate", "--output", "-o", metavar="CERT", path=True)
-    kind: str = option(
-        "plan",
-        "plan: valid at the nominal values; box: all over a box; maximal: and no valid box contains it; region: all "
-        "over the robustness envelope",
-        choices=("plan", "box", "maximal", "region"),
+    kind: str | None = option(
+        None,
+        "plan (default): valid at the nominal values; box: all over a box; maximal: and no valid box contains it; "
+        "region: all over the robustness envelope; of a NETWORK execution: this one is correct; knowledge: none is; "
+        "if not given, whichever is true",
+        choices=CERTIFICATES,
     )
     box: Path | None = option(
         None,
@@ -817,16 +823,25 @@ class CertifyCommand(PlanningOutput, Search, Output):
         metavar="FILE",
         path=True,
     )
+    assume: tuple[str, ...] = option((), ASSUMED, metavar="NAME=VALUE", many=True)
     alethe: Path | None = option(
         None, "also write cvc5's proofs to DIR, in the Alethe format", metavar="DIR", path=True
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
-        if len(self.files) == 1 and self.alethe is not None:
-            raise InputError("found --alethe with a plan with choices; expected it with DOMAIN PROBLEM PLAN")
-        if len(self.files) != 1 and self.kind in {"plan", "region"} and self.box is not None:
-            raise InputError(f"found --box with --kind {self.kind}; expected it with box or maximal")
-        if len(self.files) != 1 and self.kind == "region" and self.alethe is not None:
+        if len(self.files) == 1:
+            if self.alethe is not None:
+                raise InputError("found --alethe with a plan with choices; expected it with DOMAIN PROBLEM PLAN")
+            if self.kind not in {None, *WITH_CHOICES}:
+                raise InputError(f"found --kind {self.kind} with a plan with choices; expected execution or knowledge")
+            return
+        kind = self.kind or "plan"
+        if kind in WITH_CHOICES or self.assume:
+            found = "--assume" if self.assume else f"--kind {kind}"
+            raise InputError(f"found {found} with DOMAIN PROBLEM PLAN; expected it with a plan with choices")
+        if kind in {"plan", "region"} and self.box is not None:
+            raise InputError(f"found --box with --kind {kind}; expected it with box or maximal")
+        if kind == "region" and self.alethe is not None:
             raise InputError("found --alethe with --kind region; expected it with plan, box or maximal")
 
 
@@ -838,13 +853,19 @@ class VerifyCommand(Separation, Limited, Json):
     kind: str | None = option(
         None,
         "fail unless this, or more, is established",
-        choices=("plan", "box", "maximal", "region", "knowledge"),
+        choices=CERTIFICATES,
     )
     box: Path | None = option(
         None,
         "fail unless all of this box is established: an answer of robust envelope in JSON",
         metavar="FILE",
         path=True,
+    )
+    assume: tuple[str, ...] = option(
+        (),
+        "fail unless an execution with this choice is established, or, if it is made already, that there is none",
+        metavar="NAME=VALUE",
+        many=True,
     )
 
 

@@ -21,7 +21,7 @@ from .proofs import Rejected, Tape, demand
 from .reader import Ground, Unsupported, ground, need, number
 
 FORMAT, OLD = "robust/certificate/2", "robust/certificate/1"
-KINDS = {"plan": 1, "box": 2, "maximal": 3, "region": 0, "knowledge": 0}
+KINDS = {"plan": 1, "box": 2, "maximal": 3, "region": 0, "knowledge": 0, "execution": 0}
 MALFORMED = (ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError, ValueError)
 LONGEST_LINE, LARGEST, MEMORY = 64 << 20, 512 << 20, 4 << 30  # bytes
 
@@ -57,21 +57,35 @@ def checked(certificate: Path, files: list[Path], epsilon: Fraction, inputs: Inp
     demand(type(first) is list and len(first) == 3 and first[0] == FORMAT, f"expected a certificate of format {FORMAT}")
     _, kind, stated = first
     demand(type(kind) is str and kind in KINDS, "the certificate is of an unknown kind")
-    demand(len(files) == (1 if kind == "knowledge" else 3), f"a certificate of kind {kind} is about other files")
-    if kind == "knowledge":
-        demand(stated is None and demanded.box is None, "a certificate of kind knowledge has no box")
-        demand(demanded.kind in (None, kind), f"expected {demanded.kind}, the certificate establishes {kind}")
+    with_choices = kind in ("knowledge", "execution")
+    demand(len(files) == (1 if with_choices else 3), f"a certificate of kind {kind} is about other files")
+    if with_choices:
         network = network_of(inputs.text("network", files[0]))
         texts = [inputs.text(each, files[0].parent / network[each]) for each in ("domain", "problem")]
-        return check_choices(Tape(lines), network, texts[0], texts[1], epsilon)
-    plan = ground(*(inputs.text(each, path) for each, path in zip(("domain", "problem", "plan"), files)))
+        claim = check_choices(Tape(lines), kind, stated, network, texts[0], texts[1], epsilon)
+        require_choices(claim, demanded)
+        return claim
+    texts = [inputs.text(each, path) for each, path in zip(("domain", "problem", "plan"), files)]
+    beside = files[2].with_suffix(".toml")
+    plan = ground(*texts, inputs.text("parameters", beside) if beside.is_file() else "")
     claim = check(Tape(lines), plan, kind, stated, epsilon)
     require(plan, claim, demanded)
     return claim
 
 
+def require_choices(claim: Claim, demanded: Any) -> None:
+    """An execution has the choices that are demanded, at least; that there is none assumes these, at most."""
+    demand(demanded.kind in (None, claim.kind), f"expected {demanded.kind}, the certificate establishes {claim.kind}")
+    demand(demanded.box is None, "a plan with choices has no box")
+    wanted, found = [tuple(text.split("=", 1)) for text in demanded.assume], (claim.choices or {}).items()
+    if demanded.kind is not None or wanted:
+        enough = {*wanted} <= found if claim.kind == "execution" else found <= {*wanted}
+        demand(enough, "the choices that are demanded are others")
+
+
 def require(plan: Ground, claim: Claim, demanded: Any) -> None:
     """What is demanded, or more, is what has been established."""
+    demand(not demanded.assume, "a plan without choices has no assumptions")
     said = f"the certificate establishes {claim.kind}"
     if demanded.kind == "plan" and claim.box is not None:
         inside = (values.within(claim.box[name]) for name, values in nominal(plan).items())
@@ -126,6 +140,7 @@ def main() -> int:
     parser.add_argument("files", nargs="+", help="DOMAIN PROBLEM PLAN, or NETWORK")
     parser.add_argument("--kind", choices=KINDS, help="fail unless this, or more, is established")
     parser.add_argument("--box", help="fail unless all of this box, as JSON, is established")
+    parser.add_argument("--assume", action="append", default=[], help="NAME=VALUE: the choices of a plan with choices")
     parser.add_argument("--epsilon", default="1/1000", help="how far apart mutex time points have to be")
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()

@@ -1,9 +1,10 @@
-"""Plans with choices: `knowledge`, that a `.tpnu.json` network with its PDDL has no correct execution.
+"""Plans with choices: `execution`, a correct execution of a `.tpnu.json` network with its PDDL; `knowledge`, that there
+is none, perhaps with some choices as assumed.
 
 An execution gives every choice one of its values, and every event whose guard then holds a time [PIKE, Definitions 2.5
 to 2.8]. It is correct if the constraints and durations whose guards hold are kept, everything is between `e_initial`
-and `e_goal`, by at least epsilon, and each condition whose guard holds has a producer: an effect that makes it true
-strictly before, such that no effect that makes it false is from then on until the condition ends.
+and `e_goal`, and each condition whose guard holds has a producer: an effect before it that makes it true, such that
+each effect that makes it false is before that or after the condition. Before is at least epsilon before.
 """
 
 import json
@@ -13,7 +14,7 @@ from typing import Any
 
 from .claims import Claim
 from .formulas import FALSE, TRUE, Formulas, constant, names_in, plus
-from .proofs import Facts, Tape, refute
+from .proofs import Facts, Tape, demand, listed, rational, refute, whole
 from .reader import Ground, Linear, Model, Scope, Tree, need, number
 
 Guard = dict[str, str]
@@ -68,9 +69,14 @@ class Effect:
 
 
 class Choices:
-    """The formula that says what a correct execution is: `parts` are what has to hold."""
+    """The formula that says what a correct execution is: `parts` are what has to hold.
 
-    def __init__(self, network: dict[str, Any], domain: str, problem: str, epsilon: Fraction) -> None:
+    If an execution is given, by the number of each choice's value and by each event's time or None, they are constant.
+    """
+
+    def __init__(
+        self, network: dict[str, Any], domain: str, problem: str, epsilon: Fraction, execution: list[Any] | None = None
+    ) -> None:
         self.model = Model(domain, problem)
         need(not self.model.timed, "found timed initial literals in a plan with choices")
         need(epsilon > 0, "epsilon has to be above 0 in a plan with choices")
@@ -82,7 +88,17 @@ class Choices:
             need(len(names) == len(network[kind]), f"found two {kind} of one name")
         for end in ("e_initial", "e_goal"):
             need(self.guards.setdefault(end, {}) == {}, f"found a guard of {end}")
+        self.chosen: Guard = {}
         self.times = {event: {f"@{index}": Fraction(1)} for index, event in enumerate(self.guards, start=1)}
+        if execution is not None:
+            numbers, texts = listed(execution[0], len(self.domains)), listed(execution[1], len(self.guards))
+            for place, (name, values) in zip(numbers, self.domains.items()):
+                self.chosen[name] = values[whole(place, len(values))]
+            for text, (event, guard) in zip(texts, self.guards.items()):
+                demand(
+                    (text is not None) == (guard.items() <= self.chosen.items()), f"found a time, or none, of {event}"
+                )
+                self.times[event] = {} if text is None else constant(rational(text))
         given: dict[str, Linear] = {}
         for place, activity in enumerate(network["activities"]):
             call = activity["action"].lower().replace("(", " ").replace(")", " ").split()
@@ -93,7 +109,9 @@ class Choices:
         self.formulas = Formulas(ground, epsilon, given)
         self.circuit = self.formulas.circuit
         self.values = {
-            (name, value): self.circuit.compare({f"?{i}.{j}": Fraction(1)}, True)
+            (name, value): self.circuit.compare(
+                {"": Fraction(self.chosen[name] == value)} if self.chosen else {f"?{i}.{j}": Fraction(1)}, True
+            )
             for i, (name, values) in enumerate(self.domains.items())
             for j, value in enumerate(values)
         }
@@ -133,7 +151,7 @@ class Choices:
         return self.circuit.any([-self.holds(guard), literal])
 
     def before(self, a: str, b: str) -> int:
-        return self.circuit.compare(plus(self.time(b), self.time(a), -1), True)
+        return self.circuit.compare(plus(plus(self.time(b), self.time(a), -1), constant(self.formulas.epsilon), -1))
 
     def constrain(self, guard: Guard, a: str, b: str, low: Fraction | None, high: Fraction | None) -> None:
         gap = plus(self.time(b), self.time(a), -1)
@@ -203,10 +221,33 @@ class Choices:
         return effect.activity is not None and effect.activity == condition.activity
 
 
-def check_choices(tape: Tape, network: dict[str, Any], domain: str, problem: str, epsilon: Fraction) -> Claim:
-    """That no execution is correct."""
-    choices = Choices(network, domain, problem, epsilon)
-    refute(tape, choices.formulas, Facts(choices.formulas, [], network=False), choices.circuit.all(choices.parts))
+def check_choices(
+    tape: Tape, kind: str, stated: Any, network: dict[str, Any], domain: str, problem: str, epsilon: Fraction
+) -> Claim:
+    """That some execution is correct, or that none is with the choices that are stated."""
+    if kind == "execution":
+        demand(stated is None, "the certificate of an execution has no assumptions")
+        choices = Choices(network, domain, problem, epsilon, listed(tape.next("execution"), 2))
+        demand(all(part == TRUE for part in choices.parts), "the execution is not correct")
+        times = {event: choices.time(event).get("", Fraction(0)) for event in choices.guards}
+        happens = [
+            f"{event} at {time}" for event, time in times.items() if choices.holds(choices.guards[event]) == TRUE
+        ]
+        text = f"correct execution of the plan with choices: {shown(choices.chosen)}; {', '.join(happens)}"
+    else:
+        choices = Choices(network, domain, problem, epsilon)
+        assumed = [listed(each, 2) for each in listed(stated)]
+        demand(all(type(name) is type(value) is str for name, value in assumed), "expected choices with values")
+        choices.chosen = dict(assumed)
+        parts = [*choices.parts, choices.holds(choices.chosen)]
+        refute(tape, choices.formulas, Facts(choices.formulas, [], network=False), choices.circuit.all(parts))
+        given = f" with {shown(choices.chosen)}" if assumed else ""
+        text = f"no choices and times{given} are a correct execution of the plan with choices"
     tape.finish()
-    text = "no choices and times are a correct execution of the plan with choices"
-    return Claim("knowledge", epsilon, text, obligations=len(choices.parts), refuted=1)
+    return Claim(
+        kind, epsilon, text, choices=choices.chosen, obligations=len(choices.parts), refuted=int(kind == "knowledge")
+    )
+
+
+def shown(chosen: Guard) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in chosen.items())

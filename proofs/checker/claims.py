@@ -57,13 +57,15 @@ Box = dict[str, Range]
 
 @dataclass
 class Claim:
-    """What has been checked; `box` for plan, box and maximal, `removed` polyhedra for region."""
+    """What has been checked; `box` for plan, box and maximal, `removed` polyhedra for region, `choices` of plans with
+    choices: those of the execution, or those that are assumed."""
 
     kind: str
     epsilon: Fraction
     text: str = ""
     box: Box | None = None
     removed: list[list[Fact]] | None = None
+    choices: dict[str, str] | None = None
     obligations: int = 0
     refuted: int = 0
 
@@ -92,6 +94,8 @@ def check(tape: Tape, ground: Ground, kind: str, stated: object, epsilon: Fracti
                 check_faces(tape, ground, claim, claim.box, name)
             claim.text += "; no other valid box within the declared bounds contains this one"
     tape.finish()
+    if ground.model.guessed:
+        claim.text += f", reading {', '.join(sorted(ground.model.guessed))}"
     return claim
 
 

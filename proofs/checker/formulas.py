@@ -238,11 +238,16 @@ class Formulas:
             if any(done == TRUE for _, done in assigned):
                 cases[-1] = (TRUE, cases[-1][1])
             else:
-                cases.append((TRUE, plus(constant(Fraction(first or 0)), self.change(fluent, None, moment))))
+                begins = self.initially(fluent, Fraction(first or 0))
+                cases.append((TRUE, plus(begins, self.change(fluent, None, moment))))
             self.levels[key] = self.choice(cases)
         found = self.levels[key]
         need(found is not None, f"{fluent} depends on itself")
         return found or {}
+
+    def initially(self, fluent: str, value: Fraction) -> Linear:
+        parameter = self.ground.varied.get(("fluent", fluent))
+        return constant(value) if parameter is None else replaced({parameter: Fraction(1)}, self.given or {})
 
     def change(self, fluent: str, since: int | None, moment: Moment) -> Linear:
         """What increases and continuous effects add, since the beginning or since an assignment."""

@@ -7,6 +7,7 @@ are texts such as `(at rover base)`. All of a text stays in the trees, because w
 """
 
 import re
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -139,6 +140,7 @@ class Model:
         self.parents: dict[str, set[str]] = {"object": set()}
         self.objects, self.actions = dict[str, set[str]](), dict[str, Action]()
         self.predicates, self.functions = dict[str, int](), dict[str, int]()  # how many arguments they take
+        self.split, self.guessed = dict[str, str](), set[str]()  # undeclared predicates of one type, and which are used
         self.initial, self.timed = dict[str, bool | Fraction](), dict[tuple[Fraction, str], bool | Fraction]()
         sections = [*parse(domain, "domain"), *parse(problem, "problem")]
         once = [each[0] for each in sections if each[0] not in (*PARTS, ":requirements")]
@@ -179,12 +181,15 @@ class Model:
                 queue += self.parents[each]
         return found
 
-    @staticmethod
-    def declare(table: dict[str, int], signatures: list[Tree]) -> None:
+    def declare(self, table: dict[str, int], signatures: list[Tree]) -> None:
+        """Predicates or functions; `(in ?x - (either a b))` may be written `(in_a ?x)` where it is used."""
         for signature in signatures:
             name, *parameters = words_of(signature, 0)
             need(name not in table and name not in RESERVED, f"found a second or reserved {name}")
             table[name] = len(typed(parameters))
+            if table is self.predicates:
+                several = (kinds for _, kinds in typed(parameters) if len(kinds) > 1)
+                self.split.update((f"{name}_{kind}", name) for kinds in several for kind in kinds)
 
     @staticmethod
     def parameters_in(words: list[Tree]) -> list[str]:
@@ -238,6 +243,9 @@ class Model:
     def ground(self, term: Tree, bound: Mapping[str, str], table: Mapping[str, int]) -> str:
         """A ground atom or fluent, as text."""
         name, *arguments = words_of([term] if type(term) is str and table is self.functions else term, 0)
+        if table is self.predicates and name not in table and name in self.split:
+            self.guessed.add(f"{name} as {self.split[name]}")
+            name = self.split[name]
         need(table.get(name) == len(arguments), f"found {name!r}, unknown or with other arguments")
         objects = [bound.get(each, each) if type(each) is str else "" for each in arguments]
         need(all(each in self.objects for each in objects), f"found an unknown object in {term!r}")
@@ -367,6 +375,9 @@ class Ground:
     effects: list[list[Effect]] = field(default_factory=list)
     flows: list[tuple[int, int, str, Tree]] = field(default_factory=list)
     timed: set[int] = field(default_factory=set)
+    varied: dict[tuple[str, str], str] = field(
+        default_factory=dict
+    )  # ("duration", instance) or ("fluent", f): parameter
 
     def point(self, name: str) -> int:
         need(name not in self.number, f"found time point {name} twice")
@@ -374,6 +385,15 @@ class Ground:
         self.points.append(name)
         self.effects.append([])
         return self.number[name]
+
+    def beside(self, text: str) -> None:
+        """The TOML file beside a plan: which of its parameters are durations of actions, or initial values."""
+        for name, table in tomllib.loads(text).get("parameters", {}).items():
+            need(type(table) is dict and len(table) == 1, f"found parameter {name} beside the plan with attributes")
+            [(kind, subject)] = table.items()
+            known = type(subject) is str if kind == "duration" else type(self.model.initial.get(subject)) is Fraction
+            need(kind in ("duration", "fluent") and known, f"found parameter {name} of something unknown")
+            need(self.varied.setdefault((kind, subject), name) == name, f"found two parameters for {subject}")
 
     def read(self, plan: str) -> None:
         """The plan's statements, then timed initial literals and the goal."""
@@ -393,6 +413,9 @@ class Ground:
             else:
                 self.constraint(match["target"], match["source"], match["low"], match["high"])
         need(len(self.points) > 1, "found no action in the plan")
+        used.update(self.varied.values())
+        for name in (name for kind, name in self.varied if kind == "duration"):
+            self.varied_duration(name, ("=", ("duration",), ("parameter", self.varied["duration", name])))
         need(used <= self.parameters.keys(), f"found no declaration of {used - self.parameters.keys()} in the plan")
         for time in sorted({time for time, _ in self.model.timed}):
             self.timed_literals(time)
@@ -400,6 +423,17 @@ class Ground:
         goal = self.model.condition(self.model.goal, Scope({}, {f"?{each}": each for each in self.model.synth}))
         for index, part in enumerate(conjuncts(goal)):
             self.duties.append(Duty(f"goal {index + 1}", part))
+
+    def varied_duration(self, name: str, condition: Tree) -> None:
+        """The network, too, gives the instance this duration, and nothing else."""
+        ends = self.number.get(f"{name}.start"), self.number.get(f"{name}.end")
+        length = {condition[2][1]: Fraction(1)}
+        between = [(a, b, w) for a, b, w in self.edges if {a, b} == {*ends}]
+        both = [(*ends, length), (*ends[::-1], {condition[2][1]: Fraction(-1)})]
+        need(between == both, f"expected the duration of {name} in the network to be its parameter")
+        need(
+            any(duty.owner == ends and duty.condition == condition for duty in self.duties), f"{name}: no (= ?duration)"
+        )
 
     def timed_literals(self, time: Fraction) -> None:
         point = self.point(f"@{time}")
@@ -483,7 +517,10 @@ class Ground:
                 self.durations(name, rest[1], inner, ends, ends[rest[0] == "end"])
             else:
                 need(head in COMPARISONS and rest[:1] == ["?duration"], f"found a malformed duration in {name}")
-                self.state(f"{name}: duration", self.model.condition([head, *rest], inner), ends, point)
+                condition = self.model.condition([head, *rest], inner)
+                if head == "=" and ("duration", name) in self.varied:
+                    condition = (head, ("duration",), ("parameter", self.varied["duration", name]))
+                self.state(f"{name}: duration", condition, ends, point)
 
     def conditions(self, name: str, tree: Tree, scope: Scope, ends: tuple[int, int]) -> None:
         where = {("at", "start"): (ends[0], None), ("at", "end"): (ends[1], None), ("over", "all"): ends}
@@ -542,8 +579,9 @@ def conjuncts(tree: Tree) -> Iterator[Tree]:
         yield tree
 
 
-def ground(domain: str, problem: str, plan: str) -> Ground:
-    """The ground plan that three texts describe."""
+def ground(domain: str, problem: str, plan: str, beside: str = "") -> Ground:
+    """The ground plan that the texts describe; `beside` is the file of parameters beside the plan."""
     found = Ground(Model(domain, problem))
+    found.beside(beside)
     found.read(plan)
     return found

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from pathlib import Path
+from types import MappingProxyType
 from typing import TypeVar
 
 from robust.certify.bad import face_lines, region_lines
 from robust.certify.checker import choices, reader
 from robust.certify.hints import KnownFacts, Line, refutation
 from robust.certify.refute import NotRefutedError
-from robust.certify.tape import Progress, good_lines, header
+from robust.certify.tape import FORMAT, Progress, good_lines, header
 from robust.encode.interface import Encoding
 from robust.errors import Location, RefutedError, UnsupportedError
 from robust.plan.pddl.forms import read_text
@@ -20,6 +21,7 @@ from robust.qe.region import Region
 from robust.smt.limits import NEVER, Deadline
 
 T = TypeVar("T")
+NO_CHOICES: Mapping[str, str] = MappingProxyType({})
 
 
 def supported(read: Callable[[], T]) -> T:
@@ -38,7 +40,7 @@ class PlanCertificate:
     """Makes certificates of one plan.
 
     Args:
-        files: domain, problem and plan.
+        files: domain, problem and plan; parameters that a TOML file of the plan's name beside it adds count.
         encoding: the plan's formulas, which only guide the search.
         solver: `z3` or `cvc5`, likewise.
         deadline: when to give up, with OutOfTimeError.
@@ -58,7 +60,8 @@ class PlanCertificate:
         deadline: Deadline = NEVER,
         on_obligation: Progress | None = None,
     ) -> None:
-        texts = [read_text(path) for path in files]
+        beside = files[2].with_suffix(".toml")
+        texts = [read_text(path) for path in (*files, *([beside] if beside.is_file() else []))]
         self.ground = supported(lambda: reader.ground(*texts))
         self._encoding = encoding
         self._solver = solver
@@ -108,8 +111,10 @@ class PlanCertificate:
         )
 
 
-def knowledge(network: Path, epsilon: Fraction, deadline: Deadline) -> list[Line]:
-    """That a plan with choices has no correct execution.
+def knowledge(
+    network: Path, epsilon: Fraction, deadline: Deadline, assumed: Mapping[str, str] = NO_CHOICES
+) -> list[Line]:
+    """That a plan with choices has no correct execution, perhaps with some of its choices as assumed.
 
     Raises:
         RefutedError: if it has one.
@@ -117,14 +122,31 @@ def knowledge(network: Path, epsilon: Fraction, deadline: Deadline) -> list[Line
         InputError: if a file cannot be read.
         OutOfTimeError: if the deadline passes.
     """
-    document = supported(lambda: choices.network_of(read_text(network)))
-    texts = [read_text(network.parent / document[key]) for key in ("domain", "problem")]
-    stated = supported(lambda: choices.Choices(document, texts[0], texts[1], epsilon))
+    stated = stated_choices(network, epsilon)
+    literal = stated.circuit.all([*stated.parts, stated.holds(assumed)])
     try:
-        line = refutation(stated.formulas, KnownFacts([]), stated.circuit.all(stated.parts), deadline)
+        line = refutation(stated.formulas, KnownFacts([]), literal, deadline)
     except NotRefutedError:
         raise RefutedError(
             "the plan has a correct execution, so that its knowledge base is not empty; expected a plan without any",
             Location(str(network)),
         ) from None
-    return [header("knowledge"), line]
+    return [[FORMAT, "knowledge", [list(each) for each in assumed.items()]], line]
+
+
+def execution(
+    network: Path, epsilon: Fraction, scenario: Mapping[str, str], schedule: Mapping[str, Fraction]
+) -> list[Line]:
+    """That these choices and times are a correct execution of a plan with choices; errors of files as of
+    :func:`knowledge`."""
+    stated = stated_choices(network, epsilon)
+    values = [values.index(scenario[name]) for name, values in stated.domains.items()]
+    times = [str(schedule[event]) if event in schedule else None for event in stated.guards]
+    return [header("execution"), ["execution", values, times]]
+
+
+def stated_choices(network: Path, epsilon: Fraction) -> choices.Choices:
+    """What the checker makes of a network and its PDDL."""
+    document = supported(lambda: choices.network_of(read_text(network)))
+    texts = [read_text(network.parent / document[key]) for key in ("domain", "problem")]
+    return supported(lambda: choices.Choices(document, texts[0], texts[1], epsilon))

@@ -51,6 +51,7 @@ def verify(
     epsilon: Fraction,
     kind: str | None = None,
     box: Path | None = None,
+    assume: Sequence[str] = (),
     deadline: Deadline = NEVER,
 ) -> Verification:
     """Check a certificate of a domain, a problem and a plan, or of a network.
@@ -59,6 +60,8 @@ def verify(
         epsilon: how far apart mutex time points have to be.
         kind: what has to be established, at least.
         box: a JSON file of the box that has to be established.
+        assume: `NAME=VALUE` of choices: those of an execution that has to be established, or those that are made
+            already if it has to be established that there is none.
 
     Raises:
         CheckerFailedError: if the checker ended in a way that it never should.
@@ -68,6 +71,7 @@ def verify(
     words += ["--json", f"--epsilon={epsilon}"]
     words += [f"--kind={kind}"] if kind is not None else []
     words += [f"--box={box}"] if box is not None else []
+    words += [f"--assume={text}" for text in assume]
     ended = Processes().run(words, deadline, memory_mb=MEMORY_MB)
     if ended.timed_out:
         raise OutOfTimeError

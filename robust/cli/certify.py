@@ -14,7 +14,6 @@ from robust.errors import InputError, Location, RefutedError, UnsupportedError
 from robust.files import atomic_write
 from robust.numbers import parse_end, shorten
 from robust.options import CertifyCommand, VerifyCommand, place_of
-from robust.plan.load import load_plan
 from robust.plan.pddl.forms import read_bytes, read_text
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -24,7 +23,9 @@ if TYPE_CHECKING:
 
     from robust.certify.verify import Verification
     from robust.cli.guard import Run
+    from robust.execute.convert import Conversion
     from robust.plan.model import ParametrizedPlan
+    from robust.plan.parameters import ParameterSpec
     from robust.qe.region import Region
 
 CERTIFICATE = "a certificate as `robust certify` writes it"
@@ -33,8 +34,8 @@ GZIP = b"\x1f\x8b"
 
 @action(CertifyCommand)
 def certify(options: CertifyCommand, run: Run) -> int:
-    """Write a certificate that a plan is valid, or that a plan with choices has no correct execution, and check it."""
-    kind = "knowledge" if len(_files(options)) == 1 else options.kind
+    """Write a certificate that a plan is valid, or what executions a plan with choices has, and check it."""
+    _files(options)
 
     def work() -> tuple[int, int | None, float, Verification, float]:
         from robust.certify.tape import write
@@ -42,11 +43,18 @@ def certify(options: CertifyCommand, run: Run) -> int:
 
         deadline = Deadline.after(run.remaining)
         started = time.perf_counter()
-        files = _with_network(options, run)
+        files = options.files if len(options.files) == 1 else _with_network(options, run)
         lines, holes = _lines(options.changed(files=files), deadline, run)
         size = write(lines, options.output)
         made = time.perf_counter()
-        found = verify(options.output, files, epsilon=options.separation, kind=kind, deadline=deadline)
+        found = verify(
+            options.output,
+            files,
+            epsilon=options.separation,
+            kind=lines[0][1],
+            assume=options.assume,
+            deadline=deadline,
+        )
         return size, holes, made - started, found, time.perf_counter() - made
 
     size, holes, seconds, found, checking = run.only(work)
@@ -95,6 +103,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
             epsilon=options.separation,
             kind=options.kind,
             box=options.box,
+            assume=options.assume,
             deadline=Deadline.after(run.remaining),
         )
         return found, time.perf_counter() - started
@@ -136,31 +145,70 @@ def _files(options: CertifyCommand | VerifyCommand) -> tuple[Path, ...]:
 
 
 def _with_network(options: CertifyCommand, run: Run) -> tuple[Path, ...]:
-    """The files that the certificate is about; a network that is made of steps is written beside it."""
+    """The files that the certificate is about; a network that is made of steps, or that other parameters than its own
+    are put into, is written beside it, with a file of those that are not in the network."""
+    from robust.execute.parametrization import write_specs
+    from robust.plan.parameters import specifications
     from robust.plan.pddl.forms import read_plan_text
-    from robust.plan.stn import is_network
+    from robust.plan.stn import is_network, write_stn
 
-    files = _files(options)
-    if len(files) == 1:
-        return files
-    *problem, plan = files
+    *problem, plan = options.files
+    specs, beside = specifications(options.parameter, options.parameters, plan)
     text, file = read_plan_text(plan)
-    if is_network(text, file):
-        if str(plan) != "-":
-            return files
-        notes: Sequence[str] = ()
+    notes: list[str] = [] if beside is None else [f"took the parameters of {beside}"]
+    if not is_network(text, file):
+        found, more = _network_of_steps(options, run, text, file, specs)
+        network, named = _parametrized(options, write_stn(found.stn), file, found.beside)
+        notes += more
+    elif specs:
+        network, named = _parametrized(options, text, file, specs)
+    elif str(plan) != "-":
+        return options.files
     else:
-        text, notes = _network_of_steps(options, run, text, file)
+        network, named = text, ()
     target = options.output.with_suffix(".stn")
-    atomic_write(target, text, place_of("output"))
-    run.note(f"{file}: {'; '.join((*notes, f'the certificate is about {target}'))}")
+    parameters = target.with_suffix(".toml")
+    taken = next((one for one in (target, parameters) if one in (plan, beside, options.parameters)), None)
+    taken = parameters if taken is None and not named and parameters.exists() else taken
+    if taken is not None:
+        message = f"found {taken}, which belongs to another plan than the certificate; expected another name"
+        raise InputError(message, place_of("output"))
+    atomic_write(target, network, place_of("output"))
+    if named:
+        atomic_write(parameters, write_specs(named), place_of("output"))
+    about = " and ".join(map(str, (target, parameters) if named else (target,)))
+    run.note(f"{file}: {'; '.join((*notes, f'the certificate is about {about}'))}")
     return (*problem, target)
 
 
-def _network_of_steps(options: CertifyCommand, run: Run, text: str, file: str) -> tuple[str, Sequence[str]]:
+def _parametrized(
+    options: CertifyCommand, text: str, file: str, specs: Sequence[ParameterSpec]
+) -> tuple[str, Sequence[ParameterSpec]]:
+    """A network with all its parameters, and what those stand for that are not only in the network."""
+    from dataclasses import replace
+
+    from robust.plan.load import domain_parameters
+    from robust.plan.parameters import ParameterSpec, Target, wire
+    from robust.plan.pddl.grounding import initial_fluents
+    from robust.plan.pddl.reader import read_domain, read_problem
+    from robust.plan.stn import parse_stn, write_stn
+
+    domain = read_domain(options.files[0])
+    problem = read_problem(options.files[1], domain)
+    stn = parse_stn(text, file)
+    needed = options.kind != "region"
+    fluents = initial_fluents(domain, problem)
+    wiring = wire(stn, specs, fluents, domain_parameters(domain, stn), nominal_needed=needed)
+    named = [ParameterSpec(Target.DURATION, one, name) for one, name in wiring.durations.items()]
+    named += [ParameterSpec(Target.FLUENT, str(fluent), name) for fluent, name in wiring.fluents.items()]
+    return write_stn(replace(stn, parameters=wiring.parameters, constraints=wiring.constraints)), named
+
+
+def _network_of_steps(
+    options: CertifyCommand, run: Run, text: str, file: str, specs: Sequence[ParameterSpec]
+) -> tuple[Conversion, Sequence[str]]:
     from robust.execute.convert import Ended, convert
     from robust.plan.pddl.reader import read_domain, read_problem
-    from robust.plan.stn import write_stn
     from robust.plan.timed import parse_timed_plan
 
     domain = read_domain(options.files[0])
@@ -170,6 +218,7 @@ def _network_of_steps(options: CertifyCommand, run: Run, text: str, file: str) -
         domain,
         problem,
         timed,
+        specs=specs,
         epsilon=options.separation,
         tolerance=options.rounding,
         solver=options.solver,
@@ -178,16 +227,17 @@ def _network_of_steps(options: CertifyCommand, run: Run, text: str, file: str) -
     )
     if found.ended is Ended.INTERRUPTED:
         raise KeyboardInterrupt
-    return write_stn(found.stn), found.notes(timed)
+    return found, found.notes(timed)
 
 
 def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[Any], int | None]:
-    from robust.certify.produce import PlanCertificate, knowledge
+    from robust.api import load_plan
+    from robust.certify.produce import PlanCertificate
     from robust.encode import create_encoding
 
     if len(options.files) == 1:
-        return knowledge(options.files[0], options.separation, deadline), None
-    plan = load_plan(*options.files)
+        return _of_choices(options, deadline), None
+    plan = load_plan(*options.files, nominal_needed=options.kind != "region")
     encoding = create_encoding(options.encoding, plan, options.separation, deadline)
     made = PlanCertificate(
         options.files, encoding, solver=options.solver, deadline=deadline, on_obligation=run.display.obligation
@@ -195,12 +245,35 @@ def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[
     if options.kind == "region":
         return made.of_region(_region(options, plan, deadline)), None
     box = _box(options, plan, deadline)
-    lines = made.of_plan() if options.kind == "plan" else made.of_box(box, maximal=options.kind == "maximal")
+    plain = options.kind in (None, "plan")
+    lines = made.of_plan() if plain else made.of_box(box, maximal=options.kind == "maximal")
     if options.alethe is None:
         return lines, None
     from robust.certify.alethe import export
 
     return lines, export(encoding, box, options.alethe, deadline)
+
+
+def _of_choices(options: CertifyCommand, deadline: Deadline) -> list[Any]:
+    """That a correct execution of a plan with choices is one, or that there is none: what is asked for, or true."""
+    from robust.certify.produce import execution, knowledge
+    from robust.cli.pike import assumed
+    from robust.pike_bridge.action_model import load_team_plan
+    from robust.pike_bridge.semantics import Existence, Oracle
+
+    (network,) = options.files
+    plan = load_team_plan(network, epsilon=options.separation)
+    choices = {each.variable: each.value for each in sorted(assumed(plan, options.assume))}
+    if options.kind == "knowledge":
+        return knowledge(network, options.separation, deadline, choices)
+    found = Oracle(plan, solver=options.solver).decide(assumed(plan, options.assume), deadline=deadline)
+    if found.verdict is Existence.UNKNOWN:
+        raise OutOfTimeError
+    if found.witness is not None:
+        return execution(network, options.separation, found.witness.scenario, found.witness.schedule)
+    if options.kind is None:
+        return knowledge(network, options.separation, deadline, choices)
+    raise RefutedError("found no correct execution of the plan with choices, expected one", Location(str(network)))
 
 
 def _region(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) -> Region:
@@ -217,7 +290,7 @@ def _region(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline)
 def _box(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) -> Box:
     """The nominal point, the box in a file, or the one that exact widening finds."""
     nominal = Box.nominal(plan.parameters)
-    if options.kind == "plan":
+    if options.kind in (None, "plan"):
         return nominal
     if options.box is not None:
         return read_box(options.box, nominal)

@@ -15,6 +15,7 @@ from robust.cli.plans import CODES
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
 from robust.numbers import parse_number, shorten
 from robust.options import (
+    ASSUMED,
     Number,
     Output,
     Separation,
@@ -57,7 +58,7 @@ class PikeOptions(TeamPlanFile, Solving, Output):
     """What most commands take."""
 
 
-ASSUME: Any = option((), "a choice that is made already; may be repeated", metavar="NAME=VALUE", many=True)
+ASSUME: Any = option((), ASSUMED, metavar="NAME=VALUE", many=True)
 _TEMPORAL: Any = option(
     "lazy",
     "lazy: order by structure, conflicts as they are needed; apsp: labeled all-pairs shortest paths",

@@ -6,12 +6,14 @@ import gzip
 import json
 from argparse import Namespace
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 from robust.api import envelope, region
-from robust.certify.checker import claims, proofs, reader
-from robust.certify.checker.__main__ import Inputs, report
+from robust.certify.checker import __main__ as main
+from robust.certify.checker import choices, claims, formulas, proofs, reader
 from robust.certify.hints import Line
 from robust.certify.produce import PlanCertificate
 from robust.certify.tape import write
@@ -27,6 +29,21 @@ EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
 NAVIGATION = tuple(EXAMPLES / "two_sample_navigation" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
 GENERATOR = tuple(EXAMPLES / "generator" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
 EPSILON = Fraction(1, 1000)
+
+
+@dataclass(frozen=True)
+class Checker:
+    """The checker's modules: those of this package, or changed ones."""
+
+    reader: Any
+    formulas: Any
+    proofs: Any
+    claims: Any
+    choices: Any
+    main: Any
+
+
+CHECKER = Checker(reader, formulas, proofs, claims, choices, main)
 
 MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 """What the checker's command takes for a malformed certificate; anything else is a fault of the checker."""
@@ -62,13 +79,13 @@ def grounded(files: Iterable[Path]) -> reader.Ground:
     return reader.ground(*(path.read_text(encoding="utf-8") for path in files))
 
 
-def judged(lines: Sequence[Line | str], ground: reader.Ground, *, epsilon: Fraction = EPSILON) -> claims.Claim | str:
+def judged(lines: Sequence[Line | str], ground: Any, *, epsilon: Fraction = EPSILON, by: Checker = CHECKER) -> Any:
     """The claim that a certificate establishes, or why it is rejected."""
-    tape = proofs.Tape(line if isinstance(line, str) else json.dumps(line) for line in lines[1:])
+    tape = by.proofs.Tape(line if isinstance(line, str) else json.dumps(line) for line in lines[1:])
     try:
         _, kind, box = lines[0]
-        return claims.check(tape, ground, kind, box, epsilon)
-    except (proofs.Rejected, reader.Unsupported) as error:
+        return by.claims.check(tape, ground, kind, box, epsilon)
+    except (by.proofs.Rejected, by.reader.Unsupported) as error:
         return str(error)
     except MALFORMED as error:
         return type(error).__name__
@@ -80,9 +97,11 @@ def command(lines: Sequence[Line], path: Path, files: Sequence[Path], **demanded
     return ask(path, files, **demanded)
 
 
-def ask(path: Path, files: Sequence[Path], **demanded: object) -> tuple[int, dict]:
-    words = {"kind": None, "box": None, "epsilon": "1/1000", **demanded}
-    return report(Namespace(certificate=str(path), files=[*map(str, files)], **words), Inputs())
+def ask(path: Path, files: Sequence[Path], *, by: Checker = CHECKER, **demanded: object) -> tuple[int, dict]:
+    words = {"kind": None, "box": None, "assume": [], "epsilon": "1/1000", **demanded}
+    arguments = Namespace(certificate=str(path), files=[*map(str, files)], **words)
+    code, answer = by.main.report(arguments, by.main.Inputs())
+    return int(code), dict(answer)
 
 
 def lines_of(path: Path) -> list[Line]:
