@@ -62,7 +62,7 @@ def checked(certificate: Path, files: list[Path], epsilon: Fraction, inputs: Inp
     if with_choices:
         network = network_of(inputs.text("network", files[0]))
         texts = [inputs.text(each, files[0].parent / network[each]) for each in ("domain", "problem")]
-        claim = check_choices(Tape(lines), kind, stated, network, texts[0], texts[1], epsilon)
+        claim = check_choices(Tape(lines), (network, *texts), kind, stated, epsilon)
         require_choices(claim, demanded)
         return claim
     texts = [inputs.text(each, path) for each, path in zip(("domain", "problem", "plan"), files)]

@@ -95,9 +95,8 @@ class Choices:
             for place, (name, values) in zip(numbers, self.domains.items()):
                 self.chosen[name] = values[whole(place, len(values))]
             for text, (event, guard) in zip(texts, self.guards.items()):
-                demand(
-                    (text is not None) == (guard.items() <= self.chosen.items()), f"found a time, or none, of {event}"
-                )
+                happens = guard.items() <= self.chosen.items()
+                demand((text is not None) == happens, f"found a time, or none, of {event}")
                 self.times[event] = {} if text is None else constant(rational(text))
         given: dict[str, Linear] = {}
         for place, activity in enumerate(network["activities"]):
@@ -222,20 +221,19 @@ class Choices:
 
 
 def check_choices(
-    tape: Tape, kind: str, stated: Any, network: dict[str, Any], domain: str, problem: str, epsilon: Fraction
+    tape: Tape, files: tuple[dict[str, Any], str, str], kind: str, stated: object, epsilon: Fraction
 ) -> Claim:
-    """That some execution is correct, or that none is with the choices that are stated."""
+    """Of a network and its PDDL: that some execution is correct, or that none is with the choices that are stated."""
     if kind == "execution":
         demand(stated is None, "the certificate of an execution has no assumptions")
-        choices = Choices(network, domain, problem, epsilon, listed(tape.next("execution"), 2))
+        choices = Choices(*files, epsilon, listed(tape.next("execution"), 2))
         demand(all(part == TRUE for part in choices.parts), "the execution is not correct")
         times = {event: choices.time(event).get("", Fraction(0)) for event in choices.guards}
-        happens = [
-            f"{event} at {time}" for event, time in times.items() if choices.holds(choices.guards[event]) == TRUE
-        ]
-        text = f"correct execution of the plan with choices: {shown(choices.chosen)}; {', '.join(happens)}"
+        happens = {event: time for event, time in times.items() if choices.holds(choices.guards[event]) == TRUE}
+        shown_times = ", ".join(f"{event} at {time}" for event, time in happens.items())
+        text = f"correct execution of the plan with choices: {shown(choices.chosen)}; {shown_times}"
     else:
-        choices = Choices(network, domain, problem, epsilon)
+        choices = Choices(*files, epsilon)
         assumed = [listed(each, 2) for each in listed(stated)]
         demand(all(type(name) is type(value) is str for name, value in assumed), "expected choices with values")
         choices.chosen = dict(assumed)
@@ -244,9 +242,8 @@ def check_choices(
         given = f" with {shown(choices.chosen)}" if assumed else ""
         text = f"no choices and times{given} are a correct execution of the plan with choices"
     tape.finish()
-    return Claim(
-        kind, epsilon, text, choices=choices.chosen, obligations=len(choices.parts), refuted=int(kind == "knowledge")
-    )
+    refuted = int(kind == "knowledge")
+    return Claim(kind, epsilon, text, choices=choices.chosen, obligations=len(choices.parts), refuted=refuted)
 
 
 def shown(chosen: Guard) -> str:

@@ -69,9 +69,10 @@ class Reasons:
         epsilon: the separation of mutex time points.
         bounds: the declared bounds.
         deadline: when to give up, with OutOfTimeError.
+        like: the name of an obligation that may break, as this package writes it.
     """
 
-    def __init__(self, ground: Ground, epsilon: Fraction, bounds: Box, deadline: Deadline) -> None:
+    def __init__(self, ground: Ground, epsilon: Fraction, bounds: Box, deadline: Deadline, like: str = "") -> None:
         self._ground = ground
         self._epsilon = epsilon
         self._names = tuple(ground.parameters)
@@ -80,15 +81,24 @@ class Reasons:
         self.formulas.known = Orders(ground, bounds.ranges)  # type: ignore[assignment]
         self._slacks = [self.formulas.slack(edge) for edge in ground.edges]
         self._network = KnownFacts([(slack, False) for slack in self._slacks])
-        self._literals = [(number, broken()) for number, (_, broken) in enumerate(self.formulas.obligations())]
-        self._literals = [(number, literal) for number, literal in self._literals if literal != FALSE]
+        self._obligations = self.formulas.obligations()
+        self._literals: dict[int, int] = {}
+        self._first: dict[int, None] = {}  # those that broke, the last one last: they will elsewhere, too
+        self._like = _about(like)
 
     def breaking(self, assumed: Sequence[Side]) -> tuple[int, Model] | None:
         """An obligation, by number, that some schedule breaks where the assumptions hold, and how."""
-        for place, (number, literal) in enumerate(self._literals):
-            found = model(self.formulas, self._network, literal, self._deadline, assumed)
+        others = [number for number in range(len(self._obligations)) if number not in self._first]
+        others.sort(key=lambda number: _about(self._obligations[number][0]) != self._like)
+        for number in [*reversed(self._first), *others]:
+            if number not in self._literals:
+                self._literals[number] = self._obligations[number][1]()
+            if self._literals[number] == FALSE:
+                continue
+            found = model(self.formulas, self._network, self._literals[number], self._deadline, assumed)
             if found is not None:
-                self._literals.insert(0, self._literals.pop(place))  # it will break elsewhere, too
+                self._first.pop(number, None)
+                self._first[number] = None
                 return number, found
         return None
 
@@ -113,8 +123,35 @@ class Reasons:
             raise UnsupportedError(f"nothing breaks at {dict(point)}, which is outside of the region")
         number, how = found
         values, around = self._critical(how, point)
+        around = self._widened(number, values, around, bounds)
         region = [*facts_of(around), *bounds]
         return BadPiece(around, tuple(self.broken(number, values, region, {})))
+
+    def _widened(
+        self, number: int, values: Mapping[str, Linear], around: Polyhedron, bounds: Sequence[Fact]
+    ) -> Polyhedron:
+        """The polyhedron without sides beyond which the same schedule breaks the obligation in another way."""
+        formulas, literal = self._placed(number, values, {})
+        slacks = dict.fromkeys(tuple(sorted(formulas.slack(edge).items())) for edge in self._ground.edges)
+        kept = [dict(slack) for slack in slacks if any(name for name, _ in slack)]
+        sides = facts_of(around)
+        for side in list(sides):
+            rest = [other for other in sides if other is not side]
+            known = KnownFacts([*rest, *bounds])
+            if model(formulas, known, -literal, self._deadline) is None and all(known.imply(slack) for slack in kept):
+                sides = rest
+        return Polyhedron(self._names, tuple(side_of(form, strict) for form, strict in sides))
+
+    def _placed(
+        self, number: int, values: Mapping[str, Linear], parameters: Mapping[str, Linear]
+    ) -> tuple[Formulas, int]:
+        """The formulas at these times, and what breaks an obligation."""
+        points = range(1, len(self._ground.points))
+        given = {f"@{p}": replaced(replaced(self.formulas.ties[p], values), parameters) for p in points}
+        if f"!{number}" in self.formulas.instants:
+            given[f"!{number}"] = replaced(values.get(f"!{number}", {}), parameters)
+        formulas = Formulas(self._ground, self._epsilon, {**parameters, **given})
+        return formulas, formulas.obligations()[number][1]()
 
     def _critical(self, how: Model, point: Point) -> tuple[dict[str, Linear], Polyhedron]:
         """Times and instants as functions of the parameters, and where they break the obligation in the same way."""
@@ -136,20 +173,21 @@ class Reasons:
     ) -> Iterator[Line]:
         """That a schedule breaks an obligation all over a region; `parameters` over the names of the region, if not
         their own."""
-        times = [
-            replaced(replaced(self.formulas.ties[p], values), parameters) for p in range(1, len(self._ground.points))
-        ]
-        given = {**parameters, **{f"@{point}": time for point, time in enumerate(times, start=1)}}
+        formulas, literal = self._placed(number, values, parameters)
+        known = KnownFacts(region)
+        times = [texts(formulas.ties[point]) for point in range(1, len(self._ground.points))]
+        kept = [sums(implied(known, formulas.slack(edge))) for edge in self._ground.edges]
         instant = None
         if f"!{number}" in self.formulas.instants:
-            instant = replaced(values.get(f"!{number}", {}), parameters)
-            given[f"!{number}"] = instant
-        formulas = Formulas(self._ground, self._epsilon, given)
-        known = KnownFacts(region)
-        kept = [sums(implied(known, formulas.slack(edge))) for edge in self._ground.edges]
-        literal = formulas.obligations()[number][1]()
-        yield ["broken", number, [texts(time) for time in times], kept, None if instant is None else texts(instant)]
+            instant = texts(formulas.at(("instant", f"!{number}")))
+        yield ["broken", number, times, kept, instant]
         yield refutation(formulas, known, -literal, self._deadline)
+
+
+def _about(name: str) -> tuple[str, ...]:
+    """What an obligation is about, as far as the checker's names and this package's are alike."""
+    words = name.replace(":", " ").replace(",", " ").split()
+    return tuple(words if words[:1] == ["separation"] else words[:1])
 
 
 _SIGNS = (Fraction(1), Fraction(-1))
@@ -316,7 +354,14 @@ def face_lines(ground: Ground, encoding: Encoding, box: Box, *, solver: str, dea
             if end is None or (interval.is_closed_at(side) and end == bounds[name].end(side)):
                 continue
             face = _Face(
-                ground=ground, encoding=encoding, box=box, bad=bad, name=name, side=side, end=end, deadline=deadline
+                ground=ground,
+                encoding=encoding,
+                box=box,
+                bad=bad,
+                name=name,
+                side=side,
+                end=end,
+                deadline=deadline,
             )
             yield from face.lines()
 
@@ -354,7 +399,9 @@ class _Face:
                     yield from self._circle(*found)
                     return
             else:
-                reasons = Reasons(self._ground, self._encoding.epsilon, beyond, self._deadline)
+                reasons = Reasons(
+                    self._ground, self._encoding.epsilon, beyond, self._deadline, self._bad.reasons[piece]
+                )
                 broken = reasons.breaking([Side.of(dict(form), strict) for form, strict in _box_facts(beyond)])
                 if broken is not None:
                     number, how = broken

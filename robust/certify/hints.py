@@ -78,6 +78,11 @@ class KnownFacts:
         self.sides = [Side.of(form, strict) for form, strict in facts]
         self._active: dict[int, None] = {}
 
+    def imply(self, form: Mapping[str, Fraction]) -> bool:
+        """Whether a form is negative nowhere where the facts hold."""
+        negated = Side.of({name: -value for name, value in form.items()}, strict=True)
+        return not isinstance(self.contradiction([negated]), dict)
+
     def contradiction(
         self, sides: Sequence[Side]
     ) -> tuple[dict[int, int], list[tuple[int, Fraction]]] | dict[str, Fraction]:

@@ -218,8 +218,10 @@ def evaluated(form: Linear, point: Point) -> Fraction:
 
 def positive_circle(ground: Ground, point: Point) -> list[int] | None:
     """Constraints in a circle that no times keep at one point of parameter space; None if there is a schedule."""
-    lengths = [evaluated(w, point) for _, _, w in ground.edges]
-    times = [Fraction(0)] * len(ground.points)
+    exact = [evaluated(w, point) for _, _, w in ground.edges]
+    unit = lcm(*(length.denominator for length in exact))
+    lengths = [int(length * unit) for length in exact]
+    times = [0] * len(ground.points)
     arrival: dict[int, int] = {}
     last: int | None = None
     for _ in range(len(times) + 1):

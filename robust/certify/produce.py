@@ -123,7 +123,7 @@ def knowledge(
         OutOfTimeError: if the deadline passes.
     """
     stated = stated_choices(network, epsilon)
-    literal = stated.circuit.all([*stated.parts, stated.holds(assumed)])
+    literal = stated.circuit.all([*stated.parts, stated.holds(dict(assumed))])
     try:
         line = refutation(stated.formulas, KnownFacts([]), literal, deadline)
     except NotRefutedError:

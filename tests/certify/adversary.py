@@ -24,7 +24,7 @@ from unittest.mock import patch
 
 from robust.api import check, envelope, region
 from robust.certify.bad import face_lines, region_lines
-from robust.certify.checker import choices, proofs, reader
+from robust.certify.checker import choices, reader
 from robust.certify.checker.claims import Claim
 from robust.certify.checker.formulas import FALSE, Formulas, plus
 from robust.certify.hints import KnownFacts, Line, implied, model, refutation
@@ -53,7 +53,7 @@ class Case:
     """One thing to lie about: honest tapes, first lines of false claims, and how a claim that is accepted is judged."""
 
     name: str
-    attempt: Callable[[list[Any]], Claim | str]
+    attempt: Callable[..., Claim | str]
     false: list[Line]
     honest: list[list[Line]]
     is_true: Callable[[Claim], bool]
@@ -264,7 +264,15 @@ def plan_cases(seed: int) -> Iterator[Case]:
         told += lies(plan, ground, None, random)
         told += nothing_is_good(ground, random) if not whole.is_empty else ()
     if false:
-        yield Case(f"plan {seed}", lambda lines: tools.judged(lines, ground), false, honest, is_true, told)
+        read = {id(tools.CHECKER): ground}
+
+        def attempt(lines: list[Any], by: tools.Checker = tools.CHECKER) -> Claim | str:
+            if id(by) not in read:
+                read.clear()
+                read.update({id(tools.CHECKER): ground, id(by): by.reader.ground(*texts)})
+            return tools.judged(lines, read[id(by)], by=by)
+
+        yield Case(f"plan {seed}", attempt, false, honest, is_true, told)
 
 
 def _honest(plan: ParametrizedPlan, ground: reader.Ground, box: Box, whole: Region | None) -> Iterator[list[Line]]:
@@ -316,15 +324,19 @@ def network_case(seed: int) -> Case | None:
             honest.append([header("knowledge"), refutation(made.formulas, KnownFacts([]), literal, WAIT)])
     if not possible or not honest:
         return None
-    chosen = _choices(possible[0])
+    read = {id(tools.CHECKER): _choices(possible[0])}
 
-    def attempt(lines: list[Any]) -> Claim | str:
-        tape = proofs.Tape(json.dumps(line) for line in lines[1:])
+    def attempt(lines: list[Any], by: tools.Checker = tools.CHECKER) -> Claim | str:
+        if id(by) not in read:
+            read.clear()
+            read.update({id(each): _choices(possible[0], each) for each in (tools.CHECKER, by)})
+        made = read[id(by)]
+        tape = by.proofs.Tape(json.dumps(line) for line in lines[1:])
         try:
-            facts = proofs.Facts(chosen.formulas, [], network=False)
-            proofs.refute(tape, chosen.formulas, facts, chosen.circuit.all(chosen.parts))
+            facts = by.proofs.Facts(made.formulas, [], network=False)
+            by.proofs.refute(tape, made.formulas, facts, made.circuit.all(made.parts))
             tape.finish()
-        except proofs.Rejected as error:
+        except by.proofs.Rejected as error:
             return str(error)
         except tools.MALFORMED as error:
             return type(error).__name__
@@ -333,9 +345,9 @@ def network_case(seed: int) -> Case | None:
     return Case(f"network {seed}", attempt, [header("knowledge")], honest, lambda _: False)
 
 
-def _choices(instance: Instance) -> choices.Choices:
-    document = choices.network_of(tpnu_text(instance.network, domain="domain", problem="problem"))
-    return choices.Choices(document, instance.domain, instance.problem, tools.EPSILON)
+def _choices(instance: Instance, by: tools.Checker = tools.CHECKER) -> choices.Choices:
+    document = by.choices.network_of(tpnu_text(instance.network, domain="domain", problem="problem"))
+    return by.choices.Choices(document, instance.domain, instance.problem, tools.EPSILON)
 
 
 # -- tapes -------------------------------------------------------------------------------------------------------------

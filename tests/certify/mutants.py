@@ -26,6 +26,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,6 +35,16 @@ from tests.certify.tools import Checker
 
 ACCEPTED = Path(__file__).with_name("mutants_accepted.txt")
 MODULES = ("reader", "formulas", "proofs", "claims", "choices", "__main__")
+ASKED = {
+    "reader": ("reading", "wrong", "forged plan", "oracle", "honest"),
+    "formulas": ("reading", "forged", "oracle", "honest"),
+    "proofs": ("forged", "leaves", "honest"),
+    "claims": ("forged", "leaves", "honest", "demanded"),
+    "choices": ("oracle", "executions", "wrong network", "knowledge", "leaves of network", "leaves of ex", "honest"),
+    "__main__": ("wrong", "honest", "demanded", "kitchen", "main"),
+}
+"""What is asked of a change of a module: beginnings of the names of probes."""
+TEXTS = {name: (FOLDER / f"{name}.py").read_text(encoding="utf-8") for name in MODULES}
 SECONDS = 20
 """After which a changed checker counts as noticed: it does not end."""
 MORE_MEMORY = 3 << 30
@@ -49,8 +60,6 @@ BINARY: Operators = {
     ast.BitOr: (ast.BitAnd,), ast.BitAnd: (ast.BitOr,),
 }  # fmt: skip
 TWINS = {"all": "any", "any": "all", "min": "max", "max": "min", "sorted": "list", "abs": "int"}
-CONDITIONS = {"need": 1, "demand": 1}
-"""Functions whose later arguments are messages."""
 
 
 class Mutant(NamedTuple):
@@ -109,7 +118,8 @@ def instead(node: ast.expr) -> Iterator[ast.expr]:  # noqa: PLR0912 - one branch
             yield body
             yield other
         case ast.Call(func=called, args=arguments, keywords=words):
-            for place in range(len(arguments) - 1):
+            pairs = 0 if isinstance(called, ast.Name) and called.id in ("need", "demand") else len(arguments) - 1
+            for place in range(pairs):
                 swapped = [*arguments[:place], arguments[place + 1], arguments[place], *arguments[place + 2 :]]
                 yield with_field(node, "args", swapped)
             for word in words:
@@ -138,10 +148,10 @@ def instead_of_statement(node: ast.stmt) -> Iterator[list[ast.stmt]]:
             return
         case ast.FunctionDef() | ast.ClassDef():
             return
-        case ast.If(test=test, body=body, orelse=other):
+        case ast.If():
             yield [with_field(node, "test", ast.Constant(True))]
             yield [with_field(node, "test", ast.Constant(False))]
-        case ast.While(test=test):
+        case ast.While():
             yield [with_field(node, "test", ast.Constant(False))]
         case ast.Try(body=body):
             yield body
@@ -154,33 +164,36 @@ def instead_of_statement(node: ast.stmt) -> Iterator[list[ast.stmt]]:
 
 
 def is_message(parents: list[ast.AST], node: ast.AST) -> bool:
-    """Texts for people: messages, documentation, labels of obligations."""
-    for place, parent in enumerate(parents):
-        inner = parents[place + 1] if place + 1 < len(parents) else node
-        if isinstance(parent, ast.JoinedStr):
+    """Texts for people (messages, documentation, labels of obligations), and types."""
+    return any(_is_message(parent, inner) for parent, inner in pairwise([*parents, node]))
+
+
+def _is_message(parent: ast.AST, inner: ast.AST) -> bool:  # noqa: PLR0911 - one return for each kind
+    match parent:
+        case ast.JoinedStr() | ast.Expr(value=ast.Constant()):
             return True
-        if isinstance(parent, ast.Expr) and isinstance(parent.value, ast.Constant):
+        case ast.Call(func=ast.Name(id="Rejected" | "Unsupported")):
             return True
-        if isinstance(parent, ast.Call) and isinstance(parent.func, ast.Name):
-            if parent.func.id in ("Rejected", "Unsupported"):
-                return True
-            if inner in parent.args[CONDITIONS.get(parent.func.id, 99) :]:
-                return True
-        if isinstance(parent, ast.Call) and isinstance(parent.func, ast.Attribute) and parent.func.attr == "state":
-            if parent.args and inner is parent.args[0]:
-                return True
-        if isinstance(parent, ast.keyword) and parent.arg in ("help", "prog", "description"):
+        case ast.Call(func=ast.Name(id="need" | "demand"), args=[condition, *_]):
+            return inner is not condition
+        case ast.Call(func=ast.Attribute(attr="state"), args=[label, *_]):
+            return inner is label
+        case ast.keyword(arg="help" | "prog" | "description"):
             return True
-        if isinstance(parent, ast.FunctionDef) and inner is parent.returns:
-            return True
-        if isinstance(parent, (ast.AnnAssign, ast.arg)) and inner is parent.annotation:
-            return True
+        case ast.Call(func=ast.Subscript()):
+            return inner is parent.func
+        case ast.ClassDef():
+            return inner in parent.decorator_list
+        case ast.FunctionDef():
+            return inner is parent.returns or inner in parent.decorator_list
+        case ast.AnnAssign() | ast.arg():
+            return inner is parent.annotation
     return False
 
 
 def mutants(module: str) -> Iterator[Mutant]:
     """All changes of one module of the checker; the tree is changed in place, and changed back afterwards."""
-    tree = ast.parse((FOLDER / f"{module}.py").read_text(encoding="utf-8"))
+    tree = ast.parse(TEXTS[module])
     yield from _changes(tree, [], module, "", tree)
 
 
@@ -273,10 +286,7 @@ def load(changed: str | None = None, code: Any = None) -> Checker:
     return Checker(*made)
 
 
-CODE = {
-    name: compile((FOLDER / f"{name}.py").read_text(encoding="utf-8"), f"{name}.py", "exec", dont_inherit=True)
-    for name in MODULES
-}
+CODE = {name: compile(text, f"{name}.py", "exec", dont_inherit=True) for name, text in TEXTS.items()}
 
 
 @dataclass
@@ -285,7 +295,6 @@ class Probe:
 
     name: str
     holds: Callable[[Checker], bool]
-    noticed: int = 0
 
 
 def noticed_by(mutant: Mutant, probes: list[Probe], seconds: float) -> str | None:
@@ -315,7 +324,7 @@ def measure(arguments: tuple[str, int, int, str, float]) -> list[tuple[tuple[str
     sys.setrecursionlimit(3_000)
     from tests.certify.bank import probes  # noqa: PLC0415 - built once, before processes are forked
 
-    bank, found = [Probe(*each) for each in probes()], []
+    bank, found = [Probe(*each) for each in probes() if each[0].startswith(ASKED[module])], []
     gc.disable()
     for number, mutant in enumerate(mutants(module)):
         if number % step == first and only in f"{mutant.function} {mutant.after}":
@@ -346,6 +355,7 @@ def main() -> int:
     parser.add_argument("--only", default="", metavar="TEXT", help="only changes whose function or line contains this")
     parser.add_argument("--seconds", type=float, default=SECONDS, metavar="S", help=f"for each ({SECONDS})")
     parser.add_argument("--processes", type=int, default=2, metavar="N", help="how many at a time (2)")
+    parser.add_argument("--verbose", action="store_true", help="say of each change what noticed it")
     arguments = parser.parse_args()
     from tests.certify.bank import probes  # noqa: PLC0415 - takes some seconds
 
@@ -364,6 +374,8 @@ def main() -> int:
         open_ones = [(key, before) for key, before in missed if key not in fine]
         left += len(open_ones)
         why.update((noticed or "nothing").split(":")[0].split(" ")[0] for _, _, noticed, _ in found)
+        if arguments.verbose:
+            print("\n".join(f"{key} <- {noticed} {took:.2f}" for key, _, noticed, took in found))
         print(
             f"{module:10} {len(found):5} changes, {sum(noticed is not None for _, _, noticed, _ in found):5} noticed, "
             f"{len(missed) - len(open_ones):3} accepted, {len(open_ones):3} left, {time.monotonic() - start:5.0f} s",

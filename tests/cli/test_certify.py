@@ -118,3 +118,90 @@ def test_knowledge_is_about_all_files(tmp_path):
     problem = network.parent / document["problem"]
     problem.write_text(problem.read_text(encoding="utf-8").replace("(:goal", "(:gaol"), encoding="utf-8")
     assert command("verify", path, network).code == 4
+
+
+DELIVERY = [EXAMPLES / "delivery" / name for name in ("domain.pddl", "problem.pddl", "plan.stn")]
+
+
+def test_parameters_beside_the_plan(tmp_path):
+    """They are those of all commands; the claim is about the network with them, which is written down."""
+    path = tmp_path / "box.cert"
+    made = command("certify", *DELIVERY, "-o", path, "--kind", "maximal", "--json")
+    answer = answer_of(made, "robust/certify/1")
+    assert "the certificate is about" in made.err
+    assert answer["files"].keys() == {"domain", "problem", "plan", "parameters"}
+    for plan in (tmp_path / "box.stn", DELIVERY[2]):
+        verified = answer_of(command("verify", path, *DELIVERY[:2], plan, "--json"), "robust/verify/1")
+        assert verified["claim"] == answer["claim"]
+        assert verified["box"].keys() == {f"dur_n{number}" for number in range(3, 9)}
+    widest = json.loads(command("envelope", *DELIVERY, "--json").out)["parameters"]
+    assert {name: ends["upper"] for name, ends in verified["box"].items()} == {
+        name: ends["upper"] for name, ends in widest.items()
+    }
+    (tmp_path / "box.toml").unlink()  # then durations are those of the domain, which the network does not keep
+    assert command("verify", path, *DELIVERY[:2], tmp_path / "box.stn").code == 1
+
+
+def test_parameters_that_are_asked_for(tmp_path):
+    """A start, a duration, and an initial value, with attributes."""
+    path = tmp_path / "box.cert"
+    words = ["--parameter", "duration:n1,weight=2,ub=20", "--parameter", "start:n0,default=0,lb=0"]
+    answer = answer_of(command("certify", *DELIVERY, "-o", path, "--kind", "box", *words, "--json"), "robust/certify/1")
+    assert "dur_n1" in answer["claim"]
+    assert "start_n0" in answer["claim"]
+    generator = [EXAMPLES / "generator" / name for name in ("domain.pddl", "problem.pddl", "plan.stn")]
+    words = ["--parameter", "cap=fluent:(tank-size gen)"]
+    made = command("certify", *generator, "-o", path, "--kind", "region", *words)
+    assert made.code == 0
+    assert "without (cap < " in made.out
+    assert (tmp_path / "box.toml").read_text(encoding="utf-8") == '[parameters."cap"]\nfluent = "(tank-size gen)"\n'
+    assert command("verify", path, *generator[:2], tmp_path / "box.stn", "--kind", "region").code == 0
+    assert command("verify", path, *generator).code == 1
+    stale = command("certify", *generator[:2], EXAMPLES / "generator" / "plan.stn", "-o", path, "--kind", "plan")
+    assert stale.code == 0
+
+
+def test_files_of_another_plan_are_not_overwritten(tmp_path):
+    for path in DELIVERY[2], DELIVERY[2].with_suffix(".toml"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    files = [*DELIVERY[:2], tmp_path / "plan.stn"]
+    ended = command("certify", *files, "-o", tmp_path / "plan.cert")
+    assert (ended.code, "belongs to another plan" in ended.err) == (2, True)
+    assert (tmp_path / "plan.stn").read_bytes() == DELIVERY[2].read_bytes()
+    steps = EXAMPLES / "delivery" / "steps.plan"
+    ended = command("certify", *DELIVERY[:2], steps, "-o", tmp_path / "plan.cert")
+    assert (ended.code, "belongs to another plan" in ended.err) == (2, True)
+
+
+@pytest.mark.parametrize("name", ["kitchen", "wing"])
+def test_correct_executions(tmp_path, name):
+    """Plans with choices that have one get a certificate of one, and are verified with their files."""
+    path, network = tmp_path / "plan.cert", EXAMPLES / name / f"{name}.tpnu.json"
+    answer = answer_of(command("certify", network, "-o", path, "--json"), "robust/certify/1")
+    assert (answer["kind"], answer["refuted"]) == ("execution", 0)
+    assert answer["claim"].startswith("correct execution of the plan with choices: ")
+    document = json.loads(network.read_text(encoding="utf-8"))
+    for choice in document["choices"]:
+        values = [value for value in choice["domain"] if f"{choice['name']} = {value}" in answer["claim"]]
+        (value,) = values
+        for other in choice["domain"]:
+            ended = command("verify", path, network, "--assume", f"{choice['name']}={other}")
+            assert ended.code == (other != value)
+    assert command("verify", path, network, "--kind", "execution").code == 0
+    assert command("verify", path, network, "--kind", "knowledge").code == 1
+    assert command("certify", network, "-o", path, "--kind", "knowledge").code == 1
+
+
+def test_choices_that_leave_no_execution(tmp_path):
+    path, both = tmp_path / "none.cert", ("--assume", "xA1=glass", "--assume", "xA2=coffee")
+    made = command("certify", KITCHEN, "-o", path, *both)
+    assert made.code == 0
+    assert "no choices and times with xA1 = glass, xA2 = coffee are a correct execution" in made.out
+    assert command("verify", path, KITCHEN).code == 0
+    assert command("verify", path, KITCHEN, "--kind", "knowledge", *both).code == 0
+    assert command("verify", path, KITCHEN, "--kind", "knowledge", *both, "--assume", "xA3=bagel").code == 0
+    for less in ((), both[:2]):
+        ended = command("verify", path, KITCHEN, "--kind", "knowledge", *less)
+        assert (ended.code, ended.out) == (1, "rejected: the choices that are demanded are others\n")
+    ended = command("certify", KITCHEN, "-o", path, "--kind", "execution", *both)
+    assert (ended.code, "found no correct execution" in ended.err) == (1, True)

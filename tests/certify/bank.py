@@ -1,0 +1,376 @@
+"""What a checker has to get right, to tell a changed one from the one that is meant: see `tests.certify.mutants`.
+
+Nothing here is what the checker itself says of the meaning of a plan: that is the simulator's, the oracle's, or the
+exact region's. A probe is a name and a function from a checker to whether it did right.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from functools import cache, partial
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from robust.certify.checker import reader
+from robust.certify.checker.formulas import TRUE
+from robust.certify.checker.proofs import RATIONAL
+from robust.certify.hints import KnownFacts, Line, model
+from robust.certify.produce import execution, knowledge
+from robust.certify.tape import write
+from robust.errors import RobustError
+from robust.pike_bridge.action_model import load_team_plan
+from robust.pike_bridge.random_plans import Shape, random_plan
+from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
+from robust.plan.simulate import simulate
+from robust.smt.limits import Deadline
+from tests.certify import adversary, tools
+from tests.certify.test_reader import DOMAIN, PLAN, PROBLEM, WRONG, broken, compare, key
+from tests.certify.texts import Texts, random_texts
+from tests.certify.tools import Checker
+from tests.sampling import sample_parameters, sample_schedules
+
+Holds = Callable[[Checker], bool]
+DELIVERY = tuple(tools.EXAMPLES / "delivery" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
+KITCHEN = tools.EXAMPLES / "kitchen" / "kitchen.tpnu.json"
+
+
+def probes() -> list[tuple[str, Holds]]:
+    """All of them; they take some seconds to make, and some to ask."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return _probes()
+
+
+@cache
+def _probes() -> list[tuple[str, Holds]]:
+    folder = Path(tempfile.mkdtemp(prefix="robust-bank-"))
+    return [*readings(), *wrong_texts(), *forged(), *with_choices(folder), *commands(folder)]
+
+
+# -- plans -------------------------------------------------------------------------------------------------------------
+
+
+def readings(first: int = 0, count: int = 120) -> Iterator[tuple[str, Holds]]:
+    """What texts mean: the same as this package reads, and what single schedules break according to the simulator."""
+    for seed in range(first, first + count):
+        texts = random_texts(seed)
+        try:
+            plan = tools.assembled(texts)
+        except RobustError:
+            continue
+        yield f"reading {seed}", _reading(texts, plan, Random(seed))
+
+
+def _reading(texts: Texts, plan: Any, random: Random) -> Holds:
+    known = []
+    parameters = sample_parameters(plan, random)
+    for schedule in sample_schedules(plan, parameters, random, 3):
+        try:
+            want = {key(each.obligation) for each in simulate(plan, parameters, schedule).violations}
+            ours = broken(reader.ground(*texts), plan, parameters, schedule)
+        except (RobustError, reader.Unsupported):
+            continue
+        if not any(isinstance(each, tuple) and each[1] == "non-negative duration" for each in want):
+            known.append((schedule, want, {each for each in ours if str(each).startswith("separation")}))
+
+    def holds(by: Checker) -> bool:
+        ground = by.reader.ground(*texts)
+        compare(plan, ground, by)
+        for schedule, want, separations in known:
+            if broken(ground, plan, parameters, schedule, by) != want | separations:
+                return False
+        return True
+
+    return holds
+
+
+def wrong_texts() -> Iterator[tuple[str, Holds]]:
+    """Texts that mean nothing, or what the checker does not know."""
+    for old, new in WRONG:
+        changed = [text.replace(old, new) for text in (DOMAIN, PROBLEM, PLAN)]
+        yield f"wrong text {new}", partial(_is_unsupported, texts=changed)
+
+
+def _is_unsupported(by: Checker, texts: list[str]) -> bool:
+    try:
+        by.reader.ground(*texts)
+    except by.reader.Unsupported:
+        return True
+    return False
+
+
+# -- certificates ------------------------------------------------------------------------------------------------------
+
+
+def forged(plans: int = 22, attempts: int = 1_500) -> Iterator[tuple[str, Holds]]:
+    """Honest certificates, which are accepted, and the adversary's, which are so only if what they claim is true."""
+    known, random = adversary.cases(plans), Random(1)
+    tried: dict[str, list[tuple[list[Any], Any]]] = {case.name: [] for case in known}
+    for case in known:
+        for lines in case.honest:
+            tried[case.name].append((lines, verdict(case.attempt(lines))))
+    for _ in range(attempts):
+        case = random.choice(known)
+        lines = adversary.forged(case, known, random)
+        found = case.attempt(lines)
+        if not isinstance(found, str) and not case.is_true(found):
+            raise AssertionError(f"{case.name}: something false is accepted: {lines}")
+        tried[case.name].append((lines, verdict(found)))
+    for case in known:
+        yield f"forged {case.name}", partial(_judges, case=case, tried=tried[case.name])
+    for case, lines in rich(known):
+        changes = [*named(lines), *some(leaf_changes(lines), 400)]
+        yield (
+            f"leaves of {case.name} {lines[0][1]}",
+            partial(_judges, case=case, tried=[(one, verdict(case.attempt(one))) for one in changes]),
+        )
+
+
+def rich(known: list[adversary.Case]) -> list[tuple[adversary.Case, list[Line]]]:
+    """A few short tapes that have, together, everything that honest tapes have."""
+    every = [(case, lines) for case in known for lines in case.honest if not isinstance(case.attempt(lines), str)]
+    every.sort(key=lambda one: len(str(one[1])))
+    chosen, seen = [], set[Any]()
+    for case, lines in every:
+        new = {feature for line in lines for feature in features(line)} | {lines[0][1]}
+        if not new <= seen and len(str(lines)) < 20_000:
+            chosen.append((case, lines))
+            seen |= new
+    return chosen[-8:]
+
+
+def features(line: Line) -> Iterator[Any]:
+    """What kinds of things a line has in it."""
+    kind, *rest = line
+    yield kind, bool(rest) and bool(rest[0])
+    if kind in ("bad", "piece"):
+        yield kind, len(rest[0]) > 1, *sorted({strict for _, strict in rest[0]})
+    for step in rest if kind == "refute" else ():
+        if len(step) == 3:
+            yield kind, min(len(step[0]), 2), bool(step[2])
+        else:
+            yield kind, "gates", any(isinstance(hint, list) for hint in step[1][:-1]), isinstance(step[1][-1], list)
+    if kind == "broken":
+        yield kind, rest[3] is not None
+
+
+def named(lines: list[Line]) -> Iterator[list[Line]]:
+    """Forgeries that were thought of: proofs that would be believed if one check were missing."""
+    gates = range(1, 40)
+    for index, line in enumerate(lines):
+        if line[0] == "refute":
+            steps = [[[[], [0, [gate, which], [gate, which]]]] for gate in gates for which in (0, 1, 2)]
+            steps += [[[[], [[gate, which]]]] for gate in gates for which in (0, 1, -1)]
+            steps += [[[[gate], [], []]] for gate in gates] + [[[[-gate], [1], []], [[], [0, 1]]] for gate in gates]
+            steps += [[[[0], [1], []], [[], [1]]], [[[], [-1]]], [[[], [0, -1]]], [[[], [True]]], [[[], [0, 0, 0]]]]
+            steps += [[[[0], [0]], [[], [1]]], [[[0], [0, 0]], [[], [1, 1]]], [[]], [[[], [], [], []]], [[[]]], []]
+            for step in steps:
+                yield [*lines[:index], ["refute", *step], *lines[index + 1 :]]
+            yield [*lines[:index], ["refute", *line[1:], [[], [0]]], *lines[index + 1 :]]
+            break
+    for index, line in enumerate(lines):
+        if line[0] == "orders":
+            for a, b in ((0, 0), (0, 1), (1, 0), (1, 2), (1, 1)):
+                for bound in ("0", "1", "1/2", "-1"):
+                    for path in ([], [0], [0, 0], [0, 1], [1, 0], [-1], [True]):
+                        yield [*lines[:index], [*line, [a, b, path, bound, []]], *lines[index + 1 :]]
+            yield [*lines[:index], [*line, *line[1:]], *lines[index + 1 :]]
+        if line[0] == "cycle":
+            for path in ([], [0], [1], [0, 0], [*line[1], *line[1]], line[1][:-1], line[1][::-1]):
+                for multiples in (line[2], [], [[0, 1]]):
+                    yield [*lines[:index], ["cycle", path, multiples], *lines[index + 1 :]]
+
+
+def verdict(found: Any) -> Any:
+    """What is claimed; None if it is rejected."""
+    if isinstance(found, str):
+        return None
+    return found.kind, found.text, found.obligations, found.refuted
+
+
+def _judges(by: Checker, case: adversary.Case, tried: list[tuple[list[Any], Any]]) -> bool:
+    return all(verdict(case.attempt(lines, by)) == want for lines, want in tried)
+
+
+def leaf_changes(lines: list[Line]) -> Iterator[list[Line]]:
+    """Each place of each line changed a little: another number, a twin of another type, something more, nothing."""
+    for index, line in enumerate(lines):
+        for new in _changes(line):
+            yield [*lines[:index], new, *lines[index + 1 :]]
+        yield [*lines[:index], *lines[index + 1 :]]
+        yield [*lines[:index], line, *lines[index:]]
+
+
+def some(changes: Iterator[list[Line]], count: int) -> list[list[Line]]:
+    every = list(changes)
+    return every[:: max(1, len(every) // count)]
+
+
+def _changes(value: Any) -> Iterator[Any]:
+    if isinstance(value, list):
+        for index, each in enumerate(value):
+            for new in _changes(each):
+                yield [*value[:index], new, *value[index + 1 :]]
+        yield value[:-1]
+        yield [*value, value[-1] if value else 0]
+    elif isinstance(value, bool):
+        yield from (not value, int(value), None)
+    elif isinstance(value, int):
+        yield from (value + 1, value - 1, -value, str(value), bool(value), float(value), str(Fraction(value)), 10**9)
+    else:
+        yield from (1, f"{value}0", f"{value}/1", None, [value])
+        if isinstance(value, str) and RATIONAL.fullmatch(value):
+            for away in (Fraction(1, 1000), Fraction(1, 2), Fraction(3)):
+                yield from (str(Fraction(value) + away), str(Fraction(value) - away))
+
+
+def commands(folder: Path) -> Iterator[tuple[str, Holds]]:
+    """The command, with honest certificates and demands that they meet or do not."""
+    for files, kinds in (
+        (tools.NAVIGATION, ("plan", "box", "maximal", "region")),
+        (tools.GENERATOR, ("plan", "box", "maximal", "region")),
+        (DELIVERY, ("box",)),
+    ):
+        for kind in kinds:
+            path = folder / f"{files[0].parent.name}-{kind}.cert"
+            write(tools.made(files, kind), path)
+            for demanded in demands(path, files, folder):
+                name = "demanded of" if demanded else "honest"
+                yield f"{name} {path.stem} {demanded}", partial(_answers, path=path, files=files, demanded=demanded)
+
+
+def demands(path: Path, files: Any, folder: Path) -> Iterator[dict[str, Any]]:
+    yield {}
+    if files is not tools.NAVIGATION:
+        return
+    for kind in ("plan", "box", "maximal", "region", "knowledge", "execution"):
+        yield {"kind": kind}
+    for epsilon in ("0", "1/2", "100", "-1", "x", "1/0", ""):
+        yield {"epsilon": epsilon}
+    yield {"assume": ["a=b"]}
+    box = tools.ask(path, files)[1].get("box")
+    if box is not None:
+        for number, changed in enumerate(boxes(box)):
+            wanted = folder / f"{path.stem}-{number}.json"
+            wanted.write_text(json.dumps(changed), encoding="utf-8")
+            for kind in (None, "maximal") if path.stem.endswith("maximal") else (None,):
+                yield {"box": str(wanted), "kind": kind}
+
+
+def boxes(box: dict[str, Any]) -> Iterator[Any]:
+    yield {"parameters": box}
+    yield box
+    yield {}
+    name = next(iter(box))
+    yield {name: box[name]}
+    for end, value in (
+        ("lower", "26"), ("lower", "24"), ("upper", "35"), ("upper", "37"), ("upper", "inf"), ("lower", "-inf"),
+        ("upper", "x"), ("lower_closed", False), ("upper_closed", False), ("lower", "36"), ("upper", "25"),
+    ):  # fmt: skip
+        yield {**box, name: {**box[name], end: value}}
+    yield {each: {"lower": ends["lower"], "upper": ends["upper"]} for each, ends in box.items()}
+
+
+def answered(path: Path, files: Any, demanded: dict[str, Any], by: Checker = tools.CHECKER) -> tuple[int, Any]:
+    code, answer = tools.ask(path, files, by=by, **demanded)
+    return code, None if code else answer
+
+
+def _answers(by: Checker, path: Path, files: Any, demanded: dict[str, Any]) -> bool:
+    return answered(path, files, demanded, by) == expected(path, tuple(files), json.dumps(demanded))
+
+
+@cache
+def expected(path: Path, files: tuple[Path, ...], demanded: str) -> tuple[int, Any]:
+    return answered(path, files, json.loads(demanded))
+
+
+# -- plans with choices ------------------------------------------------------------------------------------------------
+
+
+def with_choices(folder: Path) -> Iterator[tuple[str, Holds]]:
+    """Formulas against the oracle, executions against the referee, certificates of both kinds."""
+    for seed in range(16):
+        path = random_plan(seed, 0, Shape(top=4, inner=2)).write(folder / f"choices-{seed}")
+        plan = load_team_plan(path)
+        found = Oracle(plan).decide()
+        yield f"oracle {seed}", partial(_decides, path=path, exists=found.verdict is Existence.EXISTS)
+        if found.witness is not None:
+            yield (
+                f"executions {seed}",
+                partial(_referees, path=path, known=executions(plan, found.witness, Random(seed))),
+            )
+        else:
+            lines = knowledge(path, tools.EPSILON, Deadline.after(60))
+            write(lines, folder / f"{seed}.cert")
+            for demanded in ({}, {"kind": "knowledge"}, {"kind": "execution"}, {"kind": "plan"}, {"assume": ["a=b"]}):
+                yield (
+                    f"knowledge {seed}",
+                    partial(_answers, path=folder / f"{seed}.cert", files=(path,), demanded=demanded),
+                )
+    assumed = {"xA1": "glass", "xA2": "coffee"}
+    witness = Oracle(load_team_plan(KITCHEN)).decide().witness
+    assert witness is not None
+    for kind, lines in {
+        "knowledge": knowledge(KITCHEN, tools.EPSILON, Deadline.after(60), assumed),
+        "execution": execution(KITCHEN, tools.EPSILON, witness.scenario, witness.schedule),
+    }.items():
+        write(lines, folder / f"{kind}.cert")
+        both = ["xA1=glass", "xA2=coffee"]
+        for assume in ([], both, both[:1], [*both, "xA3=bagel"], ["xA1=mug"], ["xA1"], ["xA1=glass", "xA2=juice"]):
+            for asked in (None, kind, "plan"):
+                demanded = {"kind": asked, "assume": assume}
+                yield (
+                    f"kitchen {kind} {demanded}",
+                    partial(_answers, path=folder / f"{kind}.cert", files=(KITCHEN,), demanded=demanded),
+                )
+        for number, new in enumerate(some(leaf_changes(lines), 60)):
+            write(new, folder / f"{kind}-{number}.cert")
+            yield (
+                f"leaves of {kind}",
+                partial(_answers, path=folder / f"{kind}-{number}.cert", files=(KITCHEN,), demanded={}),
+            )
+
+
+def _decides(by: Checker, path: Path, exists: bool) -> bool:
+    made = stated(by, path, None)
+    return (
+        model(made.formulas, KnownFacts([]), made.circuit.all(made.parts), Deadline.after(60)) is not None
+    ) == exists
+
+
+def stated(by: Checker, path: Path, found: list[Any] | None) -> Any:
+    document = by.choices.network_of(path.read_text(encoding="utf-8"))
+    texts = [(path.parent / document[each]).read_text(encoding="utf-8") for each in ("domain", "problem")]
+    return by.choices.Choices(document, *texts, tools.EPSILON, found)
+
+
+def executions(plan: Any, witness: Execution, random: Random) -> list[tuple[Execution, bool]]:
+    """The witness and others like it, with whether they are correct."""
+    found = [(witness, True)]
+    step = Fraction(1, 1000)
+    for _ in range(14):
+        times = dict(witness.schedule)
+        for event in random.sample(sorted(times), random.choice([1, 1, 2, 3])):
+            other = random.choice(sorted(times))
+            away = random.choice([-step, step, step / 2, 2 * step, Fraction(0)])
+            times[event] = random.choice([times[event] + away, times[other] + away])
+        one = Execution(witness.scenario, times)
+        found.append((one, not faults(plan, one)))
+    return found
+
+
+def _referees(by: Checker, path: Path, known: list[tuple[Execution, bool]]) -> bool:
+    free = stated(by, path, None)
+    for one, correct in known:
+        values = [values.index(one.scenario[name]) for name, values in free.domains.items()]
+        times = [str(one.schedule[event]) if event in one.schedule else None for event in free.guards]
+        made = stated(by, path, [values, times])
+        if all(part == TRUE for part in made.parts) != correct:
+            return False
+    return True
