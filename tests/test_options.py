@@ -143,6 +143,18 @@ ORDER = "expected LOW:HIGH with LOW not above HIGH"
             lambda: certify(1, alethe=Path()),
             "found --alethe with a plan with choices; expected it with DOMAIN PROBLEM PLAN",
         ),
+        (
+            lambda: certify(1, kind="box"),
+            "found --kind box with a plan with choices; expected execution or knowledge",
+        ),
+        (
+            lambda: certify(3, assume=("a=b",)),
+            "found --assume with DOMAIN PROBLEM PLAN; expected it with a plan with choices",
+        ),
+        (
+            lambda: certify(3, kind="knowledge"),
+            "found --kind knowledge with DOMAIN PROBLEM PLAN; expected it with a plan with choices",
+        ),
         (lambda: certify(3, box=Path()), "found --box with --kind plan; expected it with box or maximal"),
         (
             lambda: certify(2, box=Path(), kind="region"),
@@ -170,7 +182,8 @@ def test_what_belongs_together_is_accepted():
     assert region(latex=True).latex
     assert region(json=True, timeout=0).limit == 0
     assert (execute(planner="aries", runs=1, replans=0).runs, execute(plan=Path()).plan) == (1, Path())
-    assert certify(1, box=Path(), kind="plan").box == certify(3, box=Path(), kind="maximal").box == Path()
+    assert certify(1, kind="execution").kind == "execution"
+    assert certify(3, box=Path(), kind="maximal").box == Path()
     assert certify(3, alethe=Path(), kind="maximal").alethe == Path()
     assert EnvelopeOptions(method="irr", order="a, b", beta="1/2", timeout=2e9).order == ("a", "b")
 

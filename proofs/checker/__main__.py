@@ -61,13 +61,13 @@ def checked(certificate: Path, files: list[Path], epsilon: Fraction, inputs: Inp
     demand(len(files) == (1 if with_choices else 3), f"a certificate of kind {kind} is about other files")
     if with_choices:
         network = network_of(inputs.text("network", files[0]))
-        texts = [inputs.text(each, files[0].parent / network[each]) for each in ("domain", "problem")]
-        claim = check_choices(Tape(lines), (network, *texts), kind, stated, epsilon)
+        domain, problem = (inputs.text(each, files[0].parent / network[each]) for each in ("domain", "problem"))
+        claim = check_choices(Tape(lines), (network, domain, problem), kind, stated, epsilon)
         require_choices(claim, demanded)
         return claim
-    texts = [inputs.text(each, path) for each, path in zip(("domain", "problem", "plan"), files)]
+    domain, problem, text = (inputs.text(each, path) for each, path in zip(("domain", "problem", "plan"), files))
     beside = files[2].with_suffix(".toml")
-    plan = ground(*texts, inputs.text("parameters", beside) if beside.is_file() else "")
+    plan = ground(domain, problem, text, inputs.text("parameters", beside) if beside.is_file() else "")
     claim = check(Tape(lines), plan, kind, stated, epsilon)
     require(plan, claim, demanded)
     return claim

@@ -43,13 +43,16 @@ class Range:
 
     def within(self, other: "Range") -> bool:
         """Whether every value of this range, which is not empty, is one of the other."""
-        low = other.lower is None or (self.lower is not None and self.lower >= other.lower)
-        high = other.upper is None or (self.upper is not None and self.upper <= other.upper)
-        low_open = self.lower == other.lower and self.lower_closed and not other.lower_closed and self.lower is not None
-        high_open = (
-            self.upper == other.upper and self.upper_closed and not other.upper_closed and self.upper is not None
+        ends = (
+            (self.lower, self.lower_closed, other.lower, other.lower_closed, 1),
+            (self.upper, self.upper_closed, other.upper, other.upper_closed, -1),
         )
-        return low and high and not low_open and not high_open
+        for end, closed, limit, limit_closed, sign in ends:
+            if limit is not None and (end is None or sign * end < sign * limit):
+                return False
+            if limit is not None and end == limit and closed and not limit_closed:
+                return False
+        return True
 
 
 Box = dict[str, Range]
@@ -118,9 +121,7 @@ def box_of(ground: Ground, stated: object) -> Box:
         low, low_closed, high, high_closed = listed(text, 4)
         demand(type(low_closed) is type(high_closed) is bool, "expected true or false")
         ends = (None if low is None else rational(low), None if high is None else rational(high))
-        demand(
-            (low is not None or not low_closed) and (high is not None or not high_closed), "an infinite end is closed"
-        )
+        demand(not (low is None and low_closed) and not (high is None and high_closed), "an infinite end is closed")
         found[name] = Range(ends[0], low_closed, ends[1], high_closed)
         if ends[0] is not None and ends[1] is not None:
             demand(ends[0] < ends[1] or (ends[0] == ends[1] and low_closed and high_closed), "the box is empty")

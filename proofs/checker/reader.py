@@ -115,19 +115,8 @@ PARTS = {
     ":durative-action": {":parameters", ":duration", ":condition", ":effect", ":synth-parameters"},
     ":action": {":parameters", ":precondition", ":effect", ":synth-parameters"},
 }
-KNOWN = {
-    ":domain",
-    ":types",
-    ":constants",
-    ":objects",
-    ":predicates",
-    ":functions",
-    ":init",
-    ":goal",
-    "domain",
-    "problem",
-}
-KNOWN |= {":synth-parameters", ":requirements", ":metric", ":length"}
+KNOWN = {"domain", "problem", ":domain", ":types", ":constants", ":objects", ":predicates", ":functions", ":init"}
+KNOWN |= {":goal", ":synth-parameters", ":requirements", ":metric", ":length"}
 COMPARISONS = {"<", "<=", "=", ">=", ">"}
 RESERVED = {"and", "or", "not", "imply", "forall", "exists", "when", "preference", "increase", "decrease", "assign"}
 RESERVED |= {"scale-up", "scale-down", "either"}

@@ -1,6 +1,6 @@
 """How strong the tests of the checker are: small changes to its text, each of which has to be noticed.
 
-    python -m tests.certify.mutants [MODULE ...] [--only TEXT] [--seconds S]
+    python -m tests.certify.mutants [MODULE ...] [--only PATTERN] [--seconds S]
 
 Every comparison, operator, constant, operand, argument, condition and statement of `proofs/checker/` is changed or left
 out, one at a time. The changed checker runs in this process against the bank of `tests.certify.bank`: honest
@@ -17,6 +17,7 @@ import ast
 import copy
 import gc
 import multiprocessing
+import re
 import resource
 import signal
 import sys
@@ -38,8 +39,8 @@ MODULES = ("reader", "formulas", "proofs", "claims", "choices", "__main__")
 ASKED = {
     "reader": ("reading", "wrong", "forged plan", "oracle", "honest"),
     "formulas": ("reading", "forged", "oracle", "honest"),
-    "proofs": ("forged", "leaves", "honest"),
-    "claims": ("forged", "leaves", "honest", "demanded"),
+    "proofs": ("forged", "leaves of plan", "leaves of network", "honest two"),
+    "claims": ("forged plan", "leaves of plan", "honest", "demanded"),
     "choices": ("oracle", "executions", "wrong network", "knowledge", "leaves of network", "leaves of ex", "honest"),
     "__main__": ("wrong", "honest", "demanded", "kitchen", "main"),
 }
@@ -327,10 +328,12 @@ def measure(arguments: tuple[str, int, int, str, float]) -> list[tuple[tuple[str
     bank, found = [Probe(*each) for each in probes() if each[0].startswith(ASKED[module])], []
     gc.disable()
     for number, mutant in enumerate(mutants(module)):
-        if number % step == first and only in f"{mutant.function} {mutant.after}":
+        if number % step == first and re.search(only, f"{mutant.function} {mutant.after}"):
             start = time.monotonic()
             noticed = noticed_by(mutant, bank, seconds)
             found.append((mutant.key, mutant.before, noticed, time.monotonic() - start))
+            if noticed is None:
+                print(f"unnoticed: {mutant.function}: {mutant.after}", file=sys.stderr, flush=True)
             if number % 20 == first:
                 gc.collect()
     return found
@@ -352,7 +355,7 @@ def accepted() -> dict[tuple[str, str], str]:
 def main() -> int:
     parser = argparse.ArgumentParser(description="Measure the strength of the checker's tests by mutants of its text.")
     parser.add_argument("modules", nargs="*", choices=[[], *MODULES], metavar="MODULE", help=", ".join(MODULES))
-    parser.add_argument("--only", default="", metavar="TEXT", help="only changes whose function or line contains this")
+    parser.add_argument("--only", default="", metavar="PATTERN", help="only changes whose function and line match this")
     parser.add_argument("--seconds", type=float, default=SECONDS, metavar="S", help=f"for each ({SECONDS})")
     parser.add_argument("--processes", type=int, default=2, metavar="N", help="how many at a time (2)")
     parser.add_argument("--verbose", action="store_true", help="say of each change what noticed it")

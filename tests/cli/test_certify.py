@@ -157,8 +157,6 @@ def test_parameters_that_are_asked_for(tmp_path):
     assert (tmp_path / "box.toml").read_text(encoding="utf-8") == '[parameters."cap"]\nfluent = "(tank-size gen)"\n'
     assert command("verify", path, *generator[:2], tmp_path / "box.stn", "--kind", "region").code == 0
     assert command("verify", path, *generator).code == 1
-    stale = command("certify", *generator[:2], EXAMPLES / "generator" / "plan.stn", "-o", path, "--kind", "plan")
-    assert stale.code == 0
 
 
 def test_files_of_another_plan_are_not_overwritten(tmp_path):
