@@ -16,17 +16,23 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from robust.api import envelope
+from robust.certify.bad import _Face
 from robust.certify.checker import reader
 from robust.certify.checker.formulas import TRUE
 from robust.certify.checker.proofs import RATIONAL
 from robust.certify.hints import KnownFacts, Line, model
 from robust.certify.produce import execution, knowledge
-from robust.certify.tape import write
+from robust.certify.tape import header, write
+from robust.encode import create_encoding
 from robust.errors import RobustError
+from robust.irr.widen import DiscoveredBadSet
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.random_plans import Shape, random_plan
 from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
+from robust.plan.load import load_plan
 from robust.plan.simulate import simulate
+from robust.qe.box import Interval, Side
 from robust.smt.limits import Deadline
 from tests.certify import adversary, tools
 from tests.certify.test_reader import DOMAIN, PLAN, PROBLEM, WRONG, broken, compare, key
@@ -49,7 +55,7 @@ def probes() -> list[tuple[str, Holds]]:
 @cache
 def _probes() -> list[tuple[str, Holds]]:
     folder = Path(tempfile.mkdtemp(prefix="robust-bank-"))
-    return [*readings(), *wrong_texts(), *forged(), *with_choices(folder), *commands(folder)]
+    return [*readings(), *wrong_texts(), *within(), *forged(), *with_choices(folder), *commands(folder)]
 
 
 # -- plans -------------------------------------------------------------------------------------------------------------
@@ -227,6 +233,34 @@ def _changes(value: Any) -> Iterator[Any]:
         if isinstance(value, str) and RATIONAL.fullmatch(value):
             for away in (Fraction(1, 1000), Fraction(1, 2), Fraction(3)):
                 yield from (str(Fraction(value) + away), str(Fraction(value) - away))
+
+
+def within() -> Iterator[tuple[str, Holds]]:
+    """A box inside of a valid one is not maximal: of the face that can be moved, that of the larger box is shown."""
+    texts = [path.read_text(encoding="utf-8") for path in tools.NAVIGATION]
+    plan, ground = load_plan(*tools.NAVIGATION), tools.grounded(tools.NAVIGATION)
+    encoding, widest = create_encoding("relational", plan), envelope(plan).box
+    for moved, each in widest.intervals.items():
+        for away in (Side.LOWER, Side.UPPER):
+            opened = Interval(each.lower, each.upper, away is Side.UPPER, away is Side.LOWER)
+            smaller = widest.replace(moved, opened)
+            lines = [header("maximal", smaller), *tools.made(tools.NAVIGATION, "box", box=smaller)[1:]]
+            for name in widest.intervals:
+                for side in (Side.LOWER, Side.UPPER):
+                    box = widest if (name, side) == (moved, away) else smaller
+                    end = box[name].end(side)
+                    assert end is not None
+                    bad = DiscoveredBadSet(encoding)
+                    face = _Face(
+                        ground=ground, encoding=encoding, box=box, bad=bad, name=name, side=side, end=end,
+                        deadline=Deadline.after(60),
+                    )  # fmt: skip
+                    lines += face.lines()
+            yield f"within {moved} {away.value}", partial(_refuses, texts=texts, lines=lines)
+
+
+def _refuses(by: Checker, texts: list[str], lines: list[Line]) -> bool:
+    return isinstance(tools.judged(lines, by.reader.ground(*texts), by=by), str)
 
 
 def commands(folder: Path) -> Iterator[tuple[str, Holds]]:

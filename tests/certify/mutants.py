@@ -40,14 +40,14 @@ ASKED = {
     "reader": ("reading", "wrong", "forged plan", "oracle", "honest"),
     "formulas": ("reading", "forged", "oracle", "honest"),
     "proofs": ("forged", "leaves of plan", "leaves of network", "honest two"),
-    "claims": ("forged plan", "leaves of plan", "honest", "demanded"),
+    "claims": ("within", "forged plan", "leaves of plan", "honest", "demanded"),
     "choices": ("oracle", "executions", "wrong network", "knowledge", "leaves of network", "leaves of ex", "honest"),
     "__main__": ("wrong", "honest", "demanded", "kitchen", "main"),
 }
 """What is asked of a change of a module: beginnings of the names of probes."""
 TEXTS = {name: (FOLDER / f"{name}.py").read_text(encoding="utf-8") for name in MODULES}
 SECONDS = 20
-"""After which a changed checker counts as noticed: it does not end."""
+"""Of processor time, after which a changed checker counts as noticed: it does not end."""
 MORE_MEMORY = 3 << 30
 
 Operators = dict[type[ast.AST], tuple[type[ast.AST], ...]]
@@ -259,13 +259,13 @@ def limit(seconds: float) -> Iterator[None]:
     def stop(*_: object) -> None:
         raise OutOfTime
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def load(changed: str | None = None, code: Any = None) -> Checker:

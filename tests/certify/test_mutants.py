@@ -7,7 +7,7 @@ import ast
 import pytest
 
 from tests.certify import tools
-from tests.certify.bank import leaf_changes, named, probes
+from tests.certify.bank import leaf_changes, named, probes, within
 from tests.certify.mutants import ASKED, TEXTS, Probe, accepted, load, mutants, noticed_by
 
 BELIEVES_MORE = [
@@ -15,7 +15,7 @@ BELIEVES_MORE = [
     ("proofs", "lemma", "value < 1 or"),
     ("proofs", "hinted", "demand(whole(gate, len(formulas.circuit.nodes)) > 0, "),
     ("proofs", "Tape.finish", "pass  # instead of: demand"),
-    ("claims", "check_faces", "away >= 0 if closed"),
+    ("claims", "check_faces", "demand(away > 0, "),
     ("reader", "Ground.read", "pass  # instead of: self.edges +="),
     ("formulas", "mutex", "a == b and other in HARM[kind]"),
 ]
@@ -42,6 +42,19 @@ def test_refutations_that_somebody_might_try(kind):
             count += 1
     assert count > 300
     assert sum(1 for _ in leaf_changes(lines)) > 300
+
+
+def test_a_box_without_one_of_its_faces_is_not_maximal():
+    """What is shown beyond the face of the larger box says nothing of the face itself, which could be added."""
+    found = list(within())
+    assert len(found) == 4
+    assert all(holds(tools.CHECKER) for _, holds in found)
+    for mutant in mutants("claims"):
+        if mutant.after.startswith("demand(away > 0, "):
+            assert not all(holds(load("claims", compile(mutant.tree, "claims", "exec"))) for _, holds in found)
+            break
+    else:
+        raise AssertionError("the change of check_faces is not made")
 
 
 @pytest.mark.slow
