@@ -17,7 +17,7 @@ from robust.pike_bridge.knowledge.interface import (
     OutOfSpaceError,
     narrowing,
 )
-from robust.pike_bridge.knowledge.orders import elimination_order
+from robust.pike_bridge.knowledge.orders import race
 from robust.pike_bridge.model import Assignment, Guard
 from robust.pike_bridge.theory import Formula, Theory, assignments_of, evaluate, interpret, is_consistent
 from robust.smt.limits import NEVER, Deadline
@@ -29,6 +29,8 @@ GLANCE = 32
 
 Node: TypeAlias = Any
 """A function in `dd`, which has no types."""
+_Item: TypeAlias = tuple[Collection[str], int, "Formula | frozenset[Assignment] | str"]
+"""A constraint, conflict, or variable whose digits must be a value, with its variables and its rank among equals."""
 
 
 def create_manager() -> Any:
@@ -225,26 +227,25 @@ class BddKnowledgeBase(KnowledgeBase):
         return families, found
 
     def _compile(self, deadline: Deadline) -> Node:
+        parts: list[_Item] = [(_variables(each), 2, each) for each in self.theory.constraints]
         conflicts = [each for each in dict.fromkeys(self.theory.conflicts) if is_consistent(each)]
-        mentioned = [{one.variable for one in assignments_of(each)} for each in self.theory.constraints]
-        excluded = [{one.variable for one in each} for each in conflicts]
-        order = elimination_order(tuple(self.theory.domains), [*mentioned, *excluded])
+        parts += [({one.variable for one in each}, 1, each) for each in conflicts]
+        domains: list[_Item] = [({variable}, 0, variable) for variable in self.theory.domains]
+        groups = [variables for variables, _, _ in parts]
+
+        def compile_in(order: Sequence[str], space: int) -> Node:
+            return self._conjoined([*parts, *domains], order, space, deadline)
+
+        return race(tuple(self.theory.domains), groups, self._largest_diagram, compile_in)
+
+    def _conjoined(self, parts: Iterable[_Item], order: Sequence[str], space: int, deadline: Deadline) -> Node:
+        """From the last variables to the first, so that what is built already stays as it is below what is new."""
         self._diagrams = Diagrams(self.theory.domains, order)
         place = {variable: at for at, variable in enumerate(order)}
-
-        # From the last variables to the first, so that what is built already stays as it is below the new constraint.
-        work: list[tuple[int, int, Formula | frozenset[Assignment] | str]] = []
-        work += [
-            (_first(group, place), 2, formula)
-            for group, formula in zip(mentioned, self.theory.constraints, strict=True)
-        ]
-        work += [(_first(group, place), 1, conflict) for group, conflict in zip(excluded, conflicts, strict=True)]
-        work += [(place[variable], 0, variable) for variable in order if self._diagrams.digits[variable]]
-        work.sort(key=lambda item: (-item[0], item[1]))
         root = self._diagrams.manager.true
-        for _, _, item in work:
+        for _, _, item in sorted(parts, key=lambda part: (-_first(part[0], place), part[1])):
             root &= self._part(item)
-            self._look(deadline)
+            self._look(deadline, space)
             self.statistics.sizes["diagram nodes"] = len(root)
         return root
 
@@ -264,14 +265,18 @@ class BddKnowledgeBase(KnowledgeBase):
         for number, conflict in enumerate(asked.conflicts):
             deadline.enforce()
             if number % GLANCE == GLANCE - 1:
-                self._look(deadline)
+                self._look(deadline, self._largest_diagram)
             root &= ~self._diagrams.environment(conflict)
         return root
 
-    def _look(self, deadline: Deadline) -> None:
+    def _look(self, deadline: Deadline, space: int) -> None:
         deadline.enforce()
-        if len(self._diagrams.manager) > self._largest_diagram:
+        if len(self._diagrams.manager) > space:
             raise OutOfSpaceError
+
+
+def _variables(formula: Formula) -> set[str]:
+    return {one.variable for one in assignments_of(formula)}
 
 
 def _first(group: Collection[str], place: Mapping[str, int]) -> int:

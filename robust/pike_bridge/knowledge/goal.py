@@ -4,8 +4,7 @@ The label has too many environments to be listed where a plan is feasible in man
 alike share nodes: 10²³ prime implicants take hundreds of nodes. Constraints and conflicts that share no variables, not
 even through others, are parts with prime implicants of their own, and those of all are the products of these.
 
-How large diagrams get hangs on the order of variables. Of two orders, each is given a little space in turn, and more
-in each round, until one is enough.
+How large diagrams get hangs on the order of variables, so that two are tried.
 """
 
 from __future__ import annotations
@@ -16,17 +15,13 @@ from math import prod
 from typing import Final
 
 from robust.pike_bridge.knowledge.diagrams import FALSE, TRUE, Choice, Functions
-from robust.pike_bridge.knowledge.interface import Narrowing, OutOfSpaceError
-from robust.pike_bridge.knowledge.orders import elimination_order, force_order
+from robust.pike_bridge.knowledge.interface import Narrowing
+from robust.pike_bridge.knowledge.orders import race
 from robust.pike_bridge.model import Assignment, Guard
 from robust.smt.limits import Deadline
 
 LARGEST_GOAL: Final = 8_000_000
 """Nodes and results of operations that are remembered."""
-FIRST_TRY: Final = 200_000
-"""Of these, for each order in the first round."""
-PATIENCE: Final = 4
-"""How much more in each round."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,20 +243,15 @@ def compile_goal(
     Raises:
         OutOfTimeError: if the deadline passes, or the diagrams of both orders get too large.
     """
-    names = tuple(domains)
     groups = [{each.variable for environment in label for each in environment} for label in labels]
     groups += [{each.variable for each in conflict} for conflict in conflicts]
-    orders = (elimination_order(names, groups), force_order(names, groups))
-    space = min(FIRST_TRY, largest)
-    while True:
-        for order in orders:
-            try:
-                return _compile(Diagrams(domains, order, space), labels, conflicts, deadline)
-            except OutOfSpaceError:
-                continue
-        if space == largest:
-            raise OutOfSpaceError
-        space = min(PATIENCE * space, largest)
+
+    def compile_in(order: Sequence[str], space: int) -> Goal:
+        goal = _compile(Diagrams(domains, order, space), labels, conflicts, deadline)
+        goal.label(deadline)
+        return goal
+
+    return race(tuple(domains), groups, largest, compile_in)
 
 
 def _compile(
@@ -281,9 +271,7 @@ def _compile(
         group.sort(key=lambda part: min(part.variables, default=0))
         function = functions.all([part.function for part in group], deadline)
         parts.append(Part(frozenset().union(*(part.variables for part in group)), function))
-    goal = Goal(diagrams, (FALSITY,) if any(part.function == FALSE for part in parts) else tuple(parts))
-    goal.label(deadline)
-    return goal
+    return Goal(diagrams, (FALSITY,) if any(part.function == FALSE for part in parts) else tuple(parts))
 
 
 def independent(parts: Sequence[Part]) -> list[list[Part]]:

@@ -2,11 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from heapq import heapify, heappop, heappush
+from typing import Final, TypeVar
+
+from robust.pike_bridge.knowledge.interface import OutOfSpaceError
+
+T = TypeVar("T")
 
 ROUNDS = 40
 """Of the FORCE heuristic."""
+FIRST_TRY: Final = 200_000
+"""The space that each order gets in the first round of a race."""
+MORE: Final = 4
+"""Times as much in each further round."""
+
+
+def race(
+    variables: Sequence[str],
+    groups: Sequence[Collection[str]],
+    largest: int,
+    compile_in: Callable[[Sequence[str], int], T],
+) -> T:
+    """What is compiled in the first of two orders that needs little space: each is given some, and more in each round.
+
+    Elimination suits plans, whose supports hang on a few choices; FORCE suits constraints that lie in a row.
+
+    Args:
+        groups: the variables of each constraint.
+        compile_in: compiles in an order and a space; OutOfSpaceError if that is too small.
+
+    Raises:
+        OutOfSpaceError: if both orders need more than the largest space.
+    """
+    orders = (elimination_order(variables, groups), force_order(variables, groups))
+    space = min(FIRST_TRY, largest)
+    while True:
+        for order in orders:
+            try:
+                return compile_in(order, space)
+            except OutOfSpaceError:
+                continue
+        if space == largest:
+            raise OutOfSpaceError
+        space = min(MORE * space, largest)
 
 
 def elimination_order(variables: Sequence[str], groups: Sequence[Collection[str]]) -> list[str]:

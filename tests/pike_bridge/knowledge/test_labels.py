@@ -9,7 +9,7 @@ from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
 from robust.pike_bridge.knowledge.diagrams import NOTHING, UNIT, Families
 from robust.pike_bridge.knowledge.interface import Effort, Exclude, KnowledgeStatistics, OutOfSpaceError, Require
 from robust.pike_bridge.knowledge.network import NodeKind, simplify
-from robust.pike_bridge.knowledge.orders import elimination_order, force_order
+from robust.pike_bridge.knowledge.orders import force_order
 from robust.pike_bridge.knowledge.tms import Atms, PiTms
 from robust.pike_bridge.model import Assignment, Vocabulary, guard
 from robust.pike_bridge.theory import All, Is, Not, Some, Theory, conjunction, is_consistent
