@@ -6,10 +6,8 @@ from hypothesis import strategies as st
 
 from robust.pike_bridge.knowledge import labels
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
-from robust.pike_bridge.knowledge.diagrams import NOTHING, UNIT, Families
 from robust.pike_bridge.knowledge.interface import Effort, Exclude, KnowledgeStatistics, OutOfSpaceError, Require
 from robust.pike_bridge.knowledge.network import NodeKind, simplify
-from robust.pike_bridge.knowledge.orders import force_order
 from robust.pike_bridge.knowledge.tms import Atms, PiTms
 from robust.pike_bridge.model import Assignment, Vocabulary, guard
 from robust.pike_bridge.theory import All, Is, Not, Some, Theory, conjunction, is_consistent
@@ -148,27 +146,6 @@ def test_simplification_puts_units_into_effect():
     simplified = simplify(theory, Deadline())
     assert simplified == Theory(domains, (Some((y1, x2)),), (guard({"x": "1"}), guard({"x": "2", "y": "1"})))
     assert simplify(Theory(domains, (All((x1, x2)),)), Deadline()).constraints == (Some(()),)
-
-
-def test_families():
-    families = Families()
-    first = families.branch(0, UNIT, (UNIT, NOTHING))
-    assert families.branch(0, UNIT, (NOTHING, NOTHING)) == UNIT
-    assert families.branch(0, UNIT, (UNIT, NOTHING)) == first
-    assert set(families.environments([first])) == {(), ((0, 0),)}
-    assert families.count(families.difference(first, UNIT, Deadline()), Deadline()) == 1
-    assert families.difference(UNIT, first, Deadline()) == NOTHING
-
-
-def test_groups_are_kept_together():
-    groups = [("a", "f"), ("f", "b"), ("b", "e"), ("e", "c"), ("c", "d"), ()]
-    order = force_order("abcdef", groups)
-    assert sorted(order) == list("abcdef")
-
-    def spans(names):
-        return sum(abs(names.index(one) - names.index(other)) for one, other in filter(None, groups))
-
-    assert spans(order) < spans(list("abcdef"))
 
 
 Z1, Z2 = Is(Assignment("z", "1")), Is(Assignment("z", "2"))
