@@ -285,7 +285,7 @@ class Families:
             elif one != NOTHING:
                 branching = self._branchings[one]
                 stack.append(((branching.unassigned, *rest), made))
-                for number, part in enumerate(branching.assigned):
+                for number, part in reversed(list(enumerate(branching.assigned))):
                     stack.append(((part, *rest), (*made, (branching.variable, number))))
 
     def _difference(self, pair: tuple[int, int]) -> int | list[tuple[int, int]]:
