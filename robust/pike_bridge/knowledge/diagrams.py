@@ -37,7 +37,7 @@ class Functions:
 
     def __init__(self, sizes: Sequence[int], largest: int = sys.maxsize) -> None:
         self.sizes = tuple(sizes)
-        self._largest = largest
+        self.largest = largest
         self._variables = [_LEAF, _LEAF]
         self._parts: list[tuple[int, ...]] = [(), ()]
         self._numbers: dict[tuple[int, tuple[int, ...]], int] = {}
@@ -120,7 +120,7 @@ class Functions:
         return missing or self.branch(variable, tuple(parts))
 
     def _look(self, remembered: int) -> None:
-        if len(self._parts) + remembered > self._largest:
+        if len(self._parts) + remembered > self.largest:
             raise OutOfSpaceError
 
     def _meet(self, first: int, second: int) -> int:
@@ -257,6 +257,9 @@ class Families:
 
     def difference(self, first: int, second: int, deadline: Deadline) -> int:
         """The environments of the first set that are not in the second."""
+        known = self._known_difference(first, second)
+        if known != _UNKNOWN:
+            return known
         return evaluate((first, second), self._differences, self._difference, deadline)
 
     def count(self, family: int, deadline: Deadline) -> int:
@@ -288,12 +291,13 @@ class Families:
                 for number, part in reversed(list(enumerate(branching.assigned))):
                     stack.append(((part, *rest), (*made, (branching.variable, number))))
 
-    def _difference(self, pair: tuple[int, int]) -> int | list[tuple[int, int]]:
-        first, second = pair
+    def _known_difference(self, first: int, second: int) -> int:
         if first in (NOTHING, second):
             return NOTHING
-        if second == NOTHING:
-            return first
+        return first if second == NOTHING else self._differences.get((first, second), _UNKNOWN)
+
+    def _difference(self, pair: tuple[int, int]) -> int | list[tuple[int, int]]:
+        first, second = pair
         left, right = self._branchings[first], self._branchings[second]
         if left.variable < right.variable:
             pairs = [(left.unassigned, second)]
@@ -301,10 +305,11 @@ class Families:
             pairs = [(first, right.unassigned)]
         else:
             pairs = [(left.unassigned, right.unassigned), *zip(left.assigned, right.assigned, strict=True)]
-        missing = [each for each in pairs if each not in self._differences]
+        known = [self._known_difference(*each) for each in pairs]
+        missing = [each for each, value in zip(pairs, known, strict=True) if value == _UNKNOWN]
         if missing:
             return missing
-        unassigned, *assigned = map(self._differences.__getitem__, pairs)
+        unassigned, *assigned = known
         if right.variable < left.variable:
             return unassigned
         return self.branch(left.variable, unassigned, tuple(assigned) or left.assigned)

@@ -247,11 +247,12 @@ def compile_goal(
     groups += [{each.variable for each in conflict} for conflict in conflicts]
 
     def compile_in(order: Sequence[str], space: int) -> Goal:
-        goal = _compile(Diagrams(domains, order, space), labels, conflicts, deadline)
-        goal.label(deadline)
-        return goal
+        return _compile(Diagrams(domains, order, space), labels, conflicts, deadline)
 
-    return race(tuple(domains), groups, largest, compile_in)
+    goal = race(tuple(domains), groups, largest, compile_in)
+    goal.diagrams.functions.largest = largest
+    goal.label(deadline)
+    return goal
 
 
 def _compile(

@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 ROUNDS = 40
 """Of the FORCE heuristic."""
-FIRST_TRY: Final = 200_000
+FIRST_TRY: Final = 500_000
 """The space that each order gets in the first round of a race."""
 MORE: Final = 4
 """Times as much in each further round."""
