@@ -274,6 +274,7 @@ class Figure21Options(LocalOptions, Plot):
 
     instances: int = _count(500, "how many random plans")
     seed: int = _count(0, "which random plans")
+    feasible: bool = option(False, "large plans that are feasible in many ways, instead of the paper's")
     backends: tuple[str, ...] = _inner(("pitms",), "who counts implicants")
     limit: float | None = _limit("60", _KILLED)
 

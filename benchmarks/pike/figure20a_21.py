@@ -2,7 +2,8 @@
 
 Every run is a whole process with a limit of its own, from files to the answer. The plans are generated from a seed.
 Figure 20a is the time of compilation over the number of candidate subplans; Figure 21 the number
-of prime implicants over that of models, for the plans that admit a correct execution.
+of prime implicants over that of models, for the plans that admit a correct execution. The paper's plans are mostly
+infeasible; a second family is feasible, and in many ways.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from itertools import count, islice
 from math import log10
 from pathlib import Path
 from statistics import mean, median
@@ -18,8 +20,10 @@ from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, TypeVar
 
 from robust.errors import InputError
-from robust.pike_bridge.random_plans import random_plan
+from robust.pike_bridge.action_model import Instance
+from robust.pike_bridge.random_plans import DEFAULT, FEASIBLE, random_plan
 from robust.pike_bridge.scenarios import candidate_subplans
+from robust.pike_bridge.semantics import Existence, Oracle
 from robust.show.drawing import BLACK, BLUE
 
 from ..catalogue import Figure20aOptions, Figure21Options
@@ -30,6 +34,8 @@ from ..engine.show import COLOURS, Columns, Panel, Series, Table, family, middle
 GRACE = 5.0
 """Seconds after its own limit until a process is ended."""
 STAGES = ("precedence", "links", "conflicts", "knowledge", "search")
+FEWEST, MOST = 50, 120
+"""Activities of the plans that are feasible in many ways."""
 _OUT_OF_TIME = 3
 Found = TypeVar("Found")
 
@@ -70,16 +76,38 @@ class TeamRun:
         return f"{outcome}, {self.seconds:.2f} s"
 
 
-def instance_name(seed: int, index: int) -> str:
+def instance_name(seed: int, index: int, feasible: bool = False) -> str:
     """Of a random plan."""
-    return f"random_{seed}_{index:03}"
+    return f"{'feasible' if feasible else 'random'}_{seed}_{index:03}"
 
 
-def run_contender(seed: int, index: int, contender: str, limit: float) -> TeamRun:
+def drawn(seed: int, index: int, feasible: bool) -> Instance:
+    """A random plan of one of the families."""
+    return random_plan(seed, index, FEASIBLE if feasible else DEFAULT)
+
+
+def indices(options: Figure21Options) -> Sequence[int]:
+    """Which plans of the family are asked for."""
+    return _feasible(options.seed, options.instances) if options.feasible else range(options.instances)
+
+
+@cache
+def _feasible(seed: int, instances: int) -> tuple[int, ...]:
+    """The first large plans that admit a correct execution, as the semantic oracle has it."""
+
+    def counts(index: int) -> bool:
+        instance = drawn(seed, index, True)
+        large = FEWEST <= len(instance.network.activities) <= MOST
+        return large and Oracle(instance.plan()).decide().verdict is Existence.EXISTS
+
+    return tuple(islice(filter(counts, count()), instances))
+
+
+def run_contender(seed: int, index: int, contender: str, limit: float, feasible: bool = False) -> TeamRun:
     """Generate the plan, and let the contender answer."""
     command, *options = CONTENDERS[contender]
     with TemporaryDirectory(prefix="robust-bench-") as directory:
-        random_plan(seed, index).write(Path(directory))
+        drawn(seed, index, feasible).write(Path(directory))
         words = ("pike", command, f"{directory}/plan.tpnu.json", *options, "--json", "--timeout", str(limit))
         found = measure.measured((*measure.COMMAND, *words), limit=limit + GRACE)
     answer = json.loads(found.stdout) if found.stdout and not found.timed_out else {}
@@ -90,7 +118,7 @@ def run_contender(seed: int, index: int, contender: str, limit: float) -> TeamRu
     counts = {name: answer.get(name) for name in ("candidate_subplans", "prime_implicants", "models")}
     return TeamRun(
         contender=contender,
-        instance=instance_name(seed, index),
+        instance=instance_name(seed, index, feasible),
         seconds=round(found.seconds, 3),
         memory_mb=round(found.memory_mb, 1),
         satisfiable=satisfiable,
@@ -328,17 +356,20 @@ def _prepare(options: Figure21Options, _: object) -> TeamPlans:
         if name not in CONTENDERS:
             raise InputError(f"--backend: found {name!r}, expected one of {', '.join(CONTENDERS)}")
     plans = []
-    for index in range(options.instances):
-        network = random_plan(options.seed, index).network
+    for index in indices(options):
+        network = drawn(options.seed, index, options.feasible).network
         size = len(network.activities), candidate_subplans(network)
-        plans.append(TeamPlanSize(instance_name(options.seed, index), *size))
+        plans.append(TeamPlanSize(instance_name(options.seed, index, options.feasible), *size))
     return TeamPlans(tuple(plans))
 
 
 def _tasks(options: Figure21Options, _: object) -> list[Task]:
     return [
-        Task(f"{instance_name(options.seed, index)}, {name}", (options.seed, index, name, options.limit or 60.0))
-        for index in range(options.instances)
+        Task(
+            f"{instance_name(options.seed, index, options.feasible)}, {name}",
+            (options.seed, index, name, options.limit or 60.0, options.feasible),
+        )
+        for index in indices(options)
         for name in CONTENDERS
         if not options.backends or name in options.backends
     ]

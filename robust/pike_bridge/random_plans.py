@@ -66,6 +66,9 @@ class Shape:
 
 
 DEFAULT = Shape()
+FEASIBLE = Shape(squeeze=Fraction(0), threat_share=0.02, producer_share=0.9, inner_share=0.6)
+"""Many producers, few threats and time enough: about two in three of the larger plans admit correct executions, so many
+that no list holds their prime implicants."""
 
 
 def random_plan(seed: int, index: int = 0, shape: Shape = DEFAULT) -> Instance:

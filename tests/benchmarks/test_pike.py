@@ -130,6 +130,14 @@ def test_all_contenders_decide_the_same():
     assert "contradicting answers: random_0_000" in rendered(other.tables)
 
 
+def test_plans_that_are_feasible_in_many_ways():
+    report = run("figure20a", instances=1, seed=7, feasible=True, limit=120, backends=("pitms", "bdd"))
+    assert report.agrees
+    assert [each.instance for each in report.rows] == ["feasible_7_000"] * 2
+    assert {each.prime_implicants for each in report.rows} == {177172312909223106183168}
+    assert report.facts.plans[0].activities == 76
+
+
 # -- figure 20b --------------------------------------------------------------------------------------------------------
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import reduce
 from math import prod
 from operator import and_, invert, or_
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
+from robust.pike_bridge.knowledge.diagrams import NOTHING, UNIT, Families
 from robust.pike_bridge.knowledge.interface import (
     Commitment,
     KnowledgeBase,
@@ -17,12 +17,11 @@ from robust.pike_bridge.knowledge.interface import (
     OutOfSpaceError,
     narrowing,
 )
+from robust.pike_bridge.knowledge.orders import race
 from robust.pike_bridge.model import Assignment, Guard
 from robust.pike_bridge.theory import Formula, Theory, assignments_of, evaluate, interpret, is_consistent
 from robust.smt.limits import NEVER, Deadline
 
-ROUNDS = 40
-"""Of the heuristic for orders."""
 LARGEST_DIAGRAM = 5_000_000
 """Nodes; conjunction with one more constraint of this size takes seconds, which no deadline can cut short."""
 GLANCE = 32
@@ -30,129 +29,8 @@ GLANCE = 32
 
 Node: TypeAlias = Any
 """A function in `dd`, which has no types."""
-
-
-def force_order(variables: Sequence[str], groups: Sequence[Collection[str]]) -> list[str]:
-    """An order that keeps each group within a small span.
-
-    The FORCE heuristic (Aloul, Markov and Sakallah, 2003): move each variable to the mean of the centres of its groups,
-    sort, and repeat; the order with the least sum of spans is the result.
-    """
-    order = list(variables)
-    best, least = order, _spans(order, groups)
-    by_variable: dict[str, list[int]] = {variable: [] for variable in variables}
-    for index, group in enumerate(groups):
-        for variable in group:
-            by_variable[variable].append(index)
-    for _ in range(ROUNDS):
-        place = {variable: at for at, variable in enumerate(order)}
-        centres = [sum(place[variable] for variable in group) / len(group) if group else 0.0 for group in groups]
-        target = {
-            variable: sum(centres[index] for index in indices) / len(indices) if indices else float(place[variable])
-            for variable, indices in by_variable.items()
-        }
-        order = sorted(order, key=lambda variable: (target[variable], place[variable]))
-        total = _spans(order, groups)
-        if total >= least:
-            break
-        best, least = order, total
-    return best
-
-
-def _spans(order: Sequence[str], groups: Sequence[Collection[str]]) -> int:
-    place = {variable: at for at, variable in enumerate(order)}
-    return sum(max(map(place.__getitem__, group)) - min(map(place.__getitem__, group)) for group in groups if group)
-
-
-NOTHING: Final = 0
-"""The empty set."""
-UNIT: Final = 1
-"""The set of the empty environment."""
-
-
-class Branching(NamedTuple):
-    """Environments that do not assign a variable, and those that do, by value."""
-
-    variable: int
-    unassigned: int
-    assigned: tuple[int, ...]
-
-
-_CONSTANT: Final = Branching(sys.maxsize, NOTHING, ())
-"""In place of the constants, after all variables."""
-
-
-class Families:
-    """Sets of environments, each by a number; equal sets have equal numbers. Variables are numbered in their order."""
-
-    def __init__(self) -> None:
-        self._branchings: list[Branching] = [_CONSTANT, _CONSTANT]
-        self._numbers: dict[Branching, int] = {}
-        self._differences: dict[tuple[int, int], int] = {}
-        self._counts: dict[int, int] = {NOTHING: 0, UNIT: 1}
-
-    def __len__(self) -> int:
-        return len(self._branchings)
-
-    def branch(self, variable: int, unassigned: int, assigned: tuple[int, ...]) -> int:
-        """The set with these parts, which mention later variables only."""
-        if not any(assigned):
-            return unassigned
-        branching = Branching(variable, unassigned, assigned)
-        if branching not in self._numbers:
-            self._numbers[branching] = len(self._branchings)
-            self._branchings.append(branching)
-        return self._numbers[branching]
-
-    def difference(self, first: int, second: int, deadline: Deadline) -> int:
-        """The environments of the first set that are not in the second."""
-        return evaluate((first, second), self._differences, self._difference, deadline)
-
-    def count(self, family: int, deadline: Deadline) -> int:
-        """How many environments a set has."""
-
-        def step(one: int) -> int | list[int]:
-            branching = self._branchings[one]
-            parts = (branching.unassigned, *branching.assigned)
-            missing = [part for part in parts if part not in self._counts]
-            return missing or sum(map(self._counts.__getitem__, parts))
-
-        return evaluate(family, self._counts, step, deadline)
-
-    def environments(self, family: int) -> Iterator[tuple[tuple[int, int], ...]]:
-        """Each environment of a set, once, as variables with the numbers of their values."""
-        stack: list[tuple[int, tuple[tuple[int, int], ...]]] = [(family, ())]
-        while stack:
-            one, made = stack.pop()
-            if one in (NOTHING, UNIT):
-                if one == UNIT:
-                    yield made
-                continue
-            branching = self._branchings[one]
-            stack.append((branching.unassigned, made))
-            for number, part in enumerate(branching.assigned):
-                stack.append((part, (*made, (branching.variable, number))))
-
-    def _difference(self, pair: tuple[int, int]) -> int | list[tuple[int, int]]:
-        first, second = pair
-        if first in (NOTHING, second):
-            return NOTHING
-        if second == NOTHING:
-            return first
-        left, right = self._branchings[first], self._branchings[second]
-        if left.variable < right.variable:
-            pairs = [(left.unassigned, second)]
-        elif right.variable < left.variable:
-            pairs = [(first, right.unassigned)]
-        else:
-            pairs = [(left.unassigned, right.unassigned), *zip(left.assigned, right.assigned, strict=True)]
-        missing = [each for each in pairs if each not in self._differences]
-        if missing:
-            return missing
-        unassigned, *assigned = map(self._differences.__getitem__, pairs)
-        if right.variable < left.variable:
-            return unassigned
-        return self.branch(left.variable, unassigned, tuple(assigned) or left.assigned)
+_Item: TypeAlias = tuple[Collection[str], int, "Formula | frozenset[Assignment] | str"]
+"""A constraint, conflict, or variable whose digits must be a value, with its variables and its rank among equals."""
 
 
 def create_manager() -> Any:
@@ -213,7 +91,15 @@ class Diagrams:
         if not self.digits[variable]:
             return [node]
         numbers = range(len(self._domains[variable]))
-        return [self.manager.let(self._code(variable, number), node) for number in numbers]
+        return [self._child(node, self._code(variable, number)) for number in numbers]
+
+    def _child(self, node: Node, code: Mapping[str, bool]) -> Node:
+        """What is left of a diagram for one value of its first variable: nodes are followed, none is made."""
+        while node.var in code:
+            # Edges to where the digit is 0 may be complemented, and so may the one that led here.
+            child = node.high if code[node.var] else node.low
+            node = ~child if node.negated else child
+        return node
 
     def depth(self, node: Node) -> int:
         """The place of the first variable that a diagram depends on; after all of them for constants."""
@@ -330,7 +216,7 @@ class BddKnowledgeBase(KnowledgeBase):
         """
         families, implicants = self._primes(deadline)
         order, domains = self._diagrams.order, self.theory.domains
-        for made in families.environments(implicants):
+        for made in families.environments([implicants]):
             yield frozenset(Assignment(order[at], domains[order[at]][number]) for at, number in made)
 
     def _primes(self, deadline: Deadline) -> tuple[Families, int]:
@@ -341,26 +227,25 @@ class BddKnowledgeBase(KnowledgeBase):
         return families, found
 
     def _compile(self, deadline: Deadline) -> Node:
+        parts: list[_Item] = [(_variables(each), 2, each) for each in self.theory.constraints]
         conflicts = [each for each in dict.fromkeys(self.theory.conflicts) if is_consistent(each)]
-        mentioned = [{one.variable for one in assignments_of(each)} for each in self.theory.constraints]
-        excluded = [{one.variable for one in each} for each in conflicts]
-        order = force_order(tuple(self.theory.domains), [*mentioned, *excluded])
+        parts += [({one.variable for one in each}, 1, each) for each in conflicts]
+        domains: list[_Item] = [({variable}, 0, variable) for variable in self.theory.domains]
+        groups = [variables for variables, _, _ in parts]
+
+        def compile_in(order: Sequence[str], space: int) -> Node:
+            return self._conjoined([*parts, *domains], order, space, deadline)
+
+        return race(tuple(self.theory.domains), groups, self._largest_diagram, compile_in)
+
+    def _conjoined(self, parts: Iterable[_Item], order: Sequence[str], space: int, deadline: Deadline) -> Node:
+        """From the last variables to the first, so that what is built already stays as it is below what is new."""
         self._diagrams = Diagrams(self.theory.domains, order)
         place = {variable: at for at, variable in enumerate(order)}
-
-        # From the last variables to the first, so that what is built already stays as it is below the new constraint.
-        work: list[tuple[int, int, Formula | frozenset[Assignment] | str]] = []
-        work += [
-            (_first(group, place), 2, formula)
-            for group, formula in zip(mentioned, self.theory.constraints, strict=True)
-        ]
-        work += [(_first(group, place), 1, conflict) for group, conflict in zip(excluded, conflicts, strict=True)]
-        work += [(place[variable], 0, variable) for variable in order if self._diagrams.digits[variable]]
-        work.sort(key=lambda item: (-item[0], item[1]))
         root = self._diagrams.manager.true
-        for _, _, item in work:
+        for _, _, item in sorted(parts, key=lambda part: (-_first(part[0], place), part[1])):
             root &= self._part(item)
-            self._look(deadline)
+            self._look(deadline, space)
             self.statistics.sizes["diagram nodes"] = len(root)
         return root
 
@@ -380,14 +265,18 @@ class BddKnowledgeBase(KnowledgeBase):
         for number, conflict in enumerate(asked.conflicts):
             deadline.enforce()
             if number % GLANCE == GLANCE - 1:
-                self._look(deadline)
+                self._look(deadline, self._largest_diagram)
             root &= ~self._diagrams.environment(conflict)
         return root
 
-    def _look(self, deadline: Deadline) -> None:
+    def _look(self, deadline: Deadline, space: int) -> None:
         deadline.enforce()
-        if len(self._diagrams.manager) > self._largest_diagram:
+        if len(self._diagrams.manager) > space:
             raise OutOfSpaceError
+
+
+def _variables(formula: Formula) -> set[str]:
+    return {one.variable for one in assignments_of(formula)}
 
 
 def _first(group: Collection[str], place: Mapping[str, int]) -> int:

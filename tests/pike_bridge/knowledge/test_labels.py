@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.pike_bridge.knowledge import labels
-from robust.pike_bridge.knowledge.bdd import NOTHING, UNIT, BddKnowledgeBase, Families, force_order
+from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
 from robust.pike_bridge.knowledge.interface import Effort, Exclude, KnowledgeStatistics, OutOfSpaceError, Require
 from robust.pike_bridge.knowledge.network import NodeKind, simplify
 from robust.pike_bridge.knowledge.tms import Atms, PiTms
@@ -148,27 +148,6 @@ def test_simplification_puts_units_into_effect():
     assert simplify(Theory(domains, (All((x1, x2)),)), Deadline()).constraints == (Some(()),)
 
 
-def test_families():
-    families = Families()
-    first = families.branch(0, UNIT, (UNIT, NOTHING))
-    assert families.branch(0, UNIT, (NOTHING, NOTHING)) == UNIT
-    assert families.branch(0, UNIT, (UNIT, NOTHING)) == first
-    assert set(families.environments(first)) == {(), ((0, 0),)}
-    assert families.count(families.difference(first, UNIT, Deadline()), Deadline()) == 1
-    assert families.difference(UNIT, first, Deadline()) == NOTHING
-
-
-def test_groups_are_kept_together():
-    groups = [("a", "f"), ("f", "b"), ("b", "e"), ("e", "c"), ("c", "d"), ()]
-    order = force_order("abcdef", groups)
-    assert sorted(order) == list("abcdef")
-
-    def spans(names):
-        return sum(abs(names.index(one) - names.index(other)) for one, other in filter(None, groups))
-
-    assert spans(order) < spans(list("abcdef"))
-
-
 Z1, Z2 = Is(Assignment("z", "1")), Is(Assignment("z", "2"))
 P1, P2 = Is(Assignment("s", "eP1")), Is(Assignment("s", "eP2"))
 Y1 = Is(Assignment("y", "1"))
@@ -209,7 +188,7 @@ def test_consensus_example():
     domains = dict.fromkeys("xyz", ("1", "2", "3"))
     label = ({"x": "1", "y": "1", "z": "1"}, {"x": "2", "y": "1", "z": "1"}, {"x": "2", "y": "3"}, {"x": "3"})
     theory = Theory(domains, (Some(tuple(conjunction(guard(environment)) for environment in label)),))
-    assert set(PiTms(theory).goal()) == guards({"y": "1", "z": "1"}, {"x": "2", "y": "3"}, {"x": "3"})
+    assert set(PiTms(theory).prime_implicants()) == guards({"y": "1", "z": "1"}, {"x": "2", "y": "3"}, {"x": "3"})
     assert set(Atms(theory).goal()) == guards(*label)
 
 
@@ -283,10 +262,11 @@ def test_the_limit_on_labels():
         for name in domains
         if name != "v0"
     )
-    assert PiTms(Theory(domains, wide), largest_label=1 + 2**8).implicant_count() == 1 + 2**8
-    for most in (20, 2**8):
-        with pytest.raises(OutOfSpaceError):
-            PiTms(Theory(domains, wide), largest_label=most)
+    assert PiTms(Theory(domains, wide)).implicant_count() == 1 + 2**8
+    with pytest.raises(OutOfSpaceError):
+        PiTms(Theory(domains, wide), largest_goal=20)
+    with pytest.raises(OutOfSpaceError):
+        Atms(Theory(domains, wide), largest_label=20)
 
 
 def test_what_compiling_costs_is_counted():
@@ -297,5 +277,6 @@ def test_what_compiling_costs_is_counted():
     assert sizes["nodes"] == len(kinds)
     assert kinds.count(NodeKind.DERIVED) == 2
     assert sizes["justifications"] == 1 + 3  # one for all conjuncts, one for each disjunct
-    assert (sizes["variables"], sizes["conflicts"], sizes["factors"], sizes["environments"]) == (3, 0, 1, 3)
+    assert (sizes["variables"], sizes["conflicts"], sizes["factors"]) == (3, 0, 1)
+    assert min(sizes["diagram nodes"], sizes["label nodes"]) > 0
     assert min(statistics.propagations, statistics.environments_created, statistics.seconds) > 0
