@@ -39,6 +39,7 @@ from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive, Ranking, as_written, objection
 from robust.pike_bridge.online.reasoner import Reasoner
+from robust.pike_bridge.online.reasoners import without_states
 from robust.pike_bridge.online.semantic import OnlineSemantics
 from robust.pike_bridge.scenarios import restrict
 from robust.pike_bridge.semantics import Execution, faults
@@ -533,9 +534,8 @@ def make_executive(
     """
     if mode is Mode.KIRK:
         return Kirk(plan, reasoner, recovery=recovery, ranking=ranking, deadline=deadline)
-    causal = mode is Mode.PIKE  # Drake's plan says nothing of states that could be monitored
-    seen = plan if causal else replace(plan, conditions=(), effects=())
-    return Concurrent(seen, reasoner, ranking=ranking, monitor=causal, deadline=deadline)
+    seen = plan if mode is Mode.PIKE else without_states(plan)
+    return Concurrent(seen, reasoner, ranking=ranking, deadline=deadline)
 
 
 class Timed(Generic[Made]):

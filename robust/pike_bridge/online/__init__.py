@@ -9,5 +9,6 @@ SMT = "smt"
 
 
 def reasoner_names() -> tuple[str, ...]:
-    """What :func:`robust.pike_bridge.online.reasoners.make_reasoner` knows: `smt`, and the knowledge bases."""
+    """What :func:`robust.pike_bridge.online.reasoners.make_reasoner` knows: `smt`, and the knowledge bases that windows ask.
+    """
     return (SMT, *knowledge_bases())
