@@ -301,7 +301,7 @@ class Figure20bOptions(LocalOptions, Plot):
     limit: float = _limit("60", "seconds for each compilation and execution", "--timeout", "--limit")
 
 
-class HesitationOptions(LocalOptions, Plot):
+class HesitationOptions(LocalOptions):
     """Execute plans with choices with humans who hesitate: who waits for them, who does not, and who knew.
 
     Executions of plans with choices with humans who hesitate.
@@ -309,6 +309,7 @@ class HesitationOptions(LocalOptions, Plot):
 
     problems: int = _count(500, "how many random plans, of which some can be executed")
     seed: int = _count(0, "which random plans")
+    stories: tuple[str, ...] | None = _inner(None, "which plans with names; without, all")
     limit: float | None = _limit("60", "seconds for each execution")
 
 

@@ -30,7 +30,7 @@ from heapq import heappop, heappush
 from itertools import accumulate, chain, count
 from math import ceil, floor
 from random import Random
-from time import perf_counter
+from time import process_time
 from typing import Generic, TypeAlias, TypeVar
 
 from robust.execute.drive import Executive
@@ -539,7 +539,9 @@ def make_executive(
 
 
 class Timed(Generic[Made]):
-    """An executive of any kind whose steps and wakes are measured, in seconds; `decisions` are what it decided."""
+    """An executive of any kind whose steps and wakes are measured, in seconds of the processor, which others that run
+    do not prolong; `decisions` are what it decided.
+    """
 
     def __init__(self, executive: Executive[said.Message, Made]) -> None:
         self._executive = executive
@@ -548,17 +550,17 @@ class Timed(Generic[Made]):
         self.decisions: list[str] = []
 
     def step(self, now: Fraction, messages: Sequence[said.Message]) -> Sequence[Made]:
-        started = perf_counter()
+        started = process_time()
         decisions = self._executive.step(now, messages)
-        self.steps.append(round(perf_counter() - started, 7))
+        self.steps.append(round(process_time() - started, 7))
         self.decisions += map(str, decisions)
         return decisions
 
     @property
     def wake(self) -> Fraction | None:
-        started = perf_counter()
+        started = process_time()
         wake = self._executive.wake
-        self.wakes.append(round(perf_counter() - started, 7))
+        self.wakes.append(round(process_time() - started, 7))
         return wake
 
     @property

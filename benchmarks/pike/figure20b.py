@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from itertools import cycle, zip_longest
 from pathlib import Path
 from typing import Any, ClassVar
@@ -85,14 +86,19 @@ class Execution:
         return max(self.step_seconds, default=0.0) if self.executed else None
 
 
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How long humans hesitate at most, and whether the executive waits for what they may still choose."""
+
+    delay: Fraction = Fraction(0)
+    patient: bool = False
+
+
+AS_IN_THE_PAPER = Manner()
+
+
 def measure_latency(
-    index: int,
-    *,
-    seed: int = 0,
-    backend: str = SMT,
-    delay: Fraction = Fraction(0),
-    patient: bool = False,
-    deadline: Deadline = NEVER,
+    index: int, *, seed: int = 0, backend: str = SMT, manner: Manner = AS_IN_THE_PAPER, deadline: Deadline = NEVER
 ) -> Execution:
     """One simulated execution of the random plan of that number, with a rational team.
 
@@ -101,8 +107,6 @@ def measure_latency(
 
     Args:
         backend: the name of a reasoner.
-        delay: how long humans hesitate at most.
-        patient: whether the executive waits for what they may still choose, which the paper's does not.
         deadline: for compilation and execution together; what was measured before it passes is kept.
 
     Raises:
@@ -113,14 +117,14 @@ def measure_latency(
     timed: Timed[Decision] | None = None
     started = time.perf_counter()
     try:
-        executive = PlanExecutive(plan, make, patience=Fraction(0) if patient else None, deadline=deadline)
+        executive = PlanExecutive(plan, make, patience=Fraction(0) if manner.patient else None, deadline=deadline)
         executive.prepare()
         # What is there already is not looked at again by garbage collection, whose pauses would count as decisions.
         gc.freeze()
         preparation = time.perf_counter() - started
         timed = Timed(executive)
         judge = SemanticReasoner(executive.progress)
-        run_in_world(timed, SimulatedTeam(plan, executive, judge, Story(delay=delay), seed=index))
+        run_in_world(timed, SimulatedTeam(plan, executive, judge, Story(delay=manner.delay), seed=index))
         outcome = "none" if executive.outcome is None else type(executive.outcome).__name__.lower()
     except OutOfTimeError:
         outcome = TIMEOUT
@@ -134,14 +138,14 @@ def measure_latency(
 _CHILD = f"import sys; sys.path[:0] = sys.argv[1:2]; from {__name__} import main; main(sys.argv[2:])"
 
 
-def run_execution(
-    seed: int, index: int, backend: str, limit: float, delay: Fraction = Fraction(0), patient: bool = False
-) -> Execution:
+def run_execution(seed: int, index: int, backend: str, limit: float, manner: Manner = AS_IN_THE_PAPER) -> Execution:
     """One execution as a process, so that executions do not disturb each other.
 
     Start and import are not counted in the limit, which the process keeps itself.
     """
-    words = map(str, (Path(__file__).parents[__name__.count(".")], seed, index, backend, limit, delay, patient))
+    words = map(
+        str, (Path(__file__).parents[__name__.count(".")], seed, index, backend, limit, manner.delay, manner.patient)
+    )
     found = measured((sys.executable, "-c", _CHILD, *words), limit=limit + GRACE)
     if found.timed_out:
         return Execution(backend, instance_name(seed, index), TIMEOUT)
@@ -159,8 +163,7 @@ def main(words: Sequence[str]) -> None:
         int(index),
         seed=int(seed),
         backend=backend,
-        delay=Fraction(delay),
-        patient=patient == str(True),
+        manner=Manner(Fraction(delay), patient == str(True)),
         deadline=Deadline.after(float(limit)),
     )
     print(text_of(found))
@@ -253,9 +256,7 @@ class LatencyReport(Report[Execution]):
     """
 
     TITLE = "Latency of the executive"
-    SETTINGS: ClassVar[Mapping[str, str]] = {
-        **{name: name for name in ("seed", "limit", "jobs", "delay", "patient")}
-    }
+    SETTINGS: ClassVar[Mapping[str, str]] = {**{name: name for name in ("seed", "limit", "jobs", "delay", "patient")}}
     ROWS = "executions"
     RAN = (("backends", "backend"),)
     FACTS = Admitting
@@ -379,8 +380,9 @@ def _search(options: Figure20bOptions, watching: Watching | None) -> Admitting:
 
 def _tasks(options: Figure20bOptions, facts: Admitting) -> list[Task]:
     names = {instance_name(options.seed, index): index for index in range(options.problems)}
+    manner = Manner(Fraction(options.delay), options.patient)
     return [
-        Task(f"{name}, {backend}", (options.seed, names[name], backend, options.limit, options.delay, options.patient))
+        Task(f"{name}, {backend}", (options.seed, names[name], backend, options.limit, manner))
         for name in facts.admitting
         for backend in _chosen(options.backends)
     ]

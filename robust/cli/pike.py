@@ -211,7 +211,15 @@ class PikeRunCommand(PikeOptions):
             raise InputError("found a rate, expected none unless with --clock real", place_of("rate"))
         if None not in (self.reasoner, self.backend) and (self.reasoner == SMT) != (self.backend == SMT):
             expected = SMT if self.reasoner == SMT else ", ".join(KNOWLEDGE_BASES)
-            raise InputError(f"found {self.backend} with --reasoner {self.reasoner}, expected {expected}", place_of("backend"))
+            raise InputError(
+                f"found {self.backend} with --reasoner {self.reasoner}, expected {expected}", place_of("backend")
+            )
+
+    def seen(self) -> TeamPlan:
+        """The plan as the executive sees it."""
+        from robust.pike_bridge.online.reasoners import without_states
+
+        return without_states(self.load()) if self.reasoner == DRAKE else self.load()
 
     @property
     def who(self) -> str:
@@ -448,9 +456,8 @@ def run(options: PikeRunCommand, run: Run) -> int:
         rate = Fraction(options.rate or 1) if options.clock == "real" else None
         return serve(
             run,
-            options.load,
+            options.seen,
             backend=options.deciding,
-            drake=options.reasoner == DRAKE,
             solver=options.solver,
             journal=options.journal,
             rate=rate,

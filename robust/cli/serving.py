@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import queue
@@ -37,7 +38,6 @@ def serve(
     load: Callable[[], TeamPlan],
     *,
     backend: str,
-    drake: bool,
     solver: str,
     journal: Path | None,
     rate: Fraction | None,
@@ -47,7 +47,6 @@ def serve(
 
     Args:
         load: reads the plan.
-        drake: whether causal links are left out.
         rate: seconds that a unit of time lasts, in real time; None: messages give the time.
         patience: how long before the last moment waiting ends; None: nothing is waited for.
 
@@ -56,7 +55,7 @@ def serve(
         GivenUpError: if interrupted or out of time before the plan was read.
     """
     server = _Server(run, rate)
-    run.only(lambda: server.prepare(load, backend, drake, solver, journal, patience))
+    run.only(lambda: server.prepare(load, backend, solver, journal, patience))
     try:
         return server.serve()
     finally:
@@ -73,7 +72,6 @@ class _Server:
         self,
         load: Callable[[], TeamPlan],
         backend: str,
-        drake: bool,
         solver: str,
         journal: Path | None,
         patience: Fraction | None,
@@ -81,7 +79,7 @@ class _Server:
         """Read the plan and the journal, and make what decides."""
         from robust.pike_bridge.online.executive import PlanExecutive
         from robust.pike_bridge.online.journal import Journal
-        from robust.pike_bridge.online.reasoners import make_reasoner, without_states
+        from robust.pike_bridge.online.reasoners import make_reasoner
         from robust.pike_bridge.online.service import Service
 
         if sys.stdin is None:  # closed by the caller, as in `robust ... <&-`
@@ -89,7 +87,7 @@ class _Server:
         self._reader = LineReader(sys.stdin.fileno())
         sys.stdout.flush()
         self._writer = LineWriter(sys.stdout.fileno(), lambda: self._run.guard.cause is not None, self._deadline)
-        plan = without_states(load()) if drake else load()
+        plan = load()
         self._journal = None if journal is None else Journal(journal, plan)
         reasoner = make_reasoner(backend, solver=solver, deadline=self._deadline)
         self._service = Service(
@@ -101,6 +99,7 @@ class _Server:
             thinking=lambda: self._run.working(self._on_stuck),
             tolerance=Fraction(0) if self._rate is None else _TOLERANCE / self._rate,
         )
+        gc.freeze()  # garbage collection looks at nothing of this again, so that its pauses are short
 
     def close(self) -> None:
         """Let others have the journal."""

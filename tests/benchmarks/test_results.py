@@ -121,6 +121,8 @@ def figure20b(**fields: Any) -> dict[str, Any]:
     return {
         **COMPLETE,
         "schema": "robust/bench-figure20b/1",
+        "delay": "0",
+        "patient": False,
         "problems": 3,
         "decided": 3,
         "admitting": ["a", "b"],

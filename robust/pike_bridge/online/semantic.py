@@ -91,10 +91,10 @@ class OnlineSemantics(Semantics):
         return None if least is None else Fraction(least, scale) * grid
 
     def _bounds(self, execution: Execution) -> Iterator[tuple[str, str, int]]:
-        """By how much of the grid an event is later than another at most: by constraints, and by orders that are kept."""
+        """By how much of the grid an event is later than another at most: by constraints, and orders that are kept."""
         schedule, scenario = execution.schedule, execution.scenario
-        for source, target, bound, guard in self._constraints:
-            if holds(guard, scenario):
+        for source, target, bound, label in self._constraints:
+            if holds(label, scenario):
                 yield source, target, bound
         apart = int(self._epsilon / self._progress.grid)
         for earlier, later in self._orders:
