@@ -183,9 +183,9 @@ class TeamReport(Report[TeamRun]):
     """Random plans of [PIKE §6.2.2], Figures 20a and 21 (`robust bench figure20a`). The paper compiled 376 of its 500
     plans (75.2 %) within 30 minutes; 94 of them admitted a correct execution. A plan counts as solved once it is known
     whether a correct execution exists. `paper` is the paper's configuration: labeled shortest paths, and the πTMS for
-    every theory; unlike the paper's, its times include the shortest paths. For `pitms` and `atms` as we use them a solver
-    finds theories without models first: a shortcut, by which plans are refuted without being compiled. Prime implicants
-    and models are of plans that admit a correct execution.
+    every theory; unlike the paper's, its times include the shortest paths. For `pitms` and `atms` as we use them a
+    solver finds theories without models first: a shortcut, by which plans are refuted without being compiled. Prime
+    implicants and models are of plans that admit a correct execution.
     """
 
     TITLE = "Plans with choices"

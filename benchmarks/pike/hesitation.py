@@ -204,8 +204,8 @@ class HesitationReport(Report[Hesitation]):
     """Executions with humans who hesitate (`robust bench hesitation`). They mean something with which a correct
     execution exists, do not change their mind, and make each choice a time after it is possible. Activities take their
     least time. An eager executive acts as soon as it can, as the paper's does; a patient one waits for what can still
-    be chosen. *Knowing* is a bound: whether some correct execution has intent and delays at all. One intent of each random
-    plan, all of a story. Seconds are of the processor.
+    be chosen. *Knowing* is a bound: whether some correct execution has intent and delays at all. One intent of each
+    random plan, all of a story. Seconds are of the processor.
     """
 
     TITLE = "Humans who hesitate"
