@@ -170,8 +170,8 @@ def compared(backend):
 def misbehaved(plan, number, directory, **options):
     """A service with one of the reasoners, by turns."""
     names = ("smt", "smt", *reasoner_names())
-    reasoner = make_reasoner(names[number % len(names)])
-    return Misbehaved(plan, number, directory / f"{number}-{plan.name}", reasoner, **options).run()
+    path = directory / f"{number}-{plan.name}-{plan.epsilon.denominator}"
+    return Misbehaved(plan, number, path, make_reasoner(names[number % len(names)]), **options).run()
 
 
 def close(number):
