@@ -183,7 +183,7 @@ SAID: list[tuple[list[dict[str, Any]], list[str]]] = [
     (
         [figure20a()],
         [
-            "| oracle | 1 | 1 | 0.50 | 0.50 | 0.50 | 0 | 80 |",
+            "| oracle | 1 | 1 | – | 0.50 | 0.50 | 0.50 | 0 | 80 |",
             "0.15 s median, 0.15 s at most",
             "more implicants than models: 1 of 1 plans",
         ],
