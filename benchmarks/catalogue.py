@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robust.errors import InputError, Location
-from robust.options import Number, Output, Plot, exact, option, positive
+from robust.options import Number, Output, Plot, exact, not_negative, option, positive
 
 if TYPE_CHECKING:
     from .engine.experiment import Experiment
@@ -297,7 +297,21 @@ class Figure20bOptions(LocalOptions, Plot):
     problems: int = _count(500, "how many random plans, of which some can be executed")
     seed: int = _count(0, "which random plans")
     backends: tuple[str, ...] = _many("only this one of smt, pitms, atms, bdd and sat", "--backend", "NAME")
+    delay: Number = option("0", "humans hesitate this long at most", metavar="T", read=not_negative)
+    patient: bool = option(False, "wait for what humans may still choose, which the paper does not")
     limit: float = _limit("60", "seconds for each compilation and execution", "--timeout", "--limit")
+
+
+class HesitationOptions(LocalOptions):
+    """Execute plans with choices with humans who hesitate: who waits for them, who does not, and who knew.
+
+    Executions of plans with choices with humans who hesitate.
+    """
+
+    problems: int = _count(500, "how many random plans, of which some can be executed")
+    seed: int = _count(0, "which random plans")
+    stories: tuple[str, ...] | None = _inner(None, "which plans with names; without, all")
+    limit: float | None = _limit("60", "seconds for each execution")
 
 
 class Figure17Options(LongOptions, Plot):
@@ -364,6 +378,7 @@ EXPERIMENTS = {
         Entry("table2", "irr.tables", Table2Options),
         Entry("figure20a", "pike.figure20a_21", Figure20aOptions),
         Entry("figure20b", "pike.figure20b", Figure20bOptions),
+        Entry("hesitation", "pike.hesitation", HesitationOptions),
         Entry("figure21", "pike.figure20a_21", Figure21Options),
         Entry("figure17", "pike.figure17_18", Figure17Options),
         Entry("figure18", "pike.figure17_18", Figure18Options),

@@ -30,7 +30,7 @@ from heapq import heappop, heappush
 from itertools import accumulate, chain, count
 from math import ceil, floor
 from random import Random
-from time import perf_counter
+from time import process_time
 from typing import Generic, TypeAlias, TypeVar
 
 from robust.execute.drive import Executive
@@ -39,6 +39,7 @@ from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive, Ranking, as_written, objection
 from robust.pike_bridge.online.reasoner import Reasoner
+from robust.pike_bridge.online.reasoners import without_states
 from robust.pike_bridge.online.semantic import OnlineSemantics
 from robust.pike_bridge.scenarios import restrict
 from robust.pike_bridge.semantics import Execution, faults
@@ -533,13 +534,14 @@ def make_executive(
     """
     if mode is Mode.KIRK:
         return Kirk(plan, reasoner, recovery=recovery, ranking=ranking, deadline=deadline)
-    causal = mode is Mode.PIKE  # Drake's plan says nothing of states that could be monitored
-    seen = plan if causal else replace(plan, conditions=(), effects=())
-    return Concurrent(seen, reasoner, ranking=ranking, monitor=causal, deadline=deadline)
+    seen = plan if mode is Mode.PIKE else without_states(plan)
+    return Concurrent(seen, reasoner, ranking=ranking, deadline=deadline)
 
 
 class Timed(Generic[Made]):
-    """An executive of any kind whose steps and wakes are measured, in seconds; `decisions` are what it decided."""
+    """An executive of any kind whose steps and wakes are measured, in seconds of the processor, which others that run
+    do not prolong; `decisions` are what it decided.
+    """
 
     def __init__(self, executive: Executive[said.Message, Made]) -> None:
         self._executive = executive
@@ -548,17 +550,17 @@ class Timed(Generic[Made]):
         self.decisions: list[str] = []
 
     def step(self, now: Fraction, messages: Sequence[said.Message]) -> Sequence[Made]:
-        started = perf_counter()
+        started = process_time()
         decisions = self._executive.step(now, messages)
-        self.steps.append(round(perf_counter() - started, 7))
+        self.steps.append(round(process_time() - started, 7))
         self.decisions += map(str, decisions)
         return decisions
 
     @property
     def wake(self) -> Fraction | None:
-        started = perf_counter()
+        started = process_time()
         wake = self._executive.wake
-        self.wakes.append(round(perf_counter() - started, 7))
+        self.wakes.append(round(process_time() - started, 7))
         return wake
 
     @property

@@ -4,7 +4,8 @@ The semantic oracle finds the plans that admit a correct execution. Each of them
 process of its own: the same story each time, so that all must decide the same. Figure 20b is the slowest step of each
 execution.
 
-`python -m benchmarks.pike.figure20b SEED INDEX BACKEND LIMIT` is such a process, and prints one JSON object.
+`python -m benchmarks.pike.figure20b SEED INDEX BACKEND LIMIT DELAY PATIENT` is such a process, and prints one JSON
+object.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from itertools import cycle, zip_longest
 from pathlib import Path
 from typing import Any, ClassVar
@@ -84,7 +86,20 @@ class Execution:
         return max(self.step_seconds, default=0.0) if self.executed else None
 
 
-def measure_latency(index: int, *, seed: int = 0, backend: str = SMT, deadline: Deadline = NEVER) -> Execution:
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How long humans hesitate at most, and whether the executive waits for what they may still choose."""
+
+    delay: Fraction = Fraction(0)
+    patient: bool = False
+
+
+AS_IN_THE_PAPER = Manner()
+
+
+def measure_latency(
+    index: int, *, seed: int = 0, backend: str = SMT, manner: Manner = AS_IN_THE_PAPER, deadline: Deadline = NEVER
+) -> Execution:
     """One simulated execution of the random plan of that number, with a rational team.
 
     The judge who advises the team is a reasoner of its own, so that its work is not the executive's. The story depends
@@ -102,12 +117,14 @@ def measure_latency(index: int, *, seed: int = 0, backend: str = SMT, deadline: 
     timed: Timed[Decision] | None = None
     started = time.perf_counter()
     try:
-        executive = PlanExecutive(plan, make, patience=None, deadline=deadline)
+        executive = PlanExecutive(plan, make, patience=Fraction(0) if manner.patient else None, deadline=deadline)
         executive.prepare()
+        # What is there already is not looked at again by garbage collection, whose pauses would count as decisions.
+        gc.freeze()
         preparation = time.perf_counter() - started
         timed = Timed(executive)
         judge = SemanticReasoner(executive.progress)
-        run_in_world(timed, SimulatedTeam(plan, executive, judge, Story(), seed=index))
+        run_in_world(timed, SimulatedTeam(plan, executive, judge, Story(delay=manner.delay), seed=index))
         outcome = "none" if executive.outcome is None else type(executive.outcome).__name__.lower()
     except OutOfTimeError:
         outcome = TIMEOUT
@@ -121,12 +138,14 @@ def measure_latency(index: int, *, seed: int = 0, backend: str = SMT, deadline: 
 _CHILD = f"import sys; sys.path[:0] = sys.argv[1:2]; from {__name__} import main; main(sys.argv[2:])"
 
 
-def run_execution(seed: int, index: int, backend: str, limit: float) -> Execution:
+def run_execution(seed: int, index: int, backend: str, limit: float, manner: Manner = AS_IN_THE_PAPER) -> Execution:
     """One execution as a process, so that executions do not disturb each other.
 
     Start and import are not counted in the limit, which the process keeps itself.
     """
-    words = map(str, (Path(__file__).parents[__name__.count(".")], seed, index, backend, limit))
+    words = map(
+        str, (Path(__file__).parents[__name__.count(".")], seed, index, backend, limit, manner.delay, manner.patient)
+    )
     found = measured((sys.executable, "-c", _CHILD, *words), limit=limit + GRACE)
     if found.timed_out:
         return Execution(backend, instance_name(seed, index), TIMEOUT)
@@ -138,10 +157,15 @@ def run_execution(seed: int, index: int, backend: str, limit: float) -> Executio
 
 def main(words: Sequence[str]) -> None:
     """What the process does."""
-    # What the libraries brought is not looked at again by garbage collection, whose pauses would count as decisions.
-    gc.freeze()
-    seed, index, backend, limit = int(words[0]), int(words[1]), words[2], float(words[3])
-    found = measure_latency(index, seed=seed, backend=backend, deadline=Deadline.after(limit))
+    gc.freeze()  # what the libraries brought
+    seed, index, backend, limit, delay, patient = words
+    found = measure_latency(
+        int(index),
+        seed=int(seed),
+        backend=backend,
+        manner=Manner(Fraction(delay), patient == str(True)),
+        deadline=Deadline.after(float(limit)),
+    )
     print(text_of(found))
 
 
@@ -224,13 +248,15 @@ STEPS: Columns[Latencies] = {
 
 class LatencyReport(Report[Execution]):
     """One simulated execution of each random plan that admits a correct one [PIKE, Figure 20b] (`robust bench
-    figure20b`). `smt` compiles nothing: each question goes to the semantic oracle's formula, and its preparation is to
-    state that formula and to find one correct execution. The others compile a knowledge base. Humans choose what
-    remains correct, activities end while that leaves a correct execution.
+    figure20b`). `smt` is ours and compiles nothing: each question goes to the semantic oracle's formula, and its
+    preparation is to state that formula and to find one correct execution. The others are the paper's executive:
+    labeled execution windows over labeled shortest paths, which are counted in the preparation, with a knowledge base
+    each; the paper's own is `pitms`. Humans choose what remains correct, activities end while that leaves a correct
+    execution.
     """
 
     TITLE = "Latency of the executive"
-    SETTINGS: ClassVar[Mapping[str, str]] = {"seed": "seed", "limit": "limit", "jobs": "jobs"}
+    SETTINGS: ClassVar[Mapping[str, str]] = {**{name: name for name in ("seed", "limit", "jobs", "delay", "patient")}}
     ROWS = "executions"
     RAN = (("backends", "backend"),)
     FACTS = Admitting
@@ -288,6 +314,8 @@ class LatencyReport(Report[Execution]):
             f"{facts.problems} plans of seed {options.seed}: {len(facts.admitting)} of {facts.decided} decided ones "
             "admit a correct execution",
             f"limit {options.limit:g} s for each compilation and execution, {options.jobs} at a time",
+            f"humans hesitate for {options.delay} units of time at most; "
+            + ("the executive waits for them as long as it can" if options.patient else "the executive is eager"),
             f"the paper: the slowest step took up to {REACTIVE} s in {PAPER_SHARE:.1%} of 75 executions",
             *([] if differences else ["all back ends made the same decisions at the same times"]),
             *(f"different decisions: {difference}" for difference in differences),
@@ -352,8 +380,9 @@ def _search(options: Figure20bOptions, watching: Watching | None) -> Admitting:
 
 def _tasks(options: Figure20bOptions, facts: Admitting) -> list[Task]:
     names = {instance_name(options.seed, index): index for index in range(options.problems)}
+    manner = Manner(Fraction(options.delay), options.patient)
     return [
-        Task(f"{name}, {backend}", (options.seed, names[name], backend, options.limit))
+        Task(f"{name}, {backend}", (options.seed, names[name], backend, options.limit, manner))
         for name in facts.admitting
         for backend in _chosen(options.backends)
     ]

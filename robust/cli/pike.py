@@ -124,7 +124,7 @@ class PikeCompileCommand(PikeOptions):
 
 def _deciding_backend(name: str, place: Location) -> str:
     """InputError unless an executive can reason with the back end."""
-    known = ("smt", *KNOWLEDGE_BASES)
+    known = (SMT, *KNOWLEDGE_BASES)
     if name not in known:
         raise InputError(f"found unknown back end {shorten(name)}{did_you_mean(name, known)}", place)
     return name
@@ -142,6 +142,9 @@ def _margin(value: Number, place: Location) -> Fraction | None:
 
 
 EAGER = "eager"
+SMT = "smt"
+DRAKE = "drake"
+REASONERS = (SMT, "windows", DRAKE)
 _SIMULATED = ("human", "pace", "outcome", "disturb", "delay", "seed", "infer", "plot")
 _SERVED = ("journal", "clock", "rate")
 
@@ -167,8 +170,17 @@ class PikeRunCommand(PikeOptions):
     )
     delay: Number = option("0", "humans hesitate this long at most", metavar="T", read=not_negative)
     seed: int = option(0, "decides what is left open", metavar="N")
-    backend: str = option(
-        "smt", "who decides; smt asks a solver and compiles nothing", metavar="NAME", read=_deciding_backend
+    reasoner: str | None = option(
+        None,
+        "who decides: smt asks a solver and compiles nothing; windows: labeled execution windows and a knowledge base, "
+        f"as PIKE does; {DRAKE}: the same without what activities need and do; else smt, or windows with --backend",
+        choices=REASONERS,
+    )
+    backend: str | None = option(
+        None,
+        f"the knowledge base of windows and {DRAKE}: {', '.join(KNOWLEDGE_BASES)}, else pitms",
+        metavar="NAME",
+        read=_deciding_backend,
     )
     stdio: bool = option(False, "simulate nothing, but serve a real team through lines of JSON")
     journal: Path | None = option(
@@ -198,6 +210,27 @@ class PikeRunCommand(PikeOptions):
                 raise InputError(reason if self.stdio else "expected only together with --stdio", place_of(name))
         if self.rate is not None and self.clock != "real":
             raise InputError("found a rate, expected none unless with --clock real", place_of("rate"))
+        if None not in (self.reasoner, self.backend) and (self.reasoner == SMT) != (self.backend == SMT):
+            expected = SMT if self.reasoner == SMT else ", ".join(KNOWLEDGE_BASES)
+            raise InputError(
+                f"found {self.backend} with --reasoner {self.reasoner}, expected {expected}", place_of("backend")
+            )
+
+    def seen(self) -> TeamPlan:
+        """The plan as the executive sees it."""
+        from robust.pike_bridge.online.reasoners import without_states
+
+        return without_states(self.load()) if self.reasoner == DRAKE else self.load()
+
+    @property
+    def who(self) -> str:
+        """Who decides."""
+        return self.reasoner or (SMT if self.backend in {None, SMT} else "windows")
+
+    @property
+    def deciding(self) -> str:
+        """The name of what decides: smt, or the knowledge base of windows."""
+        return self.backend or (SMT if self.who == SMT else "pitms")
 
 
 class PikePlotCommand(TeamPlanFile, Output):
@@ -424,8 +457,8 @@ def run(options: PikeRunCommand, run: Run) -> int:
         rate = Fraction(options.rate or 1) if options.clock == "real" else None
         return serve(
             run,
-            options.load,
-            backend=options.backend,
+            options.seen,
+            backend=options.deciding,
             solver=options.solver,
             journal=options.journal,
             rate=rate,
@@ -448,14 +481,15 @@ def run(options: PikeRunCommand, run: Run) -> int:
             infer=options.infer,
             explain=options.explain,
             solver=options.solver,
-            backend=options.backend,
+            backend=options.deciding,
+            drake=options.reasoner == DRAKE,
             patience=options.patience,
             deadline=Deadline.after(run.remaining),
         )
 
     def show(record: ExecutionRecord) -> None:
         run.answer(
-            lambda: pike.run_document(record, seed=options.seed, backend=options.backend),
+            lambda: pike.run_document(record, seed=options.seed, reasoner=options.who, backend=options.deciding),
             lambda out: pike.print_run(out, record, seed=options.seed, explained=options.explain, quiet=options.quiet),
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import queue
@@ -98,6 +99,7 @@ class _Server:
             thinking=lambda: self._run.working(self._on_stuck),
             tolerance=Fraction(0) if self._rate is None else _TOLERANCE / self._rate,
         )
+        gc.freeze()  # garbage collection looks at nothing of this again, so that its pauses are short
 
     def close(self) -> None:
         """Let others have the journal."""

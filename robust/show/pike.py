@@ -328,18 +328,20 @@ def print_plot(out: Console, drawn: PikePlot, *, quiet: bool) -> None:
 # -- run: for programs, people, and as a drawing -----------------------------------------------------------------------
 
 
-def run_document(record: ExecutionRecord, *, seed: int, backend: str) -> dict[str, Any]:
+def run_document(record: ExecutionRecord, *, seed: int, reasoner: str, backend: str) -> dict[str, Any]:
     """`robust/pike-run/1`."""
     return {
         "schema": "robust/pike-run/1",
         "status": record.ending.value,
         "seed": seed,
+        "reasoner": reasoner,
         "backend": backend,
         "time": str(record.time),
         "choices": dict(record.choices),
         "schedule": {event: str(time) for event, time in sorted(record.schedule.items(), key=lambda item: item[1])},
         "steps": [_step_answer(step) for step in record.steps],
         "conflict": [fact.as_dict() for fact in record.conflict],
+        **({"faults": list(record.faults)} if record.faults else {}),
     }
 
 
@@ -422,6 +424,11 @@ def print_run(out: Console, record: ExecutionRecord, *, seed: int, explained: bo
         out.print("These facts contradict each other; without any one of them a correct execution would be left:")
         for fact in record.conflict:
             out.print(Text(f"  {fact.text}"), soft_wrap=True)
+    if record.faults:
+        out.print()
+        out.print("The executive took this for a success, but what activities need and do says otherwise:")
+        for fault in record.faults:
+            out.print(Text(f"  {fault}"), soft_wrap=True)
 
 
 def _print_lines(out: Console, lines: Iterable[str]) -> None:

@@ -104,6 +104,8 @@ class Z3(Backend):
 
     def _create(self, terms: Terms, proving: bool) -> Any:
         self._effort = 0
+        self._model: Any = None
+        """Of the last check, once it was asked for."""
         solver = _pysmt_solver(terms, self.name, "z3", "Z3Solver")
         if proving:
             import z3  # noqa: PLC0415 - slow to import
@@ -124,6 +126,7 @@ class Z3(Backend):
             self._effort = effort
             self._solver.z3.set("rlimit", effort)
         before = self._steps() if effort else 0
+        self._model = None
         verdict = _solve(self._solver)
         given_up = effort and verdict is Verdict.UNKNOWN and self._steps() - before >= effort
         if verdict is Verdict.UNKNOWN and not given_up and self._was_interrupted(deadline):
@@ -132,10 +135,12 @@ class Z3(Backend):
         return verdict
 
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
-        """As for all, from one copy of the model: pySMT would make two for each symbol."""
+        """As for all, from one copy of the model of each check: pySMT would make two for each symbol."""
         import z3  # noqa: PLC0415 - slow to import
 
-        model, converter = self._solver.z3.model(), self._solver.converter
+        if self._model is None:
+            self._model = self._solver.z3.model()
+        model, converter = self._model, self._solver.converter
         found: dict[str, Value] = {}
         for symbol in symbols:
             value = model.eval(converter.convert(symbol), model_completion=True)

@@ -121,6 +121,8 @@ def figure20b(**fields: Any) -> dict[str, Any]:
     return {
         **COMPLETE,
         "schema": "robust/bench-figure20b/1",
+        "delay": "0",
+        "patient": False,
         "problems": 3,
         "decided": 3,
         "admitting": ["a", "b"],
@@ -181,7 +183,7 @@ SAID: list[tuple[list[dict[str, Any]], list[str]]] = [
     (
         [figure20a()],
         [
-            "| oracle | 1 | 1 | 0.50 | 0.50 | 0.50 | 0 | 80 |",
+            "| oracle | 1 | 1 | – | 0.50 | 0.50 | 0.50 | 0 | 80 |",
             "0.15 s median, 0.15 s at most",
             "more implicants than models: 1 of 1 plans",
         ],

@@ -148,3 +148,38 @@ def test_a_chart_says_what_happened(tmp_path):
     text = picture.read_text(encoding="utf-8")
     assert "(make-coffee human)" in text
     assert "xA3 must be cereal" in text
+
+
+# -- who decides -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "who"),
+    [
+        ((), ("smt", "smt")),
+        (("--reasoner", "windows"), ("windows", "pitms")),
+        (("--backend", "bdd"), ("windows", "bdd")),
+        (("--reasoner", "windows", "--backend", "sat"), ("windows", "sat")),
+    ],
+)
+def test_all_who_decide_decide_the_same(words, who):
+    ended = command("pike", "run", KITCHEN, "--outcome", "xA1=mug", "--json", *words)
+    answer = answer_of(ended, "robust/pike-run/1")
+    assert (answer["reasoner"], answer["backend"]) == who
+    assert (ended.code, answer["choices"]["xR1"], answer["choices"]["xA2"]) == (0, "grounds", "coffee")
+
+
+def test_drake_takes_for_a_success_what_is_none():
+    words = ("--reasoner", "drake", "--outcome", "xA1=glass", "--outcome", "xA2=coffee")
+    ended = command("pike", "run", KITCHEN, "--json", *words)
+    answer = answer_of(ended, "robust/pike-run/1")
+    assert (ended.code, answer["status"], answer["reasoner"]) == (1, "failed", "drake")
+    assert any("(have mug)" in fault for fault in answer["faults"])
+    assert "says otherwise" in command("pike", "run", KITCHEN, *words).out
+
+
+def test_back_ends_that_do_not_fit_are_refused():
+    for reasoner, backend in (("smt", "bdd"), ("drake", "smt")):
+        ended = command("pike", "run", KITCHEN, "--reasoner", reasoner, "--backend", backend)
+        assert ended.code == 2
+        assert f"found {backend} with --reasoner {reasoner}" in ended.err

@@ -14,7 +14,7 @@ from robust.pike_bridge.cross_check import BACKENDS, Subject, cross_check
 from robust.pike_bridge.model import ALWAYS, Condition, Constraint, Effect, Event, Literal, TeamPlan, Tpnu, guard
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Completion, Failed, Succeeded
-from robust.pike_bridge.online.reasoners import make_reasoner
+from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults, holds
 from robust.plan.model import Atom
 from tests.pike_bridge.online.examples import KITCHEN, working
@@ -163,7 +163,7 @@ def observed(epsilon):
     return TeamPlan(network, (Condition(P, "own", "own", ALWAYS, None),), effects, Fraction(epsilon))
 
 
-@pytest.mark.parametrize("backend", ["smt", "bdd"])
+@pytest.mark.parametrize("backend", reasoner_names())
 @pytest.mark.parametrize(("later", "outcome"), [("1/3", Succeeded), (0, Failed)])
 def test_what_is_observed_is_ordered_by_arrival(backend, later, outcome):
     """The two ends are closer than ε; which was first is known, unless they are at one time."""

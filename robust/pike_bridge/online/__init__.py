@@ -9,5 +9,5 @@ SMT = "smt"
 
 
 def reasoner_names() -> tuple[str, ...]:
-    """What :func:`robust.pike_bridge.online.reasoners.make_reasoner` knows: `smt`, and the knowledge bases."""
+    """What :func:`robust.pike_bridge.online.reasoners.make_reasoner` knows: `smt`, and what windows ask."""
     return (SMT, *knowledge_bases())

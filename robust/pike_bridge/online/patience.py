@@ -19,11 +19,12 @@ L supposes that nobody hesitates later on; with a margin the executive stops wai
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import chain, product
+from itertools import chain, islice, product
 from math import prod
+from operator import itemgetter
 from typing import NamedTuple
 
 from robust.numbers import format_number
@@ -38,6 +39,8 @@ JOINT = 64
 """Of so many intents at most every joint one is kept; beyond that, every single value."""
 _REMEMBERED = 256
 """Continuations."""
+_LOOKED_AT = 3
+"""So many of them are tried before a solver is asked how long something can wait."""
 _NAMED = 3
 """So many intents are named in a message."""
 
@@ -132,15 +135,17 @@ class Patience:
         if not waiting:
             return Act(first)
         self._forget()
+        self._remember(self._asked.witness)
         everything = kept = self._kept(waiting)
         acts: dict[str, list[Guard]] = {}
         for event in chain((first,), candidates):
+            self._remember(self._asked.witness)
             acts[event] = list(self._values(event, alternatives))
             values = self._free(event, acts[event], kept)
             if values is not None:
                 return Act(event, values)
         while True:
-            reached = [each for each in waiting if self._asked.comes_before(each.event, acts, self._deadline)]
+            reached = [each for each in waiting if self._reached(each.event, acts)]
             if len(reached) == len(waiting):
                 return self._at_last(acts, kept, everything)
             waiting, kept = reached, self._kept(reached)
@@ -235,14 +240,14 @@ class Patience:
         if known == moment and (least is None or least - self.margin > now):
             self.withheld, self.alarm = withheld, None if least is None else least - self.margin
             return None
-        staying = [each for each in kept if self._after(each, withheld, now + self.margin)]
+        staying = self._waits(kept, withheld, now + self.margin)
         if len(staying) == len(kept):
-            least = self._least(kept, withheld)
+            least = self._least(staying, withheld)
             self._ceiling = (moment, least)
             self.withheld, self.alarm = withheld, None if least is None else least - self.margin
             return None
         due = {each: self._latest(each, withheld) or now for each in kept if each not in staying}
-        contested = [each for each, last in due.items() if self._after(each, frozenset(), last)]
+        contested = [each for each, last in due.items() if self._waits([each], frozenset(), last)]
         over = min(due.values())
         act = self._best(acts, [*staying, *contested], len(staying))
         if act is None:
@@ -263,27 +268,61 @@ class Patience:
         best = max(((event, values) for event, several in acts.items() for values in several), key=worth)
         if worth(best)[1] > staying:
             return best
-        possible = staying or self._asked.all_later(ALWAYS, acts.keys(), self._progress.now, self._deadline)
-        return None if possible else best
+        if staying or self._asked.all_later(ALWAYS, acts.keys(), self._progress.now, self._deadline) is not None:
+            return None
+        return best
 
-    def _after(self, intent: Intent, others: frozenset[str], moment: Fraction) -> bool:
-        """Whether an intent and other events may all come after a moment."""
-        return self._asked.all_later(intent.guard, intent.events | others, moment, self._deadline)
+    def _waits(
+        self, intents: Iterable[Intent], others: frozenset[str], moment: Fraction
+    ) -> dict[Intent, Fraction | None]:
+        """The intents that may come after a moment, together with other events, and how late they may at least; None if
+        they can wait forever.
+        """
+        found = ((each, self._wait(each, others, moment)) for each in intents)
+        return {each: wait for each, wait in found if wait is None or wait > moment}
+
+    def _wait(self, intent: Intent, others: frozenset[str], moment: Fraction) -> Fraction | None:
+        """A time until which an intent and other events can wait: after a moment, if they can wait that long."""
+        events = intent.events | others
+        agreeing = (each for each in reversed(self._found) if agrees(intent.guard, each.scenario))
+        for each in islice(agreeing, _LOOKED_AT):
+            wait = self._asked.wait(each, events)
+            if wait is None or wait > moment:
+                return wait
+        found = self._asked.all_later(intent.guard, events, moment, self._deadline)
+        if found is None:
+            return moment
+        self._remember(found)
+        return self._asked.wait(found, events)
 
     def _latest(self, intent: Intent, others: frozenset[str]) -> Fraction | None:
         """L of an intent; None if it can wait forever."""
         return self._asked.latest(intent.guard, intent.events | others, self._deadline)
 
-    def _least(self, kept: Sequence[Intent], withheld: frozenset[str]) -> Fraction | None:
-        """The least L of intents; None if all can wait forever."""
+    def _reached(self, event: str, withheld: Collection[str]) -> bool:
+        """Whether an event may happen before each of those that are withheld."""
+        guard = self._progress.structure.guards[event]
+        for each in self._found:
+            if agrees(guard, each.scenario):
+                moment = each.schedule[event]
+                if all(each.schedule[other] > moment for other in withheld if other in each.schedule):
+                    return True
+        return self._asked.comes_before(event, withheld, self._deadline)
+
+    def _least(self, waits: Mapping[Intent, Fraction | None], withheld: frozenset[str]) -> Fraction | None:
+        """The least L of intents, given how late each can be at least; None if all can wait forever."""
         least: Fraction | None = None
-        for each in kept:
-            if least is None or not self._after(each, withheld, least):
-                found = self._latest(each, withheld)
-                least = found if least is None or found is None else min(least, found)
+        bounded = [(wait, each) for each, wait in waits.items() if wait is not None]
+        for bound, each in sorted(bounded, key=itemgetter(0)):  # the first is likely to be the least of all
+            wait: Fraction | None = bound
+            while wait is not None and (least is None or wait < least):
+                later = self._wait(each, withheld, wait)
+                if later == wait:
+                    least = wait
+                wait = later
         return least
 
-    def _over(self, withheld: frozenset[str], staying: Sequence[Intent], over: Fraction) -> Fraction:
+    def _over(self, withheld: frozenset[str], staying: Mapping[Intent, Fraction | None], over: Fraction) -> Fraction:
         """Just after a moment at which intents lapse, unless it is time for the others before."""
         alarm = over + self._progress.grid
         least = self._least(staying, withheld) if self.margin else None
@@ -319,6 +358,11 @@ class Patience:
         if self._reasoner is None:
             self._reasoner = SemanticReasoner(self._progress, solver=self._solver)
         return self._reasoner
+
+    def _remember(self, execution: Execution | None) -> None:
+        """Keep a continuation in mind, if it is one in which what is not the executive's is later than now."""
+        if execution is not None and execution not in self._found[-1:] and self._continues(execution):
+            self._found.append(execution)
 
     def _forget(self) -> None:
         """Leave out what the present has overtaken."""

@@ -281,17 +281,6 @@ class Progress:
         bounds = (self.times[each] + lower for each, lower in self.lower_bounds(event) if each in self.times)
         return max(bounds, default=None)
 
-    def latest(self) -> Fraction | None:
-        """When something must have been executed at the latest, as far as single constraints tell."""
-        bounds = [
-            self.times[constraint.source] + constraint.upper
-            for event in self.pending
-            if self.certain(self.structure.guards[event])
-            for constraint in self.structure.incoming[event]
-            if constraint.upper is not None and constraint.source in self.times and self.certain(constraint.guard)
-        ]
-        return min(bounds, default=None)
-
 
 class Structure:
     """What of a plan does not change while it is executed, indexed for execution."""

@@ -1,32 +1,26 @@
-"""Reasoners by name, and those with a knowledge base: facts become assignments and conflicts [PIKE §3, §5.7].
+"""Reasoners by name: that of the paper, with execution windows and a knowledge base, beside the semantic one.
 
-The *window* reasoner keeps labeled execution windows, which each execution tightens. The *lazy* one looks at the times
-of one scenario after the other: there a plan is a simple temporal network [Dechter, Meiri and Pearl 1991] in which
-executed events are where they are. If it has no schedule, the guards on a negative cycle make a conflict; it is one for
-good, unless the cycle uses what was only assumed.
+Labeled execution windows come from the labeled shortest paths of the augmented plan, and each execution tightens them
+[PIKE §3, Equation 1]; facts become assignments and conflicts of the knowledge base [PIKE §5.7].
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from math import lcm
-from time import perf_counter
 from typing import NamedTuple
-
-import networkx
 
 from robust.errors import InputError, did_you_mean
 from robust.pike_bridge.compile import Compilation, Compiling, Temporal
 from robust.pike_bridge.knowledge.interface import Commitment, Exclude, Require
 from robust.pike_bridge.model import (
-    Assignment,
     Condition,
     Effect,
     Environment,
     Guard,
+    TeamPlan,
     Tpnu,
     Vocabulary,
     entails,
@@ -34,16 +28,15 @@ from robust.pike_bridge.model import (
 )
 from robust.pike_bridge.online import SMT, reasoner_names
 from robust.pike_bridge.online.progress import Progress
-from robust.pike_bridge.online.reasoner import News, Reasoner, WitnessedReasoner
+from robust.pike_bridge.online.reasoner import News, Reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.semantics import Execution
-from robust.pike_bridge.temporal.distance_graph import DistanceEdge, LabeledValueSet, distance_graph
+from robust.pike_bridge.temporal.distance_graph import LabeledValueSet
 from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
-from robust.pike_bridge.temporal.schedule import Cycle, earliest_times, most_general
+from robust.pike_bridge.temporal.schedule import most_general
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.terms import Terms
 
-__all__ = ["SMT", "CompiledReasoners", "make_reasoner", "reasoner_names"]
+__all__ = ["SMT", "CompiledReasoners", "make_reasoner", "reasoner_names", "without_states"]
 
 
 class ExecutionFacts:
@@ -181,10 +174,16 @@ class LabeledWindows:
 
 
 class WindowReasoner(Reasoner):
-    """Answers from a knowledge base and execution windows."""
+    """Answers from a knowledge base and execution windows.
 
-    def __init__(self, progress: Progress, compilation: Compilation, deadline: Deadline) -> None:
+    Both hold ε against all events. Once something was reported less than ε after another event, which was before it
+    all the same, they would exclude too much, and the semantic reasoner answers instead.
+    """
+
+    def __init__(self, progress: Progress, compilation: Compilation, deadline: Deadline, solver: str = "z3") -> None:
         super().__init__(progress)
+        self._solver = solver
+        self._instead: SemanticReasoner | None = None
         self.name = compilation.backend
         network = compilation.augmented.network
         # A back end that reasons about time itself needs no conflicts, and so had no distances.
@@ -194,6 +193,10 @@ class WindowReasoner(Reasoner):
         self._epsilon = progress.plan.separation
 
     def _learn(self, news: News) -> None:
+        if self._instead is None and self.progress.close(news.times):
+            self._instead = SemanticReasoner(self.progress, solver=self._solver)
+        if self._instead is not None:
+            return
         facts, windows = self._facts, self._windows
         facts.learn(news)
         for event, time in news.times.items():
@@ -203,14 +206,21 @@ class WindowReasoner(Reasoner):
 
     def executable(self, event: str, deadline: Deadline) -> bool:
         self.catch_up()
+        if self._instead is not None:
+            return self._instead.executable(event, deadline)
         return self._executable_at(event, self.progress.now, deadline)
 
     def could(self, environment: Guard, deadline: Deadline) -> bool:
+        self.catch_up()
+        if self._instead is not None:
+            return self._instead.could(environment, deadline)
         return self.progress.compatible(environment) and self._ask([Require(environment)], deadline)
 
     def next_time(self, deadline: Deadline) -> Fraction | None:
         """When something is executable first; if nothing is without a message, when it is too late for any."""
         self.catch_up()
+        if self._instead is not None:
+            return self._instead.next_time(deadline)
         soonest = self.progress.now + self.progress.grid
         openings = {
             (max(-bound, soonest), event)
@@ -279,224 +289,8 @@ class WindowReasoner(Reasoner):
             yield from self._windows.missed(event, moment)
 
     def _ask(self, commitments: list[Commitment], deadline: Deadline) -> bool:
-        self.catch_up()
         self._facts.settle(deadline)
         return self._facts.knowledge.could_commit(commitments, deadline)
-
-
-_FACT = -1
-_ASSUMED = -2
-"""In place of the number of a constraint: that pending events are not in the past, and what is asked about."""
-
-
-@dataclass(frozen=True, slots=True)
-class Hypothesis:
-    """What is asked about, beyond the facts.
-
-    Attributes:
-        soonest: a time before which nothing pending is.
-        event: an event that comes first, when nothing pending is earlier.
-        later: what must come after that event, by ε at least, and in which environments.
-        latest: the greatest time of the event; None if there is none.
-    """
-
-    soonest: Fraction
-    event: str | None = None
-    later: tuple[tuple[str, Environment], ...] = ()
-    latest: Fraction | None = None
-
-
-class ScenarioTimes:
-    """The constraints between events in single scenarios; the origin, time 0, holds executed events where they are."""
-
-    def __init__(self, network: Tpnu, progress: Progress) -> None:
-        self._graph = distance_graph(network)
-        self._progress = progress
-        self._places = self._graph.places
-        self._names = list(self._places)
-        self._orders = range(len(progress.plan.network.constraints), len(network.constraints))
-        """The constraints that conditions have added."""
-        self._scale = self._graph.scale
-        self._edges: list[DistanceEdge] = list(self._graph.edges)
-        self._origin = len(self._places)
-        self._first = self._origin + 1
-        self._refine(progress.plan.separation)
-
-    def earliest(self, scenario: Environment, assumed: Hypothesis) -> dict[str, Fraction] | Cycle:
-        """The earliest times of all activated events under an assumption, or a contradiction that the scenario entails.
-
-        If an event is assumed to come first, its time is the least that is possible, too.
-        """
-        for moment in (self._progress.now, assumed.soonest, assumed.latest, *self._progress.times.values()):
-            if moment is not None:
-                self._refine(moment)
-        edges = [*self._holding(scenario), *self._floors(scenario, assumed), *self._assumed(scenario, assumed)]
-        found = earliest_times(self._first + 1, edges)
-        if isinstance(found, Cycle):
-            return found
-        return {
-            name: Fraction(found[place], self._scale)
-            for name, place in self._places.items()
-            if entails(scenario, self._graph.guards[place])
-        }
-
-    def deadline(self, scenario: Environment) -> Fraction | None:
-        """Until when nothing need be executed in a scenario that has a schedule; None if that is forever."""
-        graph = networkx.MultiDiGraph()
-        graph.add_node(self._origin)
-        graph.add_weighted_edges_from(edge[:3] for edge in self._holding(scenario))
-        bounds = networkx.single_source_bellman_ford_path_length(graph, self._origin)
-        least = min((bounds[place] for place, _ in self._pending(scenario) if place in bounds), default=None)
-        return None if least is None else Fraction(least, self._scale)
-
-    def _holding(self, scenario: Environment) -> Iterator[DistanceEdge]:
-        """The constraints that hold, and the times of executed events."""
-        for edge in self._edges:
-            if entails(scenario, edge.label) and not self._settled(edge):
-                yield edge
-        for event, moment in self._progress.times.items():
-            yield DistanceEdge(self._origin, self._places[event], self._scaled(moment), 0, _FACT)
-            yield DistanceEdge(self._places[event], self._origin, -self._scaled(moment), 0, _FACT)
-
-    def _settled(self, edge: DistanceEdge) -> bool:
-        """Whether it is an order that an observation has settled, by less than ε."""
-        if edge.constraint not in self._orders or not self._progress.reported:
-            return False
-        return self._progress.settled(self._names[edge.target], self._names[edge.source])
-
-    def _pending(self, scenario: Environment) -> Iterator[tuple[int, Environment]]:
-        for event, place in self._places.items():
-            if event not in self._progress.times and entails(scenario, self._graph.guards[place]):
-                yield place, self._graph.guards[place]
-
-    def _floors(self, scenario: Environment, assumed: Hypothesis) -> Iterator[DistanceEdge]:
-        now, soonest = self._scaled(self._progress.now), self._scaled(assumed.soonest)
-        for place, guard in self._pending(scenario):
-            yield DistanceEdge(place, self._origin, -now, guard, _FACT)
-            if soonest > now:
-                yield DistanceEdge(place, self._origin, -soonest, guard, _ASSUMED)
-
-    def _assumed(self, scenario: Environment, assumed: Hypothesis) -> Iterator[DistanceEdge]:
-        if assumed.event is None:
-            return
-        place, first, epsilon = self._places[assumed.event], self._first, self._scaled(self._progress.plan.separation)
-        yield DistanceEdge(place, first, 0, self._graph.guards[place], _ASSUMED)
-        yield DistanceEdge(first, place, 0, self._graph.guards[place], _ASSUMED)
-        yield DistanceEdge(first, self._origin, -self._scaled(assumed.soonest), 0, _ASSUMED)
-        if assumed.latest is not None:
-            yield DistanceEdge(self._origin, first, self._scaled(assumed.latest), 0, _ASSUMED)
-        if assumed.latest != assumed.soonest:
-            for other, guard in self._pending(scenario):
-                yield DistanceEdge(other, first, 0, guard, _ASSUMED)
-        for event, environment in assumed.later:
-            label = environment | self._graph.guards[self._places[event]]
-            if entails(scenario, label):
-                yield DistanceEdge(self._places[event], first, -epsilon, label, _ASSUMED)
-
-    def _scaled(self, time: Fraction) -> int:
-        return time.numerator * (self._scale // time.denominator)
-
-    def _refine(self, time: Fraction) -> None:
-        """Count in units of which the time is a multiple."""
-        if self._scale % time.denominator:
-            factor = lcm(self._scale, time.denominator) // self._scale
-            self._scale *= factor
-            self._edges = [edge._replace(weight=edge.weight * factor) for edge in self._edges]
-
-
-class LazyReasoner(WitnessedReasoner):
-    """Answers from a knowledge base and the times of single scenarios."""
-
-    def __init__(self, progress: Progress, compilation: Compilation) -> None:
-        super().__init__(progress)
-        self.name = compilation.backend
-        self._facts = ExecutionFacts(compilation, progress)
-        self._times = ScenarioTimes(compilation.augmented.network, progress)
-        self._preferred: dict[str, str] = {}
-        """The last model that had times."""
-
-    def _learn(self, news: News) -> None:
-        super()._learn(news)
-        self._facts.learn(news)
-
-    def _find_continuation(self, environment: Guard, deadline: Deadline) -> bool:
-        return self._witnessed(self._find([Require(environment)], Hypothesis(self.progress.now), deadline))
-
-    def _find_execution(self, event: str, deadline: Deadline) -> bool:
-        asked = self._ours(event)
-        if asked is None:
-            return False
-        assumed = Hypothesis(self.progress.now, event, self._later(event), self.progress.now)
-        return self._witnessed(self._find(asked, assumed, deadline))
-
-    def _witnessed(self, found: Execution | None) -> bool:
-        if found is None:
-            return False
-        choices = {name: found.scenario[name] for name in self.progress.plan.network.domains}
-        self._witness = Execution(choices, found.schedule)
-        return True
-
-    def _find(self, asked: Iterable[Commitment], assumed: Hypothesis, deadline: Deadline) -> Execution | None:
-        """A model of all variables with times, under an assumption; None if there is none."""
-        commitments = list(asked)
-        while True:
-            deadline.enforce()
-            self._facts.settle(deadline)
-            model = self._facts.knowledge.find_model(commitments, self._preferred, deadline)
-            if model is None:
-                return None
-            times = self._times.earliest(self._scenario(model), assumed)
-            if not isinstance(times, Cycle):
-                self._preferred = dict(model)
-                return Execution(model, times)
-            if any(edge.constraint == _ASSUMED for edge in times.edges):
-                commitments.append(Exclude(self._facts.vocabulary.decode(times.label)))
-            else:
-                self._facts.exclude([times.label])
-
-    def _scenario(self, model: Mapping[str, str]) -> Environment:
-        return self._facts.vocabulary.encode(Assignment(*item) for item in model.items())
-
-    def _ours(self, event: str) -> list[Commitment] | None:
-        """That the event is activated and the executive's to execute; None if it is not."""
-        guard = self.progress.structure.guards[event]
-        labels = self._facts.external(event)
-        excluded = self._facts.excluding(labels, self._facts.vocabulary.encode(guard))
-        return None if excluded is None else [Require(guard), *excluded]
-
-    def _later(self, event: str) -> tuple[tuple[str, Environment], ...]:
-        """What comes after the event if that is executed, because it is not the executive's to execute."""
-        return tuple(
-            (other, label) for other in self.progress.pending if other != event for label in self._facts.external(other)
-        )
-
-    def _earliest_execution(self, deadline: Deadline) -> Fraction | None:
-        soonest = self.progress.now + self.progress.grid
-        best: Fraction | None = None
-        candidates = [event for event in self.progress.frontier if self.progress.ours(event)]
-        for event in sorted(candidates, key=lambda each: self.progress.earliest(each) or soonest):
-            least = max(self.progress.earliest(event) or soonest, soonest)
-            asked = self._ours(event)
-            while asked is not None and (best is None or best > least):
-                latest = None if best is None else best - self.progress.grid
-                assumed = Hypothesis(soonest, event, self._later(event), latest)
-                found = self._find(asked, assumed, deadline)
-                if found is None:
-                    break
-                best = found.schedule[event]
-        return best
-
-    def quiet_until(self, deadline: Deadline) -> Fraction | None:
-        self.catch_up()
-        best, soonest = None, self.progress.now
-        while True:
-            found = self._find([], Hypothesis(soonest), deadline)
-            if found is None:
-                return best
-            best = self._times.deadline(self._scenario(found.scenario))
-            if best is None:
-                return None
-            soonest = best + self.progress.grid
 
 
 @dataclass
@@ -505,8 +299,6 @@ class CompiledReasoners:
 
     Args:
         backend: the name of a knowledge base.
-        temporal: LAZY looks at the times of one scenario after the other; APSP keeps labeled execution windows
-            [PIKE §3], for which the labeled distances of the augmented plan are computed. They decide the same.
         solver: `z3` or `cvc5`, for what is asked of solvers.
         deadline: for compiling.
 
@@ -515,7 +307,6 @@ class CompiledReasoners:
     """
 
     backend: str
-    temporal: Temporal = Temporal.LAZY
     solver: str = "z3"
     deadline: Deadline = NEVER
     compilation: Compilation | None = None
@@ -524,28 +315,22 @@ class CompiledReasoners:
 
     def __call__(self, progress: Progress) -> Reasoner:
         compiling = Compiling(
-            progress.plan, self.backend, temporal=self.temporal, solver=self.solver, deadline=self.deadline
+            progress.plan, self.backend, temporal=Temporal.APSP, solver=self.solver, deadline=self.deadline
         )
         self.seconds = compiling.seconds
         self.compilation = compiling.compile()
-        if self.temporal is Temporal.LAZY:
-            return LazyReasoner(progress, self.compilation)
-        started = perf_counter()
-        try:
-            return WindowReasoner(progress, self.compilation, self.deadline)
-        finally:
-            compiling.seconds["windows"] = perf_counter() - started
+        with compiling.stage("windows"):
+            return WindowReasoner(progress, self.compilation, self.deadline, self.solver)
 
 
-def make_reasoner(
-    name: str, *, solver: str = "z3", temporal: Temporal = Temporal.LAZY, deadline: Deadline = NEVER
-) -> Callable[[Progress], Reasoner]:
+def make_reasoner(name: str, *, solver: str = "z3", deadline: Deadline = NEVER) -> Callable[[Progress], Reasoner]:
     """What makes the reasoner of that name for an execution.
 
     Args:
-        name: one of :func:`reasoner_names`; for all but `smt` it is a :class:`CompiledReasoners`.
+        name: one of :func:`reasoner_names`: `smt` asks the semantic oracle's formula, and compiles nothing; with the
+            name of a knowledge base it is that of the paper, as :class:`CompiledReasoners` makes it. Both decide the
+            same.
         solver: `z3` or `cvc5`, for what is asked of solvers.
-        temporal: how compiled reasoners find out about time.
         deadline: for what is compiled before; the reasoner is not made, with OutOfTimeError, if it passes.
 
     Raises:
@@ -554,6 +339,13 @@ def make_reasoner(
     if name not in reasoner_names():
         raise InputError(f"unknown reasoner {name!r}{did_you_mean(name, reasoner_names())}")
     if name != SMT:
-        return CompiledReasoners(name, temporal=temporal, solver=solver, deadline=deadline)
+        return CompiledReasoners(name, solver=solver, deadline=deadline)
     terms = Terms()  # shared: executives that plan anew ask about one candidate after the other
     return lambda progress: SemanticReasoner(progress, solver=solver, terms=terms)
+
+
+def without_states(plan: TeamPlan) -> TeamPlan:
+    """A plan as Drake sees it: choices and times, without what activities need, do or are to reach, so that there are
+    no causal links and nothing to monitor [PIKE §1.2, §3; Conrad and Williams 2011].
+    """
+    return replace(plan, conditions=(), effects=())

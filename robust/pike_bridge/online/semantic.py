@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from fractions import Fraction
-
-import networkx
+from heapq import heappop, heappush
+from math import lcm
 
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import ALWAYS, Condition, Effect, Guard, guard
@@ -22,8 +22,6 @@ from robust.smt.session import Session
 from robust.smt.terms import Formula, Terms
 
 _FIRST = "first time"
-_ORIGIN = 0
-"""Time 0 among events, which have names."""
 _BISECTION = 3
 """After so many improvements that were not the best, the rest of the interval is bisected."""
 
@@ -35,6 +33,7 @@ class OnlineSemantics(Semantics):
         self._progress = progress
         self._void: dict[tuple[Effect, Condition], Formula] = {}
         super().__init__(progress.plan, terms, epsilon=progress.plan.separation)
+        self._constraints = list(self._scaled())
 
     def ours(self, event: str) -> Formula:
         """That the event is activated, and the executive's to execute."""
@@ -66,29 +65,50 @@ class OnlineSemantics(Semantics):
     def _before(self, earlier: str, later: str) -> Formula:
         return self.terms.true if self._progress.settled(earlier, later) else super()._before(earlier, later)
 
-    def latest(self, execution: Execution, events: Iterable[str]) -> Fraction | None:
+    def latest(self, execution: Execution, events: Collection[str]) -> Fraction | None:
         """The greatest time at which none of the events, of those that an execution has, need have happened.
 
         It counts executions with the same choices and the same facts that keep every order on which conditions may
         rest. None if there is no such time.
         """
-        schedule, times = execution.schedule, self._progress.times
-        graph = networkx.MultiDiGraph()
-        graph.add_nodes_from((_ORIGIN, *schedule))
-        for event, time in times.items():
-            graph.add_edge(_ORIGIN, event, weight=time)
-            graph.add_edge(event, _ORIGIN, weight=-time)
-        for each in self._progress.plan.network.temporal_constraints:
-            if holds(each.guard, execution.scenario):
-                if each.upper is not None:
-                    graph.add_edge(each.source, each.target, weight=each.upper)
-                if each.lower is not None:
-                    graph.add_edge(each.target, each.source, weight=-each.lower)
+        schedule, grid = execution.schedule, self._progress.grid
+        scale = lcm(*((time / grid).denominator for time in schedule.values()))
+        times = {event: int(time / grid * scale) for event, time in schedule.items()}
+        # What the execution itself leaves of each bound is not negative, so that the shortest paths are found greedily.
+        left: dict[str, list[tuple[str, int]]] = {event: [] for event in schedule}
+        for source, target, bound in self._bounds(execution):
+            left[source].append((target, bound * scale + times[source] - times[target]))
+        queue = [(0, event) for event in self._progress.times]
+        found: dict[str, int] = {}
+        while queue:
+            distance, event = heappop(queue)
+            if event not in found:
+                found[event] = distance
+                for target, more in left[event]:
+                    if target not in found:
+                        heappush(queue, (distance + more, target))
+        least = min((found[event] + times[event] for event in events if event in found), default=None)
+        return None if least is None else Fraction(least, scale) * grid
+
+    def _bounds(self, execution: Execution) -> Iterator[tuple[str, str, int]]:
+        """By how much of the grid an event is later than another at most: by constraints, and orders that are kept."""
+        schedule, scenario = execution.schedule, execution.scenario
+        for source, target, bound, label in self._constraints:
+            if holds(label, scenario):
+                yield source, target, bound
+        apart = int(self._epsilon / self._progress.grid)
         for earlier, later in self._orders:
             if earlier in schedule and later in schedule and schedule[later] - schedule[earlier] >= self._epsilon:
-                graph.add_edge(later, earlier, weight=-self._epsilon)
-        bounds = networkx.single_source_bellman_ford_path_length(graph, _ORIGIN)
-        return min((bounds[event] for event in events if event in schedule and event in bounds), default=None)
+                yield later, earlier, -apart
+
+    def _scaled(self) -> Iterator[tuple[str, str, int, Guard]]:
+        """The constraints as bounds on how much later one event is than another, in units of the grid."""
+        grid = self._progress.grid
+        for each in self._progress.plan.network.temporal_constraints:
+            if each.upper is not None:
+                yield each.source, each.target, int(each.upper / grid), each.guard
+            if each.lower is not None:
+                yield each.target, each.source, -int(each.lower / grid), each.guard
 
     def void(self, effect: Effect, condition: Condition) -> Formula:
         """That the effect does not support the condition."""
@@ -176,6 +196,12 @@ class SemanticReasoner(WitnessedReasoner):
 
     # -- patience ----------------------------------------------------------------------------------------------------
 
+    @property
+    def witness(self) -> Execution | None:
+        """A continuation, if one is known."""
+        self.catch_up()
+        return self._witness
+
     def continuation(self, environment: Guard, event: str | None, deadline: Deadline) -> Execution | None:
         """A continuation in the environment in which what is not the executive's to execute comes after now.
 
@@ -195,38 +221,39 @@ class SemanticReasoner(WitnessedReasoner):
         Now it may happen before what happens at the same moment, unless the plan puts that first.
         """
         self.catch_up()
+        if not self.progress.structure.preceding(event).isdisjoint(others):
+            return False
         moment = self._semantics.time_of(event)
         activated = self._semantics.guard(self.progress.structure.guards[event])
         with self._session.frame(activated, *(self._semantics.later(each, moment) for each in others)):
             if self._check(deadline):
                 return True
-        if not self.progress.structure.preceding(event).isdisjoint(others):
-            return False
         with self._session.frame(activated, self._semantics.at(event, self.progress.now)):
             return self._check(deadline)
 
-    def all_later(self, environment: Guard, events: Iterable[str], moment: Fraction, deadline: Deadline) -> bool:
-        """Whether a continuation in the environment has those of the events that it has after a moment."""
+    def all_later(
+        self, environment: Guard, events: Iterable[str], moment: Fraction, deadline: Deadline
+    ) -> Execution | None:
+        """A continuation in the environment that has those of the events that it has after a moment; None without."""
         self.catch_up()
         bound = Polynomial.constant(moment)
         later = (self._semantics.later(each, bound) for each in sorted(events))
-        return self._ask([self._semantics.guard(environment), *later], deadline)
+        return self._witness if self._ask([self._semantics.guard(environment), *later], deadline) else None
+
+    def wait(self, continuation: Execution, events: Collection[str]) -> Fraction | None:
+        """A time before which none of the events need be executed, by a continuation; None: none ever need."""
+        return self._semantics.latest(continuation, events)
 
     def latest(self, environment: Guard, events: Collection[str], deadline: Deadline) -> Fraction | None:
         """The greatest time before which none of the events need be executed in some continuation in the environment.
 
         None if there is none, or no such continuation.
         """
-        self.catch_up()
         latest: Fraction | None = self.progress.now
-        found = self.could(environment, deadline)
-        with self._session.frame(self._semantics.guard(environment)):
-            while found and self._witness is not None:
-                latest = self._semantics.latest(self._witness, events)
-                if latest is None:
-                    break
-                bound = Polynomial.constant(latest)
-                found = self._ask([self._semantics.later(each, bound) for each in sorted(events)], deadline)
+        found = self._witness if self.could(environment, deadline) else None
+        while found is not None:
+            latest = self.wait(found, events)
+            found = None if latest is None else self.all_later(environment, events, latest, deadline)
         return latest
 
     def next_execution(self, withheld: Collection[str], deadline: Deadline) -> Fraction | None:
@@ -298,16 +325,7 @@ class SemanticReasoner(WitnessedReasoner):
             return self._best(floor, deadline, sign=1)
 
     def quiet_until(self, deadline: Deadline) -> Fraction | None:
-        self.catch_up()
-        hypothesis = [self._semantics.not_earlier(event, self._first) for event in self.progress.frontier]
-        ceiling = self.progress.latest()
-        with self._session.frame(*hypothesis):
-            if ceiling is None:
-                ceiling = self._horizon()
-                with self._session.frame(self._terms.at_least(self._first - ceiling)):
-                    if self._check(deadline):
-                        return None
-            return self._best(ceiling, deadline, sign=-1)
+        return self.latest(ALWAYS, list(self.progress.frontier), deadline) if self.possible(deadline) else None
 
     def _horizon(self) -> Fraction:
         """A time that no bound reaches which is made of the plan's numbers and the times so far."""

@@ -35,7 +35,7 @@ from robust.pike_bridge.online.progress import (
     Violated,
 )
 from robust.pike_bridge.online.reasoner import Reasoner
-from robust.pike_bridge.online.reasoners import SMT, make_reasoner
+from robust.pike_bridge.online.reasoners import SMT, make_reasoner, without_states
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.semantics import Execution, faults, holds
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -265,7 +265,10 @@ class ExecutionStep:
 
 @dataclass(frozen=True)
 class ExecutionRecord:
-    """An execution. `conflict` are the facts that contradict each other, of one that failed."""
+    """An execution. `conflict` are the facts that contradict each other, of one that failed.
+
+    `faults` are why one that Drake took for a success is none.
+    """
 
     ending: Ending
     time: Fraction
@@ -273,6 +276,7 @@ class ExecutionRecord:
     choices: Mapping[str, str]
     schedule: Mapping[str, Fraction]
     conflict: tuple[Fact, ...] = ()
+    faults: tuple[str, ...] = ()
 
     @property
     def cut_short(self) -> bool:
@@ -294,6 +298,9 @@ class Rehearsal:
         on_step: called after each step.
         explain: whether the reasons of each step are found out, after it was taken.
         patience: as of :class:`~robust.pike_bridge.online.executive.PlanExecutive`.
+        drake: whether executive and team know nothing of what activities need and do, as
+            :func:`~robust.pike_bridge.online.reasoners.without_states` has it. What ends well for them is failed if it
+            is not correct.
     """
 
     plan: TeamPlan
@@ -306,6 +313,7 @@ class Rehearsal:
     on_step: Callable[[ExecutionStep], None] | None = None
     explain: bool = False
     patience: Fraction | None = Fraction(0)
+    drake: bool = False
     _steps: list[ExecutionStep] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -320,14 +328,15 @@ class Rehearsal:
             SolverError: if the solver is unknown, or an execution that ended well is not correct.
         """
         deciding = make_reasoner(self.backend, solver=self.solver, deadline=self.deadline)
+        seen = without_states(self.plan) if self.drake else self.plan
         self._executive = PlanExecutive(
-            self.plan,
+            seen,
             partial(self._reasoner, deciding),
             patience=self.patience,
             solver=self.solver,
             deadline=self.deadline,
         )
-        world = SimulatedTeam(self.plan, self._executive, self._judge, self.story, seed=self.seed)
+        world = SimulatedTeam(seen, self._executive, self._judge, self.story, seed=self.seed)
         try:
             run_in_world(self, world)
         except OutOfTimeError:
@@ -335,8 +344,11 @@ class Rehearsal:
         except KeyboardInterrupt:
             return self._record(Ending.INTERRUPTED)
         outcome = self._executive.outcome
-        if isinstance(outcome, Succeeded):
-            self._confirm()
+        found = self._faults() if isinstance(outcome, Succeeded) else ()
+        if found and not self.drake:
+            raise SolverError(f"the execution is not correct: {found[0]}; please report this")
+        if found:
+            return replace(self._record(Ending.SUCCEEDED), ending=Ending.FAILED, faults=found)
         return self._record(Ending.WAITING if outcome is None else Ending(outcome.kind()))
 
     def so_far(self, *, timed_out: bool) -> ExecutionRecord | None:
@@ -390,15 +402,14 @@ class Rehearsal:
         self._known.update(changed)
         return changed
 
-    def _confirm(self) -> None:
+    def _faults(self) -> tuple[str, ...]:
         """The referee's word on an execution without disturbances, whose choices are complete where they matter."""
         progress = self._executive.progress
         if progress.void:
-            return
+            return ()
         scenario = {name: domain[0] for name, domain in self.plan.network.domains.items()} | progress.chosen
         activated = {name for name, guard in progress.structure.guards.items() if holds(guard, scenario)}
         if activated != progress.times.keys():
-            return  # a choice that was never made decides about events of its own
+            return ()  # a choice that was never made decides about events of its own
         found = faults(self.plan, Execution(scenario, progress.times), reported=progress.reported)
-        if found:
-            raise SolverError(f"the execution is not correct: {found[0]}; please report this")
+        return tuple(map(str, found))

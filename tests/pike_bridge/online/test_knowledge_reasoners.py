@@ -8,7 +8,6 @@ import pytest
 
 from benchmarks.generators.pike import k_intents
 from robust.errors import InputError
-from robust.pike_bridge.compile import Temporal
 from robust.pike_bridge.model import Choice, Constraint, guard
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Completion, Executed, Progress
@@ -22,11 +21,7 @@ from tests.pike_bridge.online.examples import SOLVABLE, Compared, confirming, dr
 from tests.pike_bridge.plans import random_plan as small_plan
 
 BACKENDS = tuple(name for name in reasoner_names() if name != "smt")
-WAYS = [(backend, temporal) for backend in BACKENDS for temporal in Temporal]
-each_way = pytest.mark.parametrize(
-    ("backend", "temporal"), WAYS, ids=[f"{backend}-{temporal.value}" for backend, temporal in WAYS]
-)
-
+each_backend = pytest.mark.parametrize("backend", BACKENDS)
 
 PLANS = {
     "kitchen": figures.kitchen,
@@ -54,14 +49,13 @@ class Exactly(Compared):
         return self._same("next_time", deadline)
 
 
-def execute(plan, way, number, *, after_step=lambda *_: None):
+def execute(plan, backend, number, *, after_step=lambda *_: None):
     """One simulated execution, decided by a reasoner that is compared with `smt` in every question: times of decisions.
 
     Args:
-        way: the name of a reasoner, and how it finds out about time.
         number: decides about the story, chance and ties.
     """
-    make, decided, judges = make_reasoner(way[0], temporal=way[1]), [], []
+    make, decided, judges = make_reasoner(backend), [], []
 
     def both(progress):
         judges.append(SemanticReasoner(progress))
@@ -109,34 +103,33 @@ def story(plan, seed):
     )
 
 
-EXAMPLES = [(name, *way) for name in PLANS if name != "wing" for way in WAYS]
-EXAMPLES += [("wing", "bdd", Temporal.APSP), *(("wing", backend, Temporal.LAZY) for backend in BACKENDS)]
+EXAMPLES = [(name, backend) for name in PLANS for backend in (BACKENDS if name != "wing" else ("bdd",))]
 
 
-@pytest.mark.parametrize(("name", "backend", "temporal"), EXAMPLES)
-def test_answers_about_examples_are_those_of_the_semantics(name, backend, temporal):
+@pytest.mark.parametrize(("name", "backend"), EXAMPLES)
+def test_answers_about_examples_are_those_of_the_semantics(name, backend):
     for seed in (1,) if name == "wing" else (0, 1):
-        assert len(execute(named(name), (backend, temporal), seed)[1]) > 1
+        assert len(execute(named(name), backend, seed)[1]) > 1
 
 
-@each_way
-def test_answers_about_drawn_plans_are_those_of_the_semantics(backend, temporal):
-    steps = [len(execute(drawn(each), (backend, temporal), place)[1]) for place, each in enumerate(SOLVABLE[6:10])]
+@each_backend
+def test_answers_about_drawn_plans_are_those_of_the_semantics(backend):
+    steps = [len(execute(drawn(each), backend, place)[1]) for place, each in enumerate(SOLVABLE[6:10])]
     assert sum(steps) > 40
 
 
-@each_way
-def test_answers_about_small_contested_plans_are_those_of_the_semantics(backend, temporal):
+@each_backend
+def test_answers_about_small_contested_plans_are_those_of_the_semantics(backend):
     ended = set()
     for seed in range(30):
-        executive, _ = execute(contested(seed), (backend, temporal), seed, after_step=infer)
+        executive, _ = execute(contested(seed), backend, seed, after_step=infer)
         ended.add(type(executive.outcome).__name__)
     assert {"Succeeded", "Failed"} <= ended
 
 
-def compared_executive(plan, way):
+def compared_executive(plan, backend):
     """After its first step."""
-    make = make_reasoner(way[0], temporal=way[1])
+    make = make_reasoner(backend)
     executive = PlanExecutive(plan, lambda progress: Compared(make(progress), SemanticReasoner(progress)))
     executive.step(Fraction(0))
     return executive
@@ -155,49 +148,48 @@ REPORTED = working(
 """Only x = 1 has times, although nobody has chosen it; then the work has ended when our event happens."""
 
 
-@each_way
+@each_backend
 @pytest.mark.parametrize(("plan", "moment", "ours"), [(DUE, 4, {"own"}), (DUE, 5, set()), (REPORTED, 3, set())])
-def test_nothing_happens_before_or_with_what_is_to_be_reported(plan, moment, ours, backend, temporal):
-    executive = compared_executive(plan, (backend, temporal))
+def test_nothing_happens_before_or_with_what_is_to_be_reported(plan, moment, ours, backend):
+    executive = compared_executive(plan, backend)
     found = executive.step(Fraction(moment))
     assert not executive.ended
     assert {each.event for each in found if isinstance(each, Executed)} == ours
 
 
-@each_way
-def test_what_is_due_first_is_looked_for_first(backend, temporal):
+@each_backend
+def test_what_is_due_first_is_looked_for_first(backend):
     plan = working(Constraint("begin", "own", Fraction(7), None))
-    executive = PlanExecutive(plan, make_reasoner(backend, temporal=temporal))
+    executive = PlanExecutive(plan, make_reasoner(backend))
     executive.step(Fraction(0))
     assert executive.wake == 5 + plan.epsilon
     executive.step(Fraction(3), [Completion("(work)")])
     assert executive.wake == 7
 
 
-@each_way
-def test_times_off_the_grid_are_exact(backend, temporal):
+@each_backend
+def test_times_off_the_grid_are_exact(backend):
     """As a clock has them: thirds of a second, which no unit of the plan divides."""
-    executive = compared_executive(kitchen(), (backend, temporal))
+    executive = compared_executive(kitchen(), backend)
     for third in range(1, 9):
         executive.step(Fraction(third, 3))
         executive.reasoner.deciding.next_time(NEVER)
     assert len(executive.progress.times) > 1
 
 
-@each_way
-def test_what_was_compiled_can_be_seen(backend, temporal):
-    make = make_reasoner(backend, temporal=temporal)
+@each_backend
+def test_what_was_compiled_can_be_seen(backend):
+    make = make_reasoner(backend)
     reasoner = make(Progress(kitchen()))
     assert reasoner.name == make.compilation.backend == backend
-    assert set(make.seconds) >= {"precedence", "links", "knowledge"}
-    assert ("windows" in make.seconds) == (temporal is Temporal.APSP)
+    assert set(make.seconds) >= {"precedence", "links", "knowledge", "windows"}
     with pytest.raises(OutOfTimeError):
-        make_reasoner(backend, temporal=temporal, deadline=Deadline.after(0))(Progress(kitchen()))
+        make_reasoner(backend, deadline=Deadline.after(0))(Progress(kitchen()))
 
 
-@each_way
-def test_a_question_that_runs_out_of_time_changes_nothing(backend, temporal):
-    executive = PlanExecutive(kitchen(), make_reasoner(backend, temporal=temporal))
+@each_backend
+def test_a_question_that_runs_out_of_time_changes_nothing(backend):
+    executive = PlanExecutive(kitchen(), make_reasoner(backend))
     executive.step(Fraction(0))
     values = [guard({"xA1": value}) for value in ("mug", "glass")]
     # A continuation that is known already may answer for one of the values without looking at any clock.
@@ -213,13 +205,13 @@ def test_unknown_reasoners_are_named():
 
 
 @pytest.mark.slow
-@each_way
-def test_many_executions_stay_correct_until_they_fail(backend, temporal):
+@each_backend
+def test_many_executions_stay_correct_until_they_fail(backend):
     plans = [(number, contested(number)) for number in range(1000)]
     plans = [(number, plan) for number, plan in plans if Oracle(plan).decide().verdict is Existence.EXISTS]
     plans += [(number, drawn(index)) for index in SOLVABLE for number in range(3)]
     asked = []
     for number, plan in plans:
-        execute(plan, (backend, temporal), number, after_step=confirming(plan, asked))
+        execute(plan, backend, number, after_step=confirming(plan, asked))
     assert len(plans) > 400
     assert len(asked) > 1500
