@@ -16,9 +16,9 @@ from robust.encode.interface import Encoding, Facet
 from robust.irr.containment import Question, Questions
 from robust.plan.model import Parameter, Relation
 from robust.qe.box import Box, Face, Side
-from robust.qe.conjunctions import irredundant, project
+from robust.qe.conjunctions import Conjunction, irredundant, project
 from robust.qe.constraint import LinearConstraint
-from robust.qe.nnf import Leaf, Nnf, conjunction, implicant, names_in
+from robust.qe.nnf import Leaf, Model, Nnf, conjunction, implicant, names_in
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import maximize
 from robust.qe.slabs import Growing
@@ -142,12 +142,16 @@ class DiscoveredBadSet(Questions[Polyhedron]):
         if not implicant(self._formulas[name], session.values(symbols), chosen):
             raise ValueError(f"the solver's model does not satisfy the query of {name!r}")
         constraints = [leaf for leaf in chosen if isinstance(leaf, LinearConstraint)]
-        projected = project(constraints, names_in(conjunction(constraints)).difference(self._names))
+        projected = self._projection(constraints, session.values(symbols))
         if projected is None:
             raise ValueError(f"the implicant of {name!r} is contradictory, although it has a model")
         piece = Polyhedron(self._names, projected)
         self.reasons[piece] = name
         return piece
+
+    def _projection(self, constraints: Sequence[LinearConstraint], _model: Model) -> Conjunction | None:
+        """What the constraints, which the model satisfies, say of the parameters; None if they contradict."""
+        return project(constraints, names_in(conjunction(constraints)).difference(self._names))
 
 
 @dataclass(eq=False, kw_only=True)

@@ -1,0 +1,197 @@
+"""What of a plan may be changed to repair it, and the plan in which all of that is a parameter.
+
+A bound of the network that is a number, or infinite, may become another number; the nominal value of a parameter may
+move within its declared bounds. Bounds that no repair needs are left out: a duration that the domain fixes without
+regard to the state is what it is in every schedule of a valid plan, and no time point is before zero, so a bound that
+goes beyond such a limit says no more than one that is at it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from fractions import Fraction
+
+from robust.encode.effects import Writes
+from robust.encode.network import duration_rules
+from robust.numbers import format_number
+from robust.plan.model import (
+    ZERO,
+    Bound,
+    Parameter,
+    ParameterReference,
+    ParametrizedPlan,
+    TemporalConstraint,
+    TimePoint,
+)
+from robust.plan.polynomial import Polynomial
+from robust.qe.box import Side
+
+
+class Kind(Enum):
+    """What may be changed."""
+
+    BOUND = "bound"
+    NOMINAL = "nominal"
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number of the plan that may be changed.
+
+    `name` is that of the parameter which stands for it: no parameter of a plan has blanks in its name. `old` is None
+    for an infinite bound. A unit of change costs `weight`. Other values than those from `lower` to `upper` are not
+    allowed, or never needed. Of a bound, `constraint` is its number in the plan and `side` which one it is.
+    """
+
+    name: str
+    kind: Kind
+    old: Fraction | None
+    weight: Fraction = Fraction(1)
+    lower: Fraction | None = None
+    upper: Fraction | None = None
+    constraint: int = -1
+    side: Side = Side.UPPER
+
+
+def bound_name(constraint: int, side: Side) -> str:
+    """The name of a bound."""
+    return f"{side.value} bound of constraint {constraint}"
+
+
+Limits = tuple[Fraction | None, Fraction | None]
+
+
+def quantities(plan: ParametrizedPlan, kinds: Collection[Kind], fixed: Collection[str] = ()) -> list[Quantity]:
+    """All that may be changed; the parameters in `fixed` keep their nominal values."""
+    found = list(_bounds(plan)) if Kind.BOUND in kinds else []
+    if Kind.NOMINAL in kinds:
+        found += [
+            Quantity(one.name, Kind.NOMINAL, one.nominal, one.weight, one.lower, one.upper)
+            for one in plan.parameters
+            if one.name not in fixed
+        ]
+    return found
+
+
+def _bounds(plan: ParametrizedPlan) -> Iterator[Quantity]:
+    limits = _limits(plan)
+    for number, constraint in enumerate(plan.constraints):
+        least, greatest = limits.get((constraint.source, constraint.target), (None, None))
+        for side in Side:
+            bound = _bound_of(constraint, side)
+            if bound is not None and not bound.is_constant:
+                continue
+            old = None if bound is None else bound.constant_term
+            lower, upper = least, greatest
+            if old is None:
+                # Infinite is beyond all limits.
+                lower, upper = (None, upper) if side is Side.LOWER else (lower, None)
+            else:
+                lower = None if lower is None else min(lower, old)
+                upper = None if upper is None else max(upper, old)
+            if lower is None or lower != upper:
+                yield Quantity(bound_name(number, side), Kind.BOUND, old, Fraction(1), lower, upper, number, side)
+
+
+def _limits(plan: ParametrizedPlan) -> dict[tuple[TimePoint, TimePoint], Limits]:
+    """How far apart two time points can be in any schedule of a valid plan, by what the domain says of durations."""
+    found: dict[tuple[TimePoint, TimePoint], Limits] = {}
+
+    def add(source: TimePoint, target: TimePoint, least: Fraction) -> None:
+        low, high = found.get((source, target), (None, None))
+        low = least if low is None else max(low, least)
+        found[source, target] = low, high
+        found[target, source] = None if high is None else -high, -low
+
+    for point in plan.time_points[1:]:
+        add(ZERO, point, Fraction(0))
+    for rule in duration_rules(plan, Writes(plan)):
+        for bound in rule.bounds:
+            if bound.weight.is_constant:
+                add(bound.source, bound.target, bound.weight.constant_term)
+    return found
+
+
+def _bound_of(constraint: TemporalConstraint, side: Side) -> Bound | None:
+    return constraint.upper if side is Side.UPPER else constraint.lower
+
+
+def _with_bound(constraint: TemporalConstraint, side: Side, bound: Bound) -> TemporalConstraint:
+    return replace(constraint, upper=bound) if side is Side.UPPER else replace(constraint, lower=bound)
+
+
+def lifted(plan: ParametrizedPlan, changeable: Sequence[Quantity]) -> ParametrizedPlan:
+    """The plan with a parameter for each bound that may be changed."""
+    constraints, parameters = list(plan.constraints), list(plan.parameters)
+    for one in changeable:
+        if one.kind is Kind.BOUND:
+            reference: Bound = Polynomial.variable(ParameterReference(one.name))
+            constraints[one.constraint] = _with_bound(constraints[one.constraint], one.side, reference)
+            parameters.append(Parameter(one.name, one.old or Fraction(0), one.weight, one.lower, one.upper))
+    return replace(plan, constraints=tuple(constraints), parameters=tuple(parameters))
+
+
+def changed(
+    plan: ParametrizedPlan, changeable: Sequence[Quantity], values: Mapping[str, Fraction]
+) -> ParametrizedPlan:
+    """The plan with other values for some quantities, by their names."""
+    constraints = list(plan.constraints)
+    parameters = {one.name: one for one in plan.parameters}
+    for one in changeable:
+        if one.name not in values:
+            continue
+        value = values[one.name]
+        if one.kind is Kind.BOUND:
+            moved: Bound = Polynomial.constant(value)
+            constraints[one.constraint] = _with_bound(constraints[one.constraint], one.side, moved)
+        else:
+            parameters[one.name] = replace(parameters[one.name], nominal=value)
+    return replace(plan, constraints=tuple(constraints), parameters=tuple(parameters.values()))
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One number of the plan and what becomes of it; `serves` are the obligations that break without the change.
+
+    `statement` is the one that is changed, as it was written. `cost` is the amount times the weight; None for a bound
+    that was infinite.
+    """
+
+    quantity: Quantity
+    statement: str
+    new: Fraction
+    serves: tuple[str, ...]
+
+    @property
+    def old(self) -> Fraction | None:
+        return self.quantity.old
+
+    @property
+    def amount(self) -> Fraction | None:
+        """By how much, upwards; None where there was no bound."""
+        return None if self.old is None else self.new - self.old
+
+    @property
+    def cost(self) -> Fraction | None:
+        return None if self.amount is None else abs(self.amount) * self.quantity.weight
+
+    @property
+    def what(self) -> str:
+        """Which number of the statement."""
+        if self.quantity.kind is Kind.NOMINAL:
+            return "nominal value"
+        return f"{self.quantity.side.value} bound"
+
+    def __str__(self) -> str:
+        infinite = "-inf" if self.quantity.side is Side.LOWER else "inf"
+        old = infinite if self.old is None else format_number(self.old)
+        return f"{self.statement}: {self.what} {old} to {format_number(self.new)}"
+
+
+def statement(plan: ParametrizedPlan, quantity: Quantity) -> str:
+    """What a quantity belongs to, as it was written."""
+    if quantity.kind is Kind.BOUND:
+        return str(plan.constraints[quantity.constraint])
+    return f"parameter {quantity.name}"

@@ -1,0 +1,576 @@
+"""The least change of a plan after which it is proved: exact, and at any time with its gap.
+
+What may be changed become parameters of a plan of their own. In it, the changes that leave something bad, a schedule
+that breaks an obligation or parameter values without a schedule, are a union of polyhedra, discovered one at a time as
+in :mod:`robust.irr.widen`. What a plan is required to tolerate is projected out of each; a change is good if it breaks
+one of the inequalities of each polyhedron that is left. A solver looks for cheaper and cheaper choices of one broken
+inequality for each, exact linear programming makes the best of each choice, and when there is no cheaper one its cost
+is a lower bound. If nothing bad is left by these changes they are optimal; else there is another polyhedron. Going on
+from there with the cheapest inequality of one polyhedron after the other finds a repair early that may not be the
+cheapest.
+
+Cost is a pair: how many numbers change, and the weighted sum of the changes. By sum, the first counts only bounds that
+were infinite: no distance from infinity can be told, so as few as possible become finite.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+
+from robust.encode.encoding import RelationalEncoding
+from robust.encode.interface import EPSILON, Facet
+from robust.encode.variables import variable
+from robust.errors import SolverError
+from robust.irr.check import Answer, Checker, CheckResult
+from robust.irr.quantities import Change, Kind, Quantity, bound_name, changed, lifted, quantities, statement
+from robust.irr.widen import DiscoveredBadSet
+from robust.plan.model import ParameterReference, ParametrizedPlan
+from robust.plan.polynomial import Polynomial
+from robust.qe.box import Box, Interval, Side
+from robust.qe.conjunctions import Conjunction, project_at, variables_of
+from robust.qe.constraint import LinearConstraint
+from robust.qe.eliminate.enumerate import CROWDED, satisfiable
+from robust.qe.nnf import Model
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.simplex import Supremum, feasible_point, maximize
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from robust.smt.session import Session
+from robust.smt.terms import Formula, Terms
+
+_NOTHING = Fraction(0)
+_CLOSE = Fraction(1, 1_000_000)
+"""How much more than the infimum is paid, as a share, where the infimum is only approached."""
+_FAR = Fraction(1_000_000)
+"""Where an infinite bound is looked for that became finite, as a multiple of the greatest number of the plan."""
+
+
+class RepairStatus(Enum):
+    """How a search for a repair ended."""
+
+    UNNEEDED = "unneeded"
+    """The plan is proved as it is."""
+    OPTIMAL = "optimal"
+    FEASIBLE = "feasible"
+    """A repair, but perhaps not the cheapest."""
+    IMPOSSIBLE = "impossible"
+    """Whatever is changed of what may be changed, the plan is not proved."""
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Cost:
+    """Fewer changes that count come first, then a smaller sum of amounts times weights."""
+
+    count: int = 0
+    total: Fraction = _NOTHING
+
+
+@dataclass(frozen=True)
+class Repair:
+    """What a search found: `plan` is the repaired one, None if there is none; no repair costs less than `bound`.
+
+    `check` is the proof of it. `contradiction` names what no allowed change reconciles, where there is no repair.
+    Where the least cost is only approached, since a strict inequality excludes it, an optimal repair costs a millionth
+    more and is not `attained`. `conflicts` and `candidates` are how many polyhedra were met and changes examined.
+    """
+
+    status: RepairStatus
+    required: Mapping[str, Interval]
+    plan: ParametrizedPlan | None
+    changes: tuple[Change, ...]
+    cost: Cost | None
+    bound: Cost
+    conflicts: int
+    candidates: int
+    seconds: float
+    attained: bool = True
+    contradiction: tuple[str, ...] = ()
+    check: CheckResult | None = None
+    interrupted: bool = False
+    reason: str | None = None
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the search before it was done."""
+        return self.status in {RepairStatus.FEASIBLE, RepairStatus.UNKNOWN}
+
+
+@dataclass(frozen=True, slots=True)
+class _Clause:
+    """One of these inequalities holds in every repair; `reason` is what breaks otherwise."""
+
+    choices: tuple[LinearConstraint, ...]
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    """The cheapest changes under some inequalities; `values` has what changes only, `cost` is the infimum."""
+
+    chosen: tuple[LinearConstraint, ...]
+    values: Mapping[str, Fraction]
+    cost: Cost
+    attained: bool = True
+
+
+class RepairSearch:
+    """One search; knows at any moment what it has found.
+
+    Args:
+        plan: the plan.
+        require: the values that parameters must be able to have; the others have their nominal ones.
+        kinds: what may be changed; nominal values of required parameters may not.
+        count: whether every change counts, or only bounds that were infinite.
+        epsilon: the separation of mutex time points.
+        solver: `z3` or `cvc5`.
+        deadline: when to stop with the best repair so far.
+        on_repair: called with the cost of each better repair.
+    """
+
+    def __init__(
+        self,
+        plan: ParametrizedPlan,
+        *,
+        require: Mapping[str, Interval] | None = None,
+        kinds: Collection[Kind] = (Kind.BOUND,),
+        count: bool = False,
+        epsilon: Fraction = EPSILON,
+        solver: str = "z3",
+        deadline: Deadline = NEVER,
+        on_repair: Callable[[Cost], None] | None = None,
+    ) -> None:
+        self._plan = plan
+        self._required = dict(require or {})
+        self._kinds = kinds
+        self._counts = count
+        self._epsilon = epsilon
+        self._solver = solver
+        self._deadline = deadline
+        self._on_repair = on_repair
+        self._started = time.perf_counter()
+        self._quantities = {one.name: one for one in quantities(plan, kinds, self._required)}
+        numbers = [abs(one.old) for one in self._quantities.values() if one.old is not None]
+        greatest = max([Fraction(1), *numbers, *(abs(p.nominal) for p in plan.parameters)])
+        self._reach = _FAR * greatest
+        self._infinity = greatest * (1 + len(plan.constraints))
+        self._clauses: list[_Clause] = []
+        self._examined = 0
+        self._lowest = Cost()
+        self._best: _Candidate | None = None
+        self._proof: CheckResult | None = None
+        self._terms = Terms()
+        self._session = Session(self._terms, solver=solver)
+        self._asserted = 0
+        self._declared: set[str] = set()
+
+    def run(self) -> Repair:
+        """Search until the best repair is proved to be the cheapest, or time is out."""
+        try:
+            return self._search()
+        except OutOfTimeError as stopped:
+            return self._unfinished(reason=stopped.reason)
+        except KeyboardInterrupt:
+            return self._unfinished(interrupted=True)
+
+    def so_far(self, *, timed_out: bool) -> Repair:
+        """The best repair by now, and how much cheaper one could be."""
+        return self._unfinished(interrupted=not timed_out)
+
+    # -- the search ----------------------------------------------------------------------------------------------------
+
+    def _search(self) -> Repair:
+        plan = lifted(self._plan, list(self._quantities.values()))
+        self._bad = _BadChanges(self._plan, RelationalEncoding(plan, self._epsilon), self._solver, self._deadline)
+        while self._best is None or self._best.cost > self._lowest:
+            candidate = self._cheapest_known()
+            if candidate is None:
+                break
+            self._lowest = candidate.cost
+            if self._clause_at(candidate) is None:
+                self._accept(candidate)
+            else:
+                self._dive(candidate)
+        if self._best is None:
+            return self._result(RepairStatus.IMPOSSIBLE, contradiction=tuple(self._contradiction()))
+        self._lowest = self._best.cost
+        return self._result(RepairStatus.OPTIMAL if self._best.values else RepairStatus.UNNEEDED)
+
+    def _cheapest_known(self) -> _Candidate | None:
+        """The cheapest changes that no known clause forbids; None if they are no cheaper than the best repair."""
+        for clause in self._clauses[self._asserted :]:
+            self._session.add(self._asserted_clause(self._session, clause, self._declared))
+        self._asserted = len(self._clauses)
+        least, found = self._best, None
+        while True:
+            cheaper = [] if least is None else [self._cheaper(least.cost)]
+            with self._session.frame(*cheaper):
+                if not satisfiable(self._session, "cheaper changes that no known clause forbids", self._deadline):
+                    return found
+                known = self._session.values(self._terms.real(ParameterReference(n)) for n in self._symbols())
+            least = found = self._improved({name: Fraction(value) for name, value in known.items()})
+
+    def _improved(self, model: Mapping[str, Fraction]) -> _Candidate:
+        """The best of the choices that a model makes."""
+        free = {name for name in self._declared if not self._has_flag(name) or model.get(_flag(name))}
+        values = {name: model[name] for name in free if name in model}
+        chosen = (next(one for one in clause.choices if self._holds(one, values)) for clause in self._clauses)
+        found = self._cheapest(tuple(chosen), free)
+        if found is None:
+            raise ValueError("a model satisfies the inequalities that were chosen by it")
+        return found
+
+    def _dive(self, candidate: _Candidate) -> None:
+        """Satisfy one clause after the other by its cheapest inequality; the end is a repair, if there is one."""
+        while (clause := self._clause_at(candidate)) is not None:
+            steps = []
+            for choice in clause.choices:
+                chosen = (*candidate.chosen, choice)
+                needed = {n for one in chosen for n in one.parameters if not self._holds(one, {}, (n,))}
+                free = {n for n, one in self._quantities.items() if one.old is not None} | needed
+                if (found := self._cheapest(chosen, free)) is not None:
+                    steps.append(found)
+            candidate = min(steps, key=lambda one: one.cost, default=candidate)
+            if not steps or (self._best is not None and candidate.cost >= self._best.cost):
+                return
+        self._accept(candidate)
+
+    def _accept(self, candidate: _Candidate) -> None:
+        """Check the repaired plan by itself; it is the best one by now."""
+        plan = self._changed(candidate)
+        box = Box.nominal(plan.parameters)
+        for name, interval in self._required.items():
+            box = box.replace(name, interval)
+        encoding = RelationalEncoding(plan, self._epsilon)
+        proof = Checker(encoding, box, solver=self._solver, deadline=self._deadline).run()
+        if proof.answer is Answer.UNKNOWN:
+            raise KeyboardInterrupt if proof.interrupted else OutOfTimeError(proof.reason)
+        if proof.answer is Answer.REFUTED:
+            found = "; ".join(proof.counterexamples) or proof.reason
+            raise SolverError(f"the check does not confirm a repair ({found}); please report this plan as a bug")
+        self._best, self._proof = candidate, proof
+        if self._on_repair is not None:
+            self._on_repair(candidate.cost)
+
+    def _clause_at(self, candidate: _Candidate) -> _Clause | None:
+        """A clause that the changes do not satisfy; None if nothing bad is left by them."""
+        self._deadline.enforce()
+        for known in self._clauses:
+            if not any(self._holds(choice, candidate.values) for choice in known.choices):
+                return known
+        self._examined += 1
+        while True:
+            piece = self._bad.piece_in(self._box_at(candidate), self._deadline)
+            if piece is None:
+                return None
+            clause = self._clause(piece)
+            if clause not in self._clauses:
+                self._clauses.append(clause)
+            if not any(self._holds(choice, candidate.values) for choice in clause.choices):
+                return clause
+            # Only a bound that stands for an infinite one can have run into it.
+            self._infinity *= 2
+
+    def _box_at(self, candidate: _Candidate) -> Box:
+        """Where the plan with parameters for what may be changed has to be valid."""
+        box = Box.nominal(self._bad.encoding.plan.parameters)
+        for name, interval in self._required.items():
+            box = box.replace(name, interval)
+        for name, one in self._quantities.items():
+            value = candidate.values.get(name, one.old)
+            if value is not None:
+                box = box.replace(name, Interval(value, value))
+            else:
+                end = one.side.sign * self._infinity
+                box = box.replace(name, Interval(end, None) if one.side is Side.UPPER else Interval(None, end))
+        return box
+
+    def _clause(self, piece: Polyhedron) -> _Clause:
+        """What a repair must break of a polyhedron: it is bad whatever the required parameters are in it."""
+        fixed = {
+            one.name: one.nominal
+            for one in self._plan.parameters
+            if one.name not in self._quantities and one.name not in self._required
+        }
+        values = piece.restricted(Box(self._required).constraints()).slice(fixed)
+        kept = [name for name in values.parameters if name not in self._required]
+        bad = values.project(kept)
+        choices = tuple(negated for one in bad.constraints for negated in one.negation())
+        return _Clause(choices, self._bad.reasons[piece])
+
+    def _holds(
+        self, choice: LinearConstraint, values: Mapping[str, Fraction], names: Iterable[str] | None = None
+    ) -> bool:
+        """Whether an inequality holds, where bounds that are not in `values` are what they were, perhaps infinite.
+
+        With `names`, whether it holds because of these being infinite, or does not depend on it.
+        """
+        endless = [
+            factor * self._quantities[name].side.sign
+            for name, factor in choice.coefficients
+            if name not in values and self._quantities[name].old is None and (names is None or name in names)
+        ]
+        if endless:
+            return all(sign < 0 for sign in endless)
+        return names is not None or choice.evaluate(_Unchanged(self._quantities, values))
+
+    # -- the cheapest changes, by linear programming -------------------------------------------------------------------
+
+    def _cheapest(self, chosen: tuple[LinearConstraint, ...], free: Collection[str]) -> _Candidate | None:
+        """The cheapest changes of `free` quantities that satisfy inequalities; None if none do."""
+        constraints = []
+        for choice in chosen:
+            endless = [n for n in choice.parameters if n not in free and self._quantities[n].old is None]
+            if not endless:
+                old = {n: self._quantities[n].old or _NOTHING for n in choice.parameters if n not in free}
+                constraints.append(choice.substitute(old))
+            elif not self._holds(choice, {}, endless):
+                return None
+        mentioned = {name for one in constraints for name in one.parameters}
+        used = sorted(mentioned | {other for name in mentioned if (other := self._partner(name)) in free})
+        constraints += self._always(used)
+        if any(one.is_false for one in constraints):
+            return None
+        finite = [name for name in used if self._quantities[name].old is not None]
+        constraints += [limit for name in finite for limit in self._price(name)]
+        names = [*used, *map(_cost, finite)]
+        objective = {_cost(name): Fraction(-1) for name in finite}
+        best = maximize(names, constraints, objective)
+        if best is None or best.value is None:
+            return None
+        new = [name for name in used if name not in finite]
+        point = self._point(names, constraints, objective, best, new)
+        values = {name: point[name] for name in used if point[name] != self._quantities[name].old}
+        count = len(values) if self._counts else len(new)
+        return _Candidate(chosen, values, Cost(count, -best.value), best.attained)
+
+    def _point(
+        self,
+        names: Sequence[str],
+        constraints: list[LinearConstraint],
+        objective: Mapping[str, Fraction],
+        best: Supremum,
+        new: Sequence[str],
+    ) -> Mapping[str, Fraction]:
+        """A point that costs as little, or little more; bounds that were infinite are as far out as they can be."""
+        kept, best_point, attained = constraints, best.point, best.attained
+        goals = [objective, {name: Fraction(self._quantities[name].side.sign) for name in new}]
+        for goal in goals[: 2 if new else 1]:
+            found = maximize(names, kept, goal)
+            if found is None or found.value is None:
+                raise ValueError("costs are bounded, and all bounds are within reach")
+            slack = _NOTHING if found.attained else max(abs(found.value), Fraction(1)) * _CLOSE
+            kept = [*kept, LinearConstraint.of(goal, ">=", found.value - slack)]
+            best_point, attained = found.point, attained and found.attained
+        return best_point if attained else feasible_point(names, kept) or best_point
+
+    def _partner(self, name: str) -> str | None:
+        """The other bound of the same constraint, if it may be changed."""
+        one = self._quantities[name]
+        other = bound_name(one.constraint, Side.LOWER if one.side is Side.UPPER else Side.UPPER)
+        return other if one.kind is Kind.BOUND and other in self._quantities else None
+
+    def _always(self, names: Collection[str]) -> Iterator[LinearConstraint]:
+        """Bounds and nominal values within their limits, lower bounds not above upper ones; the others do not move."""
+        for name in names:
+            yield from self._limits(self._quantities[name])
+        bounds = (one for one in map(self._quantities.__getitem__, names) if one.kind is Kind.BOUND)
+        for number in dict.fromkeys(one.constraint for one in bounds):
+            yield from self._in_order(number, names)
+
+    def _limits(self, one: Quantity) -> Iterator[LinearConstraint]:
+        far = self._reach if one.old is None else None
+        lower = one.lower if one.lower is not None or far is None else -far
+        upper = one.upper if one.upper is not None or far is None else far
+        if lower is not None:
+            yield LinearConstraint.of({one.name: 1}, ">=", lower)
+        if upper is not None:
+            yield LinearConstraint.of({one.name: 1}, "<=", upper)
+
+    def _in_order(self, constraint: int, moving: Collection[str]) -> Iterator[LinearConstraint]:
+        """The lower bound is not above the upper one, if both are numbers."""
+        written = self._plan.constraints[constraint]
+        form: dict[str, int] = {}
+        least = _NOTHING
+        for side, bound in ((Side.LOWER, written.lower), (Side.UPPER, written.upper)):
+            name = bound_name(constraint, side)
+            if name in moving:
+                form[name] = side.sign
+            elif bound is None or not bound.is_constant:
+                return
+            else:
+                least -= side.sign * bound.constant_term
+        yield LinearConstraint.of(form, ">=", least)
+
+    def _price(self, name: str) -> Iterator[LinearConstraint]:
+        """A change costs its amount times its weight, whichever way it goes."""
+        one = self._quantities[name]
+        old = one.old or _NOTHING
+        for sign in (1, -1):
+            yield LinearConstraint.of({_cost(name): 1, name: -sign * one.weight}, ">=", -sign * one.weight * old)
+
+    # -- what the solver knows -----------------------------------------------------------------------------------------
+
+    def _has_flag(self, name: str) -> bool:
+        """Whether a change of the quantity counts."""
+        return self._counts or self._quantities[name].old is None
+
+    def _symbols(self) -> Iterator[str]:
+        for name in self._declared:
+            yield name
+            if self._has_flag(name):
+                yield _flag(name)
+
+    def _asserted_clause(self, session: Session, clause: _Clause, declared: set[str]) -> Formula:
+        """The clause as a formula; what it mentions for the first time is declared."""
+        terms = self._terms
+        mentioned = {name for choice in clause.choices for name in choice.parameters}
+        partners = {other for name in mentioned if (other := self._partner(name)) is not None}
+        new = sorted((mentioned | partners) - declared)
+        declared.update(new)
+        for name in new:
+            session.add(*self._domain(name))
+        for constraint in self._always(new):
+            session.add(self._formula(constraint))
+        return terms.disjunction(map(self._formula, clause.choices))
+
+    def _formula(self, choice: LinearConstraint) -> Formula:
+        """An inequality that bounds which stay infinite satisfy or break."""
+        terms, plain = self._terms, choice.to_formula(self._terms)
+        endless = [(n, f) for n, f in choice.coefficients if self._quantities[n].old is None]
+        if not endless:
+            return plain
+        unchanged = [terms.equal(_variable(_flag(name))) for name, _ in endless]
+        if all(factor * self._quantities[name].side.sign < 0 for name, factor in endless):
+            return terms.disjunction((plain, *unchanged))
+        return terms.conjunction((plain, *map(terms.negation, unchanged)))
+
+    def _domain(self, name: str) -> Iterator[Formula]:
+        """What a quantity costs in every model: its price, and a flag that is 1 if it changes."""
+        terms, one = self._terms, self._quantities[name]
+        flag = _variable(_flag(name))
+        if self._has_flag(name):
+            yield terms.disjunction((terms.equal(flag), terms.equal(flag - 1)))
+        if one.old is not None:
+            yield from (limit.to_formula(terms) for limit in self._price(name))
+            if self._has_flag(name):
+                yield terms.disjunction((terms.equal(_variable(name) - one.old), terms.equal(flag - 1)))
+
+    def _cheaper(self, cost: Cost) -> Formula:
+        """That changes cost less."""
+        terms = self._terms
+        flags = [_variable(_flag(name)) for name in self._declared if self._has_flag(name)]
+        costs = [_variable(_cost(name)) for name in self._declared if self._quantities[name].old is not None]
+        spare = Polynomial.constant(Fraction(cost.count)) - sum(flags, Polynomial[ParameterReference]({}))
+        less = Polynomial.constant(cost.total) - sum(costs, Polynomial[ParameterReference]({}))
+        return terms.disjunction((terms.greater(spare), terms.conjunction((terms.equal(spare), terms.greater(less)))))
+
+    def _contradiction(self) -> Iterator[str]:
+        """Obligations, or statements of the network, that no allowed changes reconcile; none can be left out."""
+        needed = list(dict.fromkeys(clause.reason for clause in self._clauses))
+        for reason in list(needed):
+            session = Session(self._terms, solver=self._solver)
+            others = [clause for clause in self._clauses if clause.reason in needed and clause.reason != reason]
+            declared: set[str] = set()
+            for clause in others:
+                session.add(self._asserted_clause(session, clause, declared))
+            if not satisfiable(session, f"changes without regard to {reason}", self._deadline):
+                needed.remove(reason)
+        yield from needed
+
+    # -- results -------------------------------------------------------------------------------------------------------
+
+    def _changed(self, candidate: _Candidate) -> ParametrizedPlan:
+        return changed(self._plan, list(self._quantities.values()), candidate.values)
+
+    def _unfinished(self, *, interrupted: bool = False, reason: str | None = None) -> Repair:
+        status = RepairStatus.UNKNOWN if self._best is None else RepairStatus.FEASIBLE
+        return self._result(status, interrupted=interrupted, reason=reason)
+
+    def _result(
+        self,
+        status: RepairStatus,
+        *,
+        contradiction: tuple[str, ...] = (),
+        interrupted: bool = False,
+        reason: str | None = None,
+    ) -> Repair:
+        best = self._best
+        return Repair(
+            status=status,
+            required=self._required,
+            plan=None if best is None else self._changed(best),
+            changes=() if best is None else tuple(self._changes(best)),
+            cost=None if best is None else self._paid(best),
+            bound=self._lowest,
+            conflicts=len(self._clauses),
+            candidates=self._examined,
+            seconds=time.perf_counter() - self._started,
+            attained=best is None or best.attained,
+            contradiction=contradiction,
+            check=self._proof,
+            interrupted=interrupted,
+            reason=reason,
+        )
+
+    def _paid(self, found: _Candidate) -> Cost:
+        """What the changes cost: a little more than the infimum where that is only approached."""
+        return Cost(found.cost.count, sum((one.cost or _NOTHING for one in self._changes(found)), _NOTHING))
+
+    def _changes(self, found: _Candidate) -> Iterator[Change]:
+        for name, one in self._quantities.items():
+            if name in found.values:
+                undone = {other: value for other, value in found.values.items() if other != name}
+                broken = (c.reason for c in self._clauses if not any(self._holds(each, undone) for each in c.choices))
+                yield Change(one, statement(self._plan, one), found.values[name], tuple(dict.fromkeys(broken)))
+
+
+class _BadChanges(DiscoveredBadSet):
+    """The bad set of a plan in which changes are parameters; reasons quote the plan as it was."""
+
+    def __init__(self, plan: ParametrizedPlan, encoding: RelationalEncoding, solver: str, deadline: Deadline) -> None:
+        super().__init__(encoding, solver=solver)
+        self._deadline = deadline
+        now = encoding.plan.constraints
+        self._written = {str(new): str(old) for new, old in zip(now, plan.constraints, strict=True)}
+
+    def _of_facet(self, facet: Facet, box: Box) -> Polyhedron:
+        piece = super()._of_facet(facet, box)
+        if facet.obligation is None:
+            told = dict.fromkeys(self._written.get(origin, origin) for origin in facet.origins)
+            self.reasons[piece] = f"no schedule: {'; '.join(told)}"
+        return piece
+
+    def _projection(self, constraints: Sequence[LinearConstraint], model: Model) -> Conjunction | None:
+        """Exactly, or if there is much to eliminate, a part of it that has the model."""
+        names = variables_of(constraints)
+        eliminated = set(names).difference(self._names)
+        if sum(1 for one in constraints if not eliminated.isdisjoint(one.parameters)) > CROWDED:
+            return project_at(constraints, eliminated, {name: Fraction(model.get(name, 0)) for name in names})
+        return super()._projection(constraints, model)
+
+
+class _Unchanged(dict[str, Fraction]):
+    """Values, where what is not among them is what it was."""
+
+    def __init__(self, known: Mapping[str, Quantity], values: Mapping[str, Fraction]) -> None:
+        super().__init__(values)
+        self._known = known
+
+    def __missing__(self, name: str) -> Fraction:
+        return self._known[name].old or _NOTHING
+
+
+def _cost(name: str) -> str:
+    return f"cost of {name}"
+
+
+def _flag(name: str) -> str:
+    return f"change of {name}"
+
+
+def _variable(name: str) -> Polynomial[ParameterReference]:
+    return Polynomial.variable(ParameterReference(name))
