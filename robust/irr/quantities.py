@@ -133,9 +133,7 @@ def lifted(plan: ParametrizedPlan, changeable: Sequence[Quantity]) -> Parametriz
     return replace(plan, constraints=tuple(constraints), parameters=tuple(parameters))
 
 
-def changed(
-    plan: ParametrizedPlan, changeable: Sequence[Quantity], values: Mapping[str, Fraction]
-) -> ParametrizedPlan:
+def changed(plan: ParametrizedPlan, changeable: Sequence[Quantity], values: Mapping[str, Fraction]) -> ParametrizedPlan:
     """The plan with other values for some quantities, by their names."""
     constraints = list(plan.constraints)
     parameters = {one.name: one for one in plan.parameters}

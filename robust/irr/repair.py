@@ -23,9 +23,9 @@ from fractions import Fraction
 
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON, Facet
-from robust.encode.variables import variable
 from robust.errors import SolverError
 from robust.irr.check import Answer, Checker, CheckResult
+from robust.irr.containment import within
 from robust.irr.quantities import Change, Kind, Quantity, bound_name, changed, lifted, quantities, statement
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParameterReference, ParametrizedPlan
@@ -185,6 +185,12 @@ class RepairSearch:
     def _search(self) -> Repair:
         plan = lifted(self._plan, list(self._quantities.values()))
         self._bad = _BadChanges(self._plan, RelationalEncoding(plan, self._epsilon), self._solver, self._deadline)
+        self._network = self._bad.open_session()
+        self._network.add_all(self._bad.encoding.network_formulas(), self._deadline)
+        point = {name: self._required.get(name, Interval(value, value)) for name, value in self._plan.nominal.items()}
+        self._network.add(
+            *within(self._bad.encoding, {n: one for n, one in point.items() if n not in self._quantities})
+        )
         while self._best is None or self._best.cost > self._lowest:
             candidate = self._cheapest_known()
             if candidate is None:
@@ -298,8 +304,14 @@ class RepairSearch:
         values = piece.restricted(Box(self._required).constraints()).slice(fixed)
         kept = [name for name in values.parameters if name not in self._required]
         bad = values.project(kept)
-        choices = tuple(negated for one in bad.constraints for negated in one.negation())
-        return _Clause(choices, self._bad.reasons[piece])
+        choices = (negated for one in bad.constraints for negated in one.negation())
+        return _Clause(tuple(filter(self._leaves_schedule, choices)), self._bad.reasons[piece])
+
+    def _leaves_schedule(self, choice: LinearConstraint) -> bool:
+        """Whether some changes that satisfy an inequality leave any schedule at all; else it is not worth a try."""
+        terms = self._bad.encoding.terms
+        with self._network.frame(choice.to_formula(terms)):
+            return satisfiable(self._network, "some schedule under an inequality between changes", self._deadline)
 
     def _holds(
         self, choice: LinearConstraint, values: Mapping[str, Fraction], names: Iterable[str] | None = None
@@ -330,7 +342,9 @@ class RepairSearch:
             elif not self._holds(choice, {}, endless):
                 return None
         mentioned = {name for one in constraints for name in one.parameters}
-        used = sorted(mentioned | {other for name in mentioned if (other := self._partner(name)) in free})
+        # The other bound of a constraint may have to make room, unless it is infinite.
+        partners = {other for name in mentioned if (other := self._partner(name)) is not None and other in free}
+        used = sorted(mentioned | {name for name in partners if self._quantities[name].old is not None})
         constraints += self._always(used)
         if any(one.is_false for one in constraints):
             return None
@@ -377,9 +391,8 @@ class RepairSearch:
         """Bounds and nominal values within their limits, lower bounds not above upper ones; the others do not move."""
         for name in names:
             yield from self._limits(self._quantities[name])
-        bounds = (one for one in map(self._quantities.__getitem__, names) if one.kind is Kind.BOUND)
-        for number in dict.fromkeys(one.constraint for one in bounds):
-            yield from self._in_order(number, names)
+        for order in dict.fromkeys(order for name in names for order in self._in_order(name, names)):
+            yield order
 
     def _limits(self, one: Quantity) -> Iterator[LinearConstraint]:
         far = self._reach if one.old is None else None
@@ -390,15 +403,17 @@ class RepairSearch:
         if upper is not None:
             yield LinearConstraint.of({one.name: 1}, "<=", upper)
 
-    def _in_order(self, constraint: int, moving: Collection[str]) -> Iterator[LinearConstraint]:
-        """The lower bound is not above the upper one, if both are numbers."""
+    def _in_order(self, name: str, moving: Collection[str]) -> Iterator[LinearConstraint]:
+        """The lower bound is not above the upper one, if it is about a bound and both are numbers."""
+        if self._quantities[name].kind is Kind.NOMINAL:
+            return
+        constraint = self._quantities[name].constraint
         written = self._plan.constraints[constraint]
         form: dict[str, int] = {}
         least = _NOTHING
         for side, bound in ((Side.LOWER, written.lower), (Side.UPPER, written.upper)):
-            name = bound_name(constraint, side)
-            if name in moving:
-                form[name] = side.sign
+            if (one := bound_name(constraint, side)) in moving:
+                form[one] = side.sign
             elif bound is None or not bound.is_constant:
                 return
             else:
@@ -433,8 +448,7 @@ class RepairSearch:
         declared.update(new)
         for name in new:
             session.add(*self._domain(name))
-        for constraint in self._always(new):
-            session.add(self._formula(constraint))
+            session.add(*(self._formula(order) for order in self._in_order(name, new)))
         return terms.disjunction(map(self._formula, clause.choices))
 
     def _formula(self, choice: LinearConstraint) -> Formula:
@@ -449,8 +463,9 @@ class RepairSearch:
         return terms.conjunction((plain, *map(terms.negation, unchanged)))
 
     def _domain(self, name: str) -> Iterator[Formula]:
-        """What a quantity costs in every model: its price, and a flag that is 1 if it changes."""
+        """What holds of a quantity in every model: its limits, its price, and a flag that is 1 if it changes."""
         terms, one = self._terms, self._quantities[name]
+        yield from (limit.to_formula(terms) for limit in self._limits(one))
         flag = _variable(_flag(name))
         if self._has_flag(name):
             yield terms.disjunction((terms.equal(flag), terms.equal(flag - 1)))
@@ -523,9 +538,18 @@ class RepairSearch:
     def _changes(self, found: _Candidate) -> Iterator[Change]:
         for name, one in self._quantities.items():
             if name in found.values:
-                undone = {other: value for other, value in found.values.items() if other != name}
-                broken = (c.reason for c in self._clauses if not any(self._holds(each, undone) for each in c.choices))
-                yield Change(one, statement(self._plan, one), found.values[name], tuple(dict.fromkeys(broken)))
+                yield Change(one, statement(self._plan, one), found.values[name], self._served(name, found.values))
+
+    def _served(self, name: str, values: Mapping[str, Fraction]) -> tuple[str, ...]:
+        """What breaks if a change is undone, together with that of the bound which would be on the wrong side of it."""
+        undone = {other: value for other, value in values.items() if other != name}
+        other = self._partner(name)
+        if self._quantities[name].old is not None and other in undone:
+            now = _Unchanged(self._quantities, undone)
+            if not all(order.evaluate(now) for order in self._in_order(name, {name, other})):
+                del undone[other]
+        broken = (c.reason for c in self._clauses if not any(self._holds(each, undone) for each in c.choices))
+        return tuple(dict.fromkeys(broken))
 
 
 class _BadChanges(DiscoveredBadSet):
