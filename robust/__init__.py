@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from robust.execute.validate import Verdict
     from robust.irr.check import Answer, CheckResult, Counterexample
     from robust.irr.compare import Comparison
+    from robust.irr.repair import Repair, RepairStatus
     from robust.irr.search import EnvelopeResult, Status, Step
     from robust.plan.model import ParametrizedPlan
     from robust.probability.distributions import Distribution
@@ -50,6 +51,8 @@ _HOME = {
     "RegionStatus": "robust.qe.compute",
     "RiskResult": "robust.probability.risk",
     "RiskStatus": "robust.probability.risk",
+    "Repair": "robust.irr.repair",
+    "RepairStatus": "robust.irr.repair",
     "RobustError": "robust.errors",
     "SolverError": "robust.errors",
     "Status": "robust.irr.search",
@@ -64,6 +67,7 @@ _HOME = {
     "load_plan": "robust.api",
     "region": "robust.api",
     "risk": "robust.api",
+    "repair": "robust.api",
     "to_unified_planning": "robust.unified_planning.convert",
     "validate": "robust.api",
 }
@@ -85,6 +89,8 @@ __all__ = [
     "Region",
     "RegionResult",
     "RegionStatus",
+    "Repair",
+    "RepairStatus",
     "RiskResult",
     "RiskStatus",
     "RobustError",
@@ -101,6 +107,7 @@ __all__ = [
     "from_unified_planning",
     "load_plan",
     "region",
+    "repair",
     "risk",
     "to_unified_planning",
     "validate",

@@ -21,6 +21,7 @@ from robust.options import (
     Number,
     Options,
     RegionOptions,
+    RepairOptions,
     RiskOptions,
     ValidateOptions,
     place_of,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from robust.execute.validate import Verdict
     from robust.irr.check import CheckResult
     from robust.irr.compare import Comparison
+    from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
     from robust.plan.load import File
     from robust.plan.model import ParametrizedPlan
@@ -474,6 +476,50 @@ def risk(
     options = RiskOptions(distribution=distributions, **given)
     with noticing_interrupts():
         return searching_risk(plan, options).run()
+
+
+# -- repair ------------------------------------------------------------------------------------------------------------
+
+
+def searching_repair(plan: ParametrizedPlan, options: RepairOptions) -> RepairSearch:
+    """What :func:`repair` runs."""
+    from robust.irr.quantities import Kind
+    from robust.irr.repair import RepairSearch
+    from robust.plan.load import require_nominal_values
+    from robust.qe.box import Interval
+
+    known = [parameter.name for parameter in plan.parameters]
+    required = {
+        name: value if isinstance(value, Interval) else Interval(value, value)
+        for name, value in settings(options.require, known, "require").items()
+    }
+    require_nominal_values(parameter for parameter in plan.parameters if parameter.name not in required)
+    return RepairSearch(
+        plan,
+        require=required,
+        kinds={"bounds": (Kind.BOUND,), "nominal": (Kind.NOMINAL,), "both": tuple(Kind)}[options.change],
+        count=options.count,
+        epsilon=options.separation,
+        solver=options.solver,
+        deadline=Deadline.after(options.limit),
+        on_repair=options.on_repair,
+    )
+
+
+@verb(RepairOptions)
+def repair(plan: ParametrizedPlan, options: RepairOptions) -> Repair:
+    """The least change after which the plan is valid for every schedule, and for all values that are required.
+
+    Returns:
+        The repaired plan, checked again, with its changes; out of time or after Ctrl-C the best one so far, and what
+        none can cost less than. IMPOSSIBLE names what no allowed change reconciles.
+
+    Raises:
+        InputError: wrong options.
+        UnsupportedError: an expression that is not linear.
+        SolverError: the check does not confirm a repair.
+    """
+    return searching_repair(plan, options).run()
 
 
 # -- validate ----------------------------------------------------------------------------------------------------------

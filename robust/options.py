@@ -21,6 +21,7 @@ from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import EXPECTED_NUMBER, parse_number, shorten
 
 if TYPE_CHECKING:
+    from robust.irr.repair import Cost
     from robust.irr.search import Step
     from robust.probability.distributions import Distribution
     from robust.probability.measure import Bounds
@@ -280,7 +281,7 @@ def writable(path: Path, place: Location, what: str) -> Path:
 
 
 def settings(
-    given: Mapping[str, Number | Interval] | Sequence[str], known: Sequence[str]
+    given: Mapping[str, Number | Interval] | Sequence[str], known: Sequence[str], option: str = "at"
 ) -> dict[str, Fraction | Interval]:
     """Values and intervals of parameters, each at most once; of texts `NAME=VALUE` and `NAME=LOW:HIGH`, too."""
     from robust.qe.box import Interval  # noqa: PLC0415 - options are read before anything else is imported
@@ -290,10 +291,10 @@ def settings(
         for name, setting in given.items():
             if name not in known:
                 raise InputError(f"unknown parameter {name!r}{did_you_mean(name, known)}")
-            found[name] = setting if isinstance(setting, Interval) else exact(setting, place_of("at", name))
+            found[name] = setting if isinstance(setting, Interval) else exact(setting, place_of(option, name))
         return found
     for text in given:
-        place = place_of("at", text)
+        place = place_of(option, text)
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not name:
             raise InputError(f"found {shorten(text)}, expected NAME=VALUE or NAME=LOW:HIGH", place)
@@ -735,6 +736,45 @@ class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solv
     def check_combinations(self, given: Collection[str]) -> None:
         if self.box is not None and self.stnu is None:
             raise InputError("found it without --stnu, expected it only together", place_of("box"))
+
+
+class RepairOptions(Separation, Solving):
+    """Of :func:`robust.repair`."""
+
+    require: Mapping[str, Number | Interval] | Sequence[str] = option(
+        (),
+        "values of a parameter for all of which the plan is to be valid, NAME=LOW:HIGH, or NAME=VALUE; others have "
+        "their nominal values; may be repeated",
+        metavar="NAME=LOW:HIGH",
+        many=True,
+    )
+    change: str = option(
+        "bounds",
+        "what may change: bounds of the plan's network, nominal values of parameters that are not required, or both",
+        choices=("bounds", "nominal", "both"),
+    )
+    count: bool = option(
+        False, "as few changes as possible, and of equally many the least sum; else the least sum of weighted amounts"
+    )
+    on_repair: Callable[[Cost], None] | None = option(None, "called with the cost of each better repair", shown=False)
+
+
+class RepairCommand(RepairOptions, AskCommand):
+    """Of `robust repair`."""
+
+    output: Path | None = option(
+        None,
+        "write the repaired plan here; PLAN must be a network (.stn) in a file then",
+        "--output",
+        "-o",
+        metavar="PLAN.stn",
+        path=True,
+        read=plan_file,
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.output is not None and str(self.plan) == "-":
+            raise InputError("found a plan on standard input, expected a file to take over", place_of("output"))
 
 
 class ValidateOptions(Separation, PlanningOutput):

@@ -26,6 +26,7 @@ COMMANDS: dict[str, Command | Group] = {
     "region": Command("All parameter values for which a plan is valid.", "robust.cli.plans:region"),
     "compare": Command("The exact region beside the boxes of all methods.", "robust.cli.plans:compare"),
     "risk": Command("How likely does a plan succeed?", "robust.cli.risk:risk"),
+    "repair": Command("The least change after which a plan is valid, or robust enough.", "robust.cli.repair:repair"),
     "validate": Command("Is a plan valid as it stands, at the times that it says?", "robust.cli.validate:validate"),
     "convert": Command("Make a flexible plan of a planner's output.", "robust.cli.making:convert"),
     "execute": Command("Execute in simulated worlds, and plan anew when needed.", "robust.cli.making:execute"),

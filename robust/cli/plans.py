@@ -6,11 +6,22 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robust.cli.build import action
+from robust.errors import RobustError
 from robust.files import atomic_write
 from robust.numbers import readable
-from robust.options import AskCommand, CheckCommand, CompareCommand, EnvelopeCommand, RegionCommand, place_of
+from robust.options import (
+    AskCommand,
+    CheckCommand,
+    CompareCommand,
+    EnvelopeCommand,
+    RegionCommand,
+    RepairOptions,
+    place_of,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.console import Console
 
     from robust.api import Search
@@ -18,6 +29,8 @@ if TYPE_CHECKING:
     from robust.execute.controllability import ControllabilityReport
     from robust.irr.check import CheckResult, Counterexample
     from robust.irr.compare import Comparison
+    from robust.irr.quantities import Change
+    from robust.irr.repair import Repair
     from robust.irr.search import EnvelopeResult
     from robust.plan.model import ParametrizedPlan
     from robust.probability.measure import Bounds
@@ -33,6 +46,10 @@ CODES = {
     "interrupted": 3,
 }
 """Exit codes of verdicts, and of how searches end."""
+HINT_SECONDS = 1
+"""Of a processor, for the repair that a refutation ends with."""
+HINT_PATIENCE = 5.0
+"""Seconds on the clock for the same, where other processes take turns."""
 
 
 def load(options: AskCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
@@ -63,17 +80,51 @@ def check(options: CheckCommand, run: Run) -> int:
     from robust.api import searching_check
     from robust.show import documents, text
 
+    plan: ParametrizedPlan | None = None
+
     def begin() -> Search[CheckResult]:
+        nonlocal plan
         plan = load(options, run)
         run.display.say("encoding")
         return searching_check(plan, options.changed(timeout=run.remaining, on_obligation=run.display.obligation))
 
-    result = run.reply(
-        begin,
-        lambda found: documents.check(found, options),
-        lambda out, found: text.print_check(out, found, every=options.every, quiet=options.quiet),
-    )
+    def show(found: CheckResult, repair: Sequence[Change] | None = None) -> None:
+        run.answer(
+            lambda: documents.check(found, options, repair),
+            lambda out: text.print_check(out, found, repair, every=options.every, quiet=options.quiet),
+        )
+
+    result = run.best(begin, show)
+    repair = None
+    if plan is not None and result.answer.value == "refuted" and not result.cut_short and not options.quiet:
+        repair = _repair(options, run, plan, result)
+    show(result, repair)
     return CODES[result.answer.value]
+
+
+def _repair(options: CheckCommand, run: Run, plan: ParametrizedPlan, refuted: CheckResult) -> Sequence[Change] | None:
+    """The least change of bounds for what was refuted, if it is found soon, in a copy of this process."""
+    from robust.api import searching_repair
+    from robust.smt.limits import Deadline, from_copy
+
+    asked = RepairOptions(require=refuted.box.intervals, epsilon=options.epsilon, solver=options.solver)
+    remaining = run.remaining
+    patience = HINT_PATIENCE if remaining is None else min(remaining, HINT_PATIENCE)
+
+    def work() -> Repair:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CPU, (HINT_SECONDS, HINT_SECONDS))
+        return searching_repair(plan, asked).run()
+
+    def look() -> Sequence[Change] | None:
+        try:
+            found: Repair = from_copy(work, Deadline.after(patience), "the search for a repair")
+        except RobustError:
+            return None  # the refutation stands without
+        return found.changes if found.status.value == "optimal" else None
+
+    return run.also("looking for a repair", look)
 
 
 @action(EnvelopeCommand)

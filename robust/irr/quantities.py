@@ -15,7 +15,8 @@ from fractions import Fraction
 
 from robust.encode.effects import Writes
 from robust.encode.network import duration_rules
-from robust.numbers import format_number
+from robust.errors import Location
+from robust.numbers import format_number, readable
 from robust.plan.model import (
     ZERO,
     Bound,
@@ -153,43 +154,63 @@ def changed(plan: ParametrizedPlan, changeable: Sequence[Quantity], values: Mapp
 class Change:
     """One number of the plan and what becomes of it; `serves` are the obligations that break without the change.
 
-    `statement` is the one that is changed, as it was written. `cost` is the amount times the weight; None for a bound
-    that was infinite.
+    `statement` is the one that is changed, as it was written, at `location`; `words` say the change to people.
     """
 
     quantity: Quantity
-    statement: str
     new: Fraction
+    statement: str
+    location: Location | None
+    words: str
     serves: tuple[str, ...]
 
     @property
     def old(self) -> Fraction | None:
+        """None if it was infinite."""
         return self.quantity.old
 
     @property
-    def amount(self) -> Fraction | None:
-        """By how much, upwards; None where there was no bound."""
-        return None if self.old is None else self.new - self.old
-
-    @property
     def cost(self) -> Fraction | None:
-        return None if self.amount is None else abs(self.amount) * self.quantity.weight
+        """The amount times the weight; None for a bound that was infinite."""
+        return None if self.old is None else abs(self.new - self.old) * self.quantity.weight
 
     @property
-    def what(self) -> str:
-        """Which number of the statement."""
-        if self.quantity.kind is Kind.NOMINAL:
-            return "nominal value"
-        return f"{self.quantity.side.value} bound"
+    def part(self) -> str:
+        """Which number of the statement, as the language of plans calls it: `lower`, `upper` or `default`."""
+        return "default" if self.quantity.kind is Kind.NOMINAL else self.quantity.side.value
 
     def __str__(self) -> str:
         infinite = "-inf" if self.quantity.side is Side.LOWER else "inf"
         old = infinite if self.old is None else format_number(self.old)
-        return f"{self.statement}: {self.what} {old} to {format_number(self.new)}"
+        what = "nominal value" if self.quantity.kind is Kind.NOMINAL else f"{self.quantity.side.value} bound"
+        return f"{self.statement}: {what} {old} to {format_number(self.new)}"
 
 
-def statement(plan: ParametrizedPlan, quantity: Quantity) -> str:
-    """What a quantity belongs to, as it was written."""
-    if quantity.kind is Kind.BOUND:
-        return str(plan.constraints[quantity.constraint])
-    return f"parameter {quantity.name}"
+def change_of(plan: ParametrizedPlan, quantity: Quantity, new: Fraction, serves: tuple[str, ...]) -> Change:
+    """What becomes of a quantity of the plan."""
+    if quantity.kind is Kind.NOMINAL:
+        parameter = next(one for one in plan.parameters if one.name == quantity.name)
+        words = f"{quantity.name} {readable(new)} instead of {readable(parameter.nominal)}"
+        return Change(quantity, new, f"parameter {quantity.name}", parameter.location, words, serves)
+    constraint = plan.constraints[quantity.constraint]
+    return Change(quantity, new, str(constraint), constraint.location, _words(constraint, quantity, new), serves)
+
+
+def _words(constraint: TemporalConstraint, quantity: Quantity, new: Fraction) -> str:
+    """`a.start at most 16 after b.end instead of 20`."""
+    old = quantity.old
+    now = _bounded(constraint, quantity.side, new)
+    if old is None:
+        return f"{constraint.target} {now}, where there was no limit"
+    if (old < 0) == (new < 0):
+        return f"{constraint.target} {now} instead of {readable(abs(old))}"
+    return f"{constraint.target} {now} instead of {_bounded(constraint, quantity.side, old)}"
+
+
+def _bounded(constraint: TemporalConstraint, side: Side, value: Fraction) -> str:
+    upper = side is Side.UPPER
+    if constraint.source == ZERO and value >= 0:
+        return f"at {readable(value)} {'at the latest' if upper else 'at the earliest'}"
+    if value < 0:
+        return f"{'at least' if upper else 'at most'} {readable(-value)} before {constraint.source}"
+    return f"{'at most' if upper else 'at least'} {readable(value)} after {constraint.source}"

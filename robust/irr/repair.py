@@ -26,7 +26,7 @@ from robust.encode.interface import EPSILON, Facet
 from robust.errors import SolverError
 from robust.irr.check import Answer, Checker, CheckResult
 from robust.irr.containment import within
-from robust.irr.quantities import Change, Kind, Quantity, bound_name, changed, lifted, quantities, statement
+from robust.irr.quantities import Change, Kind, Quantity, bound_name, change_of, changed, lifted, quantities
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParameterReference, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
@@ -391,8 +391,7 @@ class RepairSearch:
         """Bounds and nominal values within their limits, lower bounds not above upper ones; the others do not move."""
         for name in names:
             yield from self._limits(self._quantities[name])
-        for order in dict.fromkeys(order for name in names for order in self._in_order(name, names)):
-            yield order
+        yield from dict.fromkeys(order for name in names for order in self._in_order(name, names))
 
     def _limits(self, one: Quantity) -> Iterator[LinearConstraint]:
         far = self._reach if one.old is None else None
@@ -538,7 +537,7 @@ class RepairSearch:
     def _changes(self, found: _Candidate) -> Iterator[Change]:
         for name, one in self._quantities.items():
             if name in found.values:
-                yield Change(one, statement(self._plan, one), found.values[name], self._served(name, found.values))
+                yield change_of(self._plan, one, found.values[name], self._served(name, found.values))
 
     def _served(self, name: str, values: Mapping[str, Fraction]) -> tuple[str, ...]:
         """What breaks if a change is undone, together with that of the bound which would be on the wrong side of it."""

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from robust.execute.controllable_boxes import Loss
     from robust.irr import check as checks
     from robust.irr import compare as compares
+    from robust.irr.quantities import Change
     from robust.irr.search import EnvelopeResult
     from robust.options import CheckCommand
     from robust.plan.model import Parameter
@@ -165,6 +166,41 @@ class Obligation(JsonObject):
     verdict: Verdict
 
 
+class PlanChange(JsonObject):
+    """
+    Attributes:
+        statement: of the plan, as it was written
+        line: where it stands, if in a file
+        part: which of its numbers changes
+        cost: the amount times the weight; null for a bound that was infinite
+        words: the change, for people
+        serves: the obligations, or statements of the network, that break without the change
+    """
+
+    statement: str
+    line: int | None
+    part: Annotated[str, one_of("lower", "upper", "default")]
+    old: End
+    new: Rational
+    cost: Rational | None
+    words: str
+    serves: list[str]
+
+
+def changes_of(found: Sequence[Change]) -> list[PlanChange]:
+    """Changes of a plan."""
+    return [
+        like(
+            PlanChange,
+            one,
+            line=one.location.line if one.location is not None else None,
+            old=exact_end(one.old, upper=one.part == "upper"),
+            serves=list(one.serves),
+        )
+        for one in found
+    ]
+
+
 class Check(Noted, tag_field="schema", tag="robust/check/1"):
     """robust check --json: is a plan valid for every schedule that its network allows?
 
@@ -176,6 +212,7 @@ class Check(Noted, tag_field="schema", tag="robust/check/1"):
         counterexamples: one for each obligation found to break
         reason: why the plan is refuted without a counterexample: parameter values leave no schedule; if unknown: how a
             solver failed
+        repair: the least change of bounds after which the plan is proved, if it is refuted and that was found soon
         interrupted: stopped by Ctrl-C or SIGTERM
         timeout: stopped by --timeout
     """
@@ -190,13 +227,14 @@ class Check(Noted, tag_field="schema", tag="robust/check/1"):
     counterexample: Counterexample | None
     counterexamples: list[Counterexample]
     reason: str | None
+    repair: list[PlanChange] | None
     interrupted: bool
     timeout: bool
     seconds: Seconds
     statistics: Statistics
 
 
-def check(result: checks.CheckResult, options: CheckCommand) -> Document:
+def check(result: checks.CheckResult, options: CheckCommand, repair: Sequence[Change] | None = None) -> Document:
     """`counterexample` is the first, `counterexamples` are all that were found."""
     found = [_counterexample(one) for one in result.counterexamples.values()]
     return document(
@@ -211,6 +249,7 @@ def check(result: checks.CheckResult, options: CheckCommand) -> Document:
             obligations=[Obligation(name=name, verdict=one.value) for name, one in result.obligations.items()],
             counterexample=found[0] if found else None,
             counterexamples=found,
+            repair=None if repair is None else changes_of(repair),
             interrupted=result.interrupted and not result.timed_out,
             timeout=result.timed_out,
             statistics=like(Statistics, result.statistics),

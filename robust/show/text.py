@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from rich import box as borders
 from rich.console import Console
@@ -21,6 +21,9 @@ from robust.numbers import approximate, duration, end, plural, readable, readabl
 from robust.plan.model import Fluent, Parameter
 from robust.plan.simulate import TraceStep, Violation
 from robust.qe.box import Interval, Side
+
+if TYPE_CHECKING:
+    from robust.irr.quantities import Change
 
 _WIDE = 160
 """Columns where the output is no terminal: nothing is to be cut, and lines are to stay readable."""
@@ -43,8 +46,13 @@ class _Console(Console):
 # -- check -----------------------------------------------------------------------------------------------------------
 
 
-def print_check(out: Console, result: CheckResult, *, every: bool, quiet: bool) -> None:
-    """The verdict; unless `quiet` also what breaks and how, and with `every` the verdict of each obligation."""
+def print_check(
+    out: Console, result: CheckResult, repair: Sequence[Change] | None = None, *, every: bool, quiet: bool
+) -> None:
+    """The verdict; unless `quiet` also what breaks and how, and with `every` the verdict of each obligation.
+
+    A refutation ends with its repair, if there is one.
+    """
     out.print(_verdict(result), soft_wrap=True)
     if quiet:
         return
@@ -54,6 +62,15 @@ def print_check(out: Console, result: CheckResult, *, every: bool, quiet: bool) 
     for found in list(result.counterexamples.values())[:1]:
         out.print()
         print_counterexample(out, found)
+    if repair is not None:
+        out.print()
+        out.print(Text.assemble(("repair: ", "bold"), "; ".join(map(told, repair))), soft_wrap=True)
+
+
+def told(change: Change) -> str:
+    """A change of a plan in words, and where."""
+    line = change.location.line if change.location is not None else None
+    return change.words if line is None else f"{change.words} (line {line})"
 
 
 def _verdict(result: CheckResult) -> Text:

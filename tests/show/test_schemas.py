@@ -10,14 +10,22 @@ import jsonschema
 import pytest
 
 from robust.codec import schema_of
-from robust.show import documents, made, pike, pike_envelopes, pike_plans, risk, schemas, stnu, validation
+from robust.show import (
+    documents,
+    made,
+    pike,
+    pike_envelopes,
+    pike_plans,
+    repairs,
+    risk,
+    schemas,
+    stnu,
+    validation,
+)
 from robust.show.schemas import FILES, schema
 
-DOCUMENTS = {
-    one.__struct_config__.tag: one
-    for module in (documents, made, validation, pike, pike_envelopes, pike_plans, stnu, risk)
-    for one in module.DOCUMENTS
-}
+MODULES = (documents, made, pike, pike_envelopes, pike_plans, repairs, risk, stnu, validation)
+DOCUMENTS = {one.__struct_config__.tag: one for module in MODULES for one in module.DOCUMENTS}
 
 
 @pytest.mark.parametrize("name", FILES)
