@@ -499,6 +499,7 @@ def searching_repair(plan: ParametrizedPlan, options: RepairOptions) -> RepairSe
         require=required,
         kinds={"bounds": (Kind.BOUND,), "nominal": (Kind.NOMINAL,), "both": tuple(Kind)}[options.change],
         count=options.count,
+        reorder=options.reorder,
         epsilon=options.separation,
         solver=options.solver,
         deadline=Deadline.after(options.limit),

@@ -756,6 +756,7 @@ class RepairOptions(Separation, Solving):
     count: bool = option(
         False, "as few changes as possible, and of equally many the least sum; else the least sum of weighted amounts"
     )
+    reorder: bool = option(False, "let bounds that say what comes first say the opposite, too")
     on_repair: Callable[[Cost], None] | None = option(None, "called with the cost of each better repair", shown=False)
 
 

@@ -4,6 +4,9 @@ A bound of the network that is a number, or infinite, may become another number;
 move within its declared bounds. Bounds that no repair needs are left out: a duration that the domain fixes without
 regard to the state is what it is in every schedule of a valid plan, and no time point is before zero, so a bound that
 goes beyond such a limit says no more than one that is at it.
+
+A repair says how long, not what comes first: where a bound orders two time points, its new value does as well, and if
+they are at least ε apart they stay so, unless reordering is allowed.
 """
 
 from __future__ import annotations
@@ -64,9 +67,18 @@ def bound_name(constraint: int, side: Side) -> str:
 Limits = tuple[Fraction | None, Fraction | None]
 
 
-def quantities(plan: ParametrizedPlan, kinds: Collection[Kind], fixed: Collection[str] = ()) -> list[Quantity]:
-    """All that may be changed; the parameters in `fixed` keep their nominal values."""
-    found = list(_bounds(plan)) if Kind.BOUND in kinds else []
+def quantities(
+    plan: ParametrizedPlan, kinds: Collection[Kind], fixed: Collection[str] = (), gap: Fraction | None = None
+) -> list[Quantity]:
+    """All that may be changed.
+
+    Args:
+        plan: the plan.
+        kinds: what may be changed.
+        fixed: parameters that keep their nominal values.
+        gap: what is left at least of a bound that orders two time points; None: it may order them the other way.
+    """
+    found = list(_bounds(plan, gap)) if Kind.BOUND in kinds else []
     if Kind.NOMINAL in kinds:
         found += [
             Quantity(one.name, Kind.NOMINAL, one.nominal, one.weight, one.lower, one.upper)
@@ -76,7 +88,7 @@ def quantities(plan: ParametrizedPlan, kinds: Collection[Kind], fixed: Collectio
     return found
 
 
-def _bounds(plan: ParametrizedPlan) -> Iterator[Quantity]:
+def _bounds(plan: ParametrizedPlan, gap: Fraction | None) -> Iterator[Quantity]:
     limits = _limits(plan)
     for number, constraint in enumerate(plan.constraints):
         least, greatest = limits.get((constraint.source, constraint.target), (None, None))
@@ -92,6 +104,12 @@ def _bounds(plan: ParametrizedPlan) -> Iterator[Quantity]:
             else:
                 lower = None if lower is None else min(lower, old)
                 upper = None if upper is None else max(upper, old)
+            if gap is not None and old is not None and old * side.sign <= 0:
+                kept = min(abs(old), gap)
+                if side is Side.LOWER:
+                    lower = kept if lower is None else max(lower, kept)
+                else:
+                    upper = -kept if upper is None else min(upper, -kept)
             if lower is None or lower != upper:
                 yield Quantity(bound_name(number, side), Kind.BOUND, old, Fraction(1), lower, upper, number, side)
 

@@ -125,6 +125,7 @@ class RepairSearch:
         require: the values that parameters must be able to have; the others have their nominal ones.
         kinds: what may be changed; nominal values of required parameters may not.
         count: whether every change counts, or only bounds that were infinite.
+        reorder: whether bounds may change what comes first.
         epsilon: the separation of mutex time points.
         solver: `z3` or `cvc5`.
         deadline: when to stop with the best repair so far.
@@ -138,6 +139,7 @@ class RepairSearch:
         require: Mapping[str, Interval] | None = None,
         kinds: Collection[Kind] = (Kind.BOUND,),
         count: bool = False,
+        reorder: bool = False,
         epsilon: Fraction = EPSILON,
         solver: str = "z3",
         deadline: Deadline = NEVER,
@@ -152,7 +154,8 @@ class RepairSearch:
         self._deadline = deadline
         self._on_repair = on_repair
         self._started = time.perf_counter()
-        self._quantities = {one.name: one for one in quantities(plan, kinds, self._required)}
+        gap = None if reorder else epsilon
+        self._quantities = {one.name: one for one in quantities(plan, kinds, self._required, gap)}
         numbers = [abs(one.old) for one in self._quantities.values() if one.old is not None]
         greatest = max([Fraction(1), *numbers, *(abs(p.nominal) for p in plan.parameters)])
         self._reach = _FAR * greatest
@@ -370,16 +373,15 @@ class RepairSearch:
         new: Sequence[str],
     ) -> Mapping[str, Fraction]:
         """A point that costs as little, or little more; bounds that were infinite are as far out as they can be."""
-        kept, best_point, attained = constraints, best.point, best.attained
-        goals = [objective, {name: Fraction(self._quantities[name].side.sign) for name in new}]
-        for goal in goals[: 2 if new else 1]:
-            found = maximize(names, kept, goal)
-            if found is None or found.value is None:
-                raise ValueError("costs are bounded, and all bounds are within reach")
-            slack = _NOTHING if found.attained else max(abs(found.value), Fraction(1)) * _CLOSE
-            kept = [*kept, LinearConstraint.of(goal, ">=", found.value - slack)]
-            best_point, attained = found.point, attained and found.attained
-        return best_point if attained else feasible_point(names, kept) or best_point
+        kept, point = constraints, best.point
+        for goal in (objective, {name: Fraction(self._quantities[name].side.sign) for name in new}):
+            found = maximize(names, kept, goal) if goal else None
+            if found is not None and found.value is not None:
+                slack = _NOTHING if found.attained else max(abs(found.value), Fraction(1)) * _CLOSE
+                kept = [*kept, LinearConstraint.of(goal, ">=", found.value - slack)]
+                point = found.point
+        # An optimum is on the boundary, which strict inequalities exclude.
+        return point if all(one.evaluate(point) for one in kept) else feasible_point(names, kept) or point
 
     def _partner(self, name: str) -> str | None:
         """The other bound of the same constraint, if it may be changed."""
@@ -558,12 +560,12 @@ class _BadChanges(DiscoveredBadSet):
         super().__init__(encoding, solver=solver)
         self._deadline = deadline
         now = encoding.plan.constraints
-        self._written = {str(new): str(old) for new, old in zip(now, plan.constraints, strict=True)}
+        self._as_written = {str(new): str(old) for new, old in zip(now, plan.constraints, strict=True)}
 
     def _of_facet(self, facet: Facet, box: Box) -> Polyhedron:
         piece = super()._of_facet(facet, box)
         if facet.obligation is None:
-            told = dict.fromkeys(self._written.get(origin, origin) for origin in facet.origins)
+            told = dict.fromkeys(self._as_written.get(origin, origin) for origin in facet.origins)
             self.reasons[piece] = f"no schedule: {'; '.join(told)}"
         return piece
 
