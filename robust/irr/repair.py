@@ -31,7 +31,7 @@ from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParameterReference, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Interval, Side
-from robust.qe.conjunctions import Conjunction, project_at, variables_of
+from robust.qe.conjunctions import Conjunction, project, project_at, variables_of
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import CROWDED, satisfiable
 from robust.qe.nnf import Model
@@ -304,10 +304,11 @@ class RepairSearch:
             for one in self._plan.parameters
             if one.name not in self._quantities and one.name not in self._required
         }
-        values = piece.restricted(Box(self._required).constraints()).slice(fixed)
-        kept = [name for name in values.parameters if name not in self._required]
-        bad = values.project(kept)
-        choices = (negated for one in bad.constraints for negated in one.negation())
+        bad = [one.substitute(fixed) for one in piece.constraints]
+        if any(not self._required.keys().isdisjoint(one.parameters) for one in bad):
+            bad += Box(self._required).constraints()
+            bad = list(project(bad, self._required.keys(), self._deadline) or [LinearConstraint.false()])
+        choices = dict.fromkeys(negated for one in bad for negated in one.negation())
         return _Clause(tuple(filter(self._leaves_schedule, choices)), self._bad.reasons[piece])
 
     def _leaves_schedule(self, choice: LinearConstraint) -> bool:
@@ -361,6 +362,8 @@ class RepairSearch:
         new = [name for name in used if name not in finite]
         point = self._point(names, constraints, objective, best, new)
         values = {name: point[name] for name in used if point[name] != self._quantities[name].old}
+        if not best.attained:
+            values = self._without_idle(values, constraints, point)
         count = len(values) if self._counts else len(new)
         return _Candidate(chosen, values, Cost(count, -best.value), best.attained)
 
@@ -382,6 +385,22 @@ class RepairSearch:
                 point = found.point
         # An optimum is on the boundary, which strict inequalities exclude.
         return point if all(one.evaluate(point) for one in kept) else feasible_point(names, kept) or point
+
+    def _without_idle(
+        self, values: Mapping[str, Fraction], constraints: Sequence[LinearConstraint], point: Mapping[str, Fraction]
+    ) -> dict[str, Fraction]:
+        """Changes without those that only use up what is paid above the infimum, one by one or both of a constraint."""
+        kept = dict(values)
+        for name in values:
+            pair = {name, self._partner(name) or name}
+            for idle in ({name}, pair):
+                still = {other: value for other, value in kept.items() if other not in idle}
+                olds = {other: self._quantities[other].old for other in idle & point.keys()}
+                at = {**point, **{other: old for other, old in olds.items() if old is not None}}
+                if None not in olds.values() and all(one.evaluate({**at, **still}) for one in constraints):
+                    kept, point = still, at
+                    break
+        return kept
 
     def _partner(self, name: str) -> str | None:
         """The other bound of the same constraint, if it may be changed."""
@@ -575,7 +594,7 @@ class _BadChanges(DiscoveredBadSet):
         eliminated = set(names).difference(self._names)
         if sum(1 for one in constraints if not eliminated.isdisjoint(one.parameters)) > CROWDED:
             return project_at(constraints, eliminated, {name: Fraction(model.get(name, 0)) for name in names})
-        return super()._projection(constraints, model)
+        return project(constraints, eliminated, self._deadline)
 
 
 class _Unchanged(dict[str, Fraction]):
