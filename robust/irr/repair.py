@@ -280,6 +280,8 @@ class RepairSearch:
                 self._clauses.append(clause)
             if not any(self._holds(choice, candidate.values) for choice in clause.choices):
                 return clause
+            if all(one.old is not None for one in self._quantities.values()):
+                raise ValueError(f"{piece} meets what its clause excludes")
             # Only a bound that stands for an infinite one can have run into it.
             self._infinity *= 2
 
@@ -307,7 +309,10 @@ class RepairSearch:
         bad = [one.substitute(fixed) for one in piece.constraints]
         if any(not self._required.keys().isdisjoint(one.parameters) for one in bad):
             bad += Box(self._required).constraints()
-            bad = list(project(bad, self._required.keys(), self._deadline) or [LinearConstraint.false()])
+            projected = project(bad, self._required.keys(), self._deadline)
+            if projected is None:
+                raise ValueError(f"{piece} meets what is required, but no changes meet both")
+            bad = list(projected)
         choices = dict.fromkeys(negated for one in bad for negated in one.negation())
         return _Clause(tuple(filter(self._leaves_schedule, choices)), self._bad.reasons[piece])
 
