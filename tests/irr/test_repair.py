@@ -87,7 +87,7 @@ def broken(draw: st.DrawFn) -> ParametrizedPlan:
 
 
 @given(broken(), st.booleans(), st.booleans())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_repairs_are_proved_and_no_change_of_one_bound_is_cheaper(plan, count, reorder) -> None:
     found = RepairSearch(plan, count=count, reorder=reorder).run()
     assert found.status in {RepairStatus.OPTIMAL, RepairStatus.IMPOSSIBLE}
@@ -105,7 +105,7 @@ def test_repairs_are_proved_and_no_change_of_one_bound_is_cheaper(plan, count, r
 
 
 @given(broken())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_fewest_changes_are_no_more_and_least_sums_cost_no_more(plan) -> None:
     least, fewest = RepairSearch(plan).run(), RepairSearch(plan, count=True).run()
     assert (least.plan is None) == (fewest.plan is None)
