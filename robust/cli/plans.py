@@ -48,7 +48,7 @@ CODES = {
 """Exit codes of verdicts, and of how searches end."""
 HINT_SECONDS = 1
 """Of a processor, for the repair that a refutation ends with."""
-HINT_PATIENCE = 5.0
+HINT_PATIENCE = 10.0
 """Seconds on the clock for the same, where other processes take turns."""
 
 
