@@ -773,7 +773,8 @@ class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, Plot, 
     )
     executor: str = option(
         "dreex",
-        "dreex: go on while observations are in the box; blex:X: while they are within X per cent",
+        "dreex: go on while observations are in the box; slice: while something is left of the envelope; blex:X: while "
+        "they are within X per cent",
         metavar="NAME",
     )
     planner: str | None = option(None, "who plans and re-plans: aries, kairos or command:TEMPLATE", metavar="NAME")

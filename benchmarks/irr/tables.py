@@ -27,6 +27,7 @@ from robust.execute.dispatcher import LeftBox
 from robust.execute.planners.interface import RememberingPlanner
 from robust.execute.planners.registry import create_planner
 from robust.execute.replan import REPLANS, Mission, Options, Run, RunStatus, Segment, execute, prepare_timed
+from robust.execute.slices import Answer
 from robust.execute.worlds import Rules, parse_rules
 from robust.plan.parameters import ParameterSpec, parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
@@ -39,7 +40,9 @@ from ..engine.stats import Mean, Pairing, Proportion
 from ..generators import delivery
 
 DREEX = "dreex"
-EXECUTORS = (DREEX, *(f"blex:{share}" for share in range(0, 70, 10)))
+SLICE = "slice"
+"""Not in the paper: goes on with what is left of the envelope."""
+EXECUTORS = (DREEX, SLICE, *(f"blex:{share}" for share in range(0, 70, 10)))
 FEW_REPLANS = 0.3
 """Successful runs under DREEX are to take fewer re-plans than this on average."""
 PREPARATION_S = 30.0
@@ -52,9 +55,12 @@ CONSUMPTION_DEVIATION = "6.5"
 
 @dataclass(frozen=True, slots=True)
 class PaperCell:
-    """What the paper reports: coverage in per cent, and average re-plans of successful runs (None: no such run)."""
+    """What the paper reports: coverage in per cent, and average re-plans of successful runs (None: no such run).
 
-    coverage: float
+    An executor of ours has no coverage there.
+    """
+
+    coverage: float | None
     replans: float | None
 
 
@@ -73,7 +79,8 @@ class Design:
     drain: bool
 
     def paper_cell(self, executor: str, column: str) -> PaperCell:
-        return PaperCell(*PAPER[f"table{self.number}"][executor][self.columns.index(column)])
+        reported = PAPER[f"table{self.number}"].get(executor)
+        return PaperCell(None, None) if reported is None else PaperCell(*reported[self.columns.index(column)])
 
 
 PAPER = json.loads(Path(__file__).with_name("paper-tables.json").read_text(encoding="utf-8"))
@@ -109,7 +116,9 @@ class ExecutionRow:
     """One run of one executor in one case.
 
     `promises` counts the plans of the run all of whose observations were inside a dynamically controllable box in the
-    envelope, so that they had to succeed; `broken` are those of them that did not.
+    envelope, or inside the last such box that was found in what was left of it, so that they had to succeed; `broken`
+    are those of them that did not. `looks` counts how often was looked at what is left, `late` how often the time for
+    that was over, and `nothing` the plans that were given up because nothing was left.
     """
 
     column: str
@@ -120,6 +129,9 @@ class ExecutionRow:
     replans: int = 0
     promises: int = 0
     broken: int = 0
+    looks: int = 0
+    late: int = 0
+    nothing: int = 0
     seconds: float = 0.0
     reason: str = ""
 
@@ -155,7 +167,9 @@ def run_case(table: int, column: int, problem: int, seed: int, conditions: Condi
         run = execute(mission, f"{problem}/{seed}", prepare_timed(domain, parsed, answer.plan, options))
         promises = (sum(map(_promises, run.segments)), broken_promises(run))
         succeeded = run.status is RunStatus.SUCCEEDED
-        rows.append(ExecutionRow(*place, succeeded, run.replans, *promises, round(run.seconds, 4), run.reason))
+        answers = [one.answer for segment in run.segments for one in segment.left]
+        looked = (len(answers), answers.count(Answer.OUT_OF_TIME), answers.count(Answer.NOTHING))
+        rows.append(ExecutionRow(*place, succeeded, run.replans, *promises, *looked, round(run.seconds, 4), run.reason))
     return tuple(rows)
 
 
@@ -167,8 +181,9 @@ def broken_promises(run: Run) -> int:
 
 
 def _promises(segment: Segment) -> bool:
-    left = isinstance(segment.ending, LeftBox) or not all(one.inside for one in segment.observations)
-    return segment.guarantee is Guarantee.DYNAMIC and not left
+    outside = not segment.left and not all(one.inside for one in segment.observations)
+    left = isinstance(segment.ending, LeftBox) or outside
+    return segment.promised is Guarantee.DYNAMIC and not left
 
 
 def uncertain_specs(table: int, count: int) -> tuple[ParameterSpec, ...]:
@@ -241,7 +256,8 @@ class Cell:
     def text(self) -> str:
         """Coverage with its interval, and re-plans, ours and the paper's."""
         lower, upper = (round(100 * end) for end in self.coverage.interval)
-        coverage = f"{100 * float(self.coverage.share):.1f} % [{lower}–{upper}] / {self.paper.coverage:.1f} %"
+        paper = NOTHING if self.paper.coverage is None else f"{self.paper.coverage:.1f} %"
+        coverage = f"{100 * float(self.coverage.share):.1f} % [{lower}–{upper}] / {paper}"
         ours = None if self.replans is None else self.replans.value
         return f"{coverage}\n{number(ours)} / {number(self.paper.replans, 1)}"
 
@@ -254,9 +270,9 @@ class Cell:
         return f"{self.against.first} : {self.against.second}, {'< 0.0001' if p < 0.0001 else f'{p:.4f}'}"
 
     @property
-    def distance(self) -> float:
-        """Percentage points from the paper's coverage."""
-        return 100 * float(self.coverage.share) - self.paper.coverage
+    def distance(self) -> float | None:
+        """Percentage points from the paper's coverage, if there is one."""
+        return None if self.paper.coverage is None else 100 * float(self.coverage.share) - self.paper.coverage
 
 
 class ExecutionReport(Report[ExecutionRow]):
@@ -310,9 +326,10 @@ class ExecutionReport(Report[ExecutionRow]):
         return [row for row in self.rows if row.broken]
 
     def is_above(self, column: str) -> bool | None:
-        """Whether DREEX covers more than every other executor in a column; None if it was not run there."""
+        """Whether DREEX covers more than every BLEX in a column; None if it was not run there."""
         mine = self.cells.get((DREEX, column))
-        others = [cell for (executor, one), cell in self.cells.items() if one == column and executor != DREEX]
+        ours = {DREEX, SLICE}
+        others = [cell for (executor, one), cell in self.cells.items() if one == column and executor not in ours]
         if mine is None or not others:
             return None
         return all(mine.coverage.share > other.coverage.share for other in others)
@@ -400,10 +417,12 @@ class ExecutionReport(Report[ExecutionRow]):
         ]
         distances: dict[str, list[float]] = {"DREEX": [], "BLEX": []}
         for (executor, _), cell in self.cells.items():
-            distances["DREEX" if executor == DREEX else "BLEX"].append(cell.distance)
+            if cell.distance is not None:
+                distances["DREEX" if executor == DREEX else "BLEX"].append(cell.distance)
         known = [(who, values) for who, values in distances.items() if values]
         ranges = [f"{who} {min(all_):+.1f} to {max(all_):+.1f} (mean {fmean(all_):+.1f})" for who, all_ in known]
         found.append(f"Percentage points from the paper: {', '.join(ranges)}.")
+        found += self._sliced()
         exact = self.of(executor="blex:0", succeeded=True)
         if exact:
             again = sum(row.replans > 0 for row in exact)
@@ -412,6 +431,31 @@ class ExecutionReport(Report[ExecutionRow]):
         late = sum(reason.endswith("timeout") for reason in failed)
         found.append(f"{late} of {len(failed)} failed runs ended because the planner ran out of time.")
         return found
+
+    def _sliced(self) -> list[str]:
+        """DREEX beside what goes on with what is left, in the cases that both ran."""
+        ours = {row.case: row for row in self.of(executor=DREEX)}
+        pairs = [(ours[row.case], row) for row in self.of(executor=SLICE) if row.case in ours]
+        if not pairs:
+            return []
+        (before, after), (box, left) = (
+            (sum(map(value, side)) for side in zip(*pairs, strict=True))
+            for value in (_replans, _succeeded)
+        )  # fmt: skip
+        looks, late, nothing = (sum(getattr(row, name) for _, row in pairs) for name in ("looks", "late", "nothing"))
+        return [
+            f"Slicing takes {after} re-plans where DREEX takes {before}, and succeeds in {left} runs where DREEX does "
+            f"in {box}, of {len(pairs)} each. It looked {looks} times at what is left; {late} times the time was "
+            f"over, and {nothing} times nothing was left."
+        ]
+
+
+def _replans(row: ExecutionRow) -> int:
+    return row.replans
+
+
+def _succeeded(row: ExecutionRow) -> int:
+    return row.succeeded
 
 
 class Table1Report(ExecutionReport):

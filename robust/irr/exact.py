@@ -21,7 +21,7 @@ from robust.irr.containment import require_some_schedule
 from robust.irr.irr import ordered
 from robust.irr.search import Conduct, OutsideError, Search
 from robust.irr.stops import APPROACHED, JUST, Stop, touching
-from robust.irr.widen import DiscoveredBadSet, Widening, faces_of
+from robust.irr.widen import DiscoveredBadSet, Obstacle, Widening, faces_of
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Interval, Side
@@ -118,14 +118,16 @@ class ExactSearch(Search):
                 require_some_schedule(self.encoding, self._bad.open_session(), self.deadline)
             raise OutsideError(self._bad.reasons[piece], self.encoding.plan.nominal)
         self.verified = True
+        met: list[Obstacle] = [*pieces]
         Widening(
             bad=self._bad,
             parameters=self.encoding.plan.parameters,
-            pieces=pieces,
+            pieces=met,
             groups=self._groups,
             deadline=self.deadline,
             on_box=self._keep,
         ).run()
+        pieces[:] = [one for one in met if isinstance(one, Polyhedron)]
 
     def _enumerated(self) -> list[Polyhedron]:
         """Bad polyhedra by enumeration, for a while: they are larger than what single boxes run into."""

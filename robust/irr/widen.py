@@ -35,7 +35,41 @@ class Least:
     attained: bool
 
 
-def _stops(piece: Polyhedron, growing: Growing) -> bool:
+class Reach(Protocol):
+    """When growing boxes meet something: exactly then, or not before, as `exact` says."""
+
+    exact: bool
+
+    def least_stretch(self, growing: Growing) -> tuple[Fraction, bool] | None:
+        """The least λ ≥ 0, and whether the box meets it at that λ; None if it never does."""
+
+
+class Obstacle(Protocol):
+    """What boxes must not meet, and what stops them when they grow: a bad polyhedron, or another reason.
+
+    A box that meets it meets it as well when it has grown.
+    """
+
+    @property
+    def mentioned(self) -> frozenset[str]:
+        """The parameters whose faces matter."""
+
+    @property
+    def slabs(self) -> Reach:
+        """When boxes meet it; what is no polyhedron has to know that exactly."""
+
+    def meets(self, box: Box) -> bool:
+        """Whether a box does."""
+
+
+class BadSet(Protocol):
+    """Where boxes must not go."""
+
+    def piece_in(self, box: Box, deadline: Deadline) -> Obstacle | None:
+        """Something that the box meets; None if the box is as wanted. OutOfTimeError if the deadline passes first."""
+
+
+def _stops(piece: Obstacle, growing: Growing) -> bool:
     """Whether the box meets a bad polyhedron as soon as it grows."""
     bound = piece.slabs.least_stretch(growing)
     if bound is None or bound[0] > 0:
@@ -48,10 +82,10 @@ STRETCH = "\u03bb"
 """The variable by which moving faces are scaled; no parameter can have this name."""
 
 
-def least_stretch(piece: Polyhedron, growing: Growing) -> Least | None:
+def least_stretch(piece: Obstacle, growing: Growing) -> Least | None:
     """The least λ ≥ 0 at which a box meets a bad polyhedron; None if it never does."""
     least = piece.slabs.least_stretch(growing)
-    if least is None or piece.slabs.exact:
+    if least is None or piece.slabs.exact or not isinstance(piece, Polyhedron):
         return None if least is None else Least(*least)
     # Sides of other parameters leave room for every value: a box is nowhere empty.
     used = [name for name in piece.parameters if name in piece.mentioned]
@@ -152,28 +186,35 @@ class DiscoveredBadSet(Questions[Polyhedron]):
 
 @dataclass(eq=False, kw_only=True)
 class Widening:
-    """One run of exact widening from the nominal point, which must be inside the envelope.
+    """One run of exact widening from the nominal point, or from a box, which must be inside the envelope.
 
     Args:
         bad: the bad set.
         parameters: the parameters, with nominal values, weights and declared bounds.
-        pieces: bad polyhedra that are known; those that boxes run into are added.
-        groups: the faces that move together, group after group.
+        pieces: obstacles that are known; those that boxes run into are added.
+        groups: the faces that move together, group after group; they have to be finite in the box to start from.
         deadline: when to stop with the best box so far.
         on_box: called with every box that is known to be inside; each contains those before.
+        start: the box to start from, if it is not the nominal point.
     """
 
     bad: BadSet
     parameters: Sequence[Parameter]
-    pieces: list[Polyhedron]
+    pieces: list[Obstacle]
     groups: Sequence[Sequence[Face]]
     deadline: Deadline
     on_box: Callable[[Box], None]
+    start: Box | None = None
 
     def __post_init__(self) -> None:
-        self._nominal = {parameter.name: parameter.nominal for parameter in self.parameters}
         self._weight = {parameter.name: parameter.weight for parameter in self.parameters}
-        self._box = Box.nominal(self.parameters)
+        self._box = Box.nominal(self.parameters) if self.start is None else self.start
+        self._base = {
+            (name, side): end
+            for name, interval in self._box.intervals.items()
+            for side in Side
+            if (end := interval.end(side)) is not None
+        }
         self._met: list[Least | None] = []
         """The stretches of the pieces in this round, as far as they were asked for."""
 
@@ -222,7 +263,7 @@ class Widening:
             if self._is_inside(self._ahead(going, moving, least)):
                 return going, [face for face in moving if face not in going]
 
-    def _can_go(self, going: list[Face], moving: list[Face], least: Least, near: list[Polyhedron]) -> bool:
+    def _can_go(self, going: list[Face], moving: list[Face], least: Least, near: list[Obstacle]) -> bool:
         if least.attained:
             # The value itself is bad for someone: who may include it?
             ahead = self._ahead(going, moving, least)
@@ -258,11 +299,11 @@ class Widening:
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
-    def _stretches(self, moving: list[Face]) -> Iterator[tuple[Polyhedron, Least]]:
+    def _stretches(self, moving: list[Face]) -> Iterator[tuple[Obstacle, Least]]:
         """At which stretch each known piece meets the box, if ever."""
         # Within a round the box and what moves are the same, so only new pieces are asked.
         if len(self._met) < len(self.pieces):
-            growing = Growing(self._box, {face: (self._nominal[face[0]], self._weight[face[0]]) for face in moving})
+            growing = Growing(self._box, {face: (self._base[face], self._weight[face[0]]) for face in moving})
             self._met += [least_stretch(piece, growing) for piece in self.pieces[len(self._met) :]]
         for piece, least in zip(self.pieces, self._met, strict=True):
             if least is not None:
@@ -274,7 +315,7 @@ class Widening:
 
     def _place(self, face: Face, stretch: Fraction) -> Fraction:
         name, side = face
-        return self._nominal[name] + side.sign * stretch * self._weight[name]
+        return self._base[face] + side.sign * stretch * self._weight[name]
 
     def _stretched(self, faces: Iterable[Face], least: Least | None, box: Box | None = None) -> Box:
         """The box with some faces at a stretch, without their ends if bad values attain it; None: infinitely far."""

@@ -17,6 +17,7 @@ from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
 from robust.execute.dispatchable import Guarantee
 from robust.execute.dispatcher import interval_text as observed_interval
 from robust.execute.replan import Run, RunStatus, Segment
+from robust.execute.slices import Answer, Left
 from robust.execute.worlds import Outcome
 from robust.irr.stops import advice
 from robust.numbers import end, interval_text, plural, readable
@@ -79,10 +80,22 @@ def _events(segment: Segment) -> Iterator[tuple[Fraction, str, str]]:
             yield one.end, _OUTCOMES[one.outcome], name
     for seen in segment.observations:
         yield seen.time, "observed", f"{seen.what} = {readable(seen.value)}{'' if seen.inside else ', outside'}"
+    for left in segment.left:
+        yield left.time, "left", _left(left)
     for rejected in segment.rejected:
         yield rejected.time, "rejected", rejected.reason
     if segment.ending is not None and segment.given_up is not None:
         yield segment.given_up, "gave up", str(segment.ending)
+
+
+def _left(left: Left) -> str:
+    """What is still unknown, and in which values the plan succeeds."""
+    if left.box is None:
+        late = left.answer is Answer.OUT_OF_TIME
+        return "not known in time; only the box promised before counts" if late else "nothing of the envelope"
+    unknown = [f"{name} in {observed_interval(one)}" for name, one in left.box.intervals.items() if one.width != 0]
+    changed = "" if left.kept else "another promise: "
+    return f"{changed}{', '.join(unknown)}" if unknown else "all is known"
 
 
 def print_runs(out: Console, runs: Sequence[Run], executor: str, *, quiet: bool) -> None:
