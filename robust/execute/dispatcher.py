@@ -19,7 +19,7 @@ from fractions import Fraction
 from time import perf_counter
 
 from robust.errors import did_you_mean
-from robust.execute.dispatchable import Dispatchable, Means, NaturalLink, Windows
+from robust.execute.dispatchable import Dispatchable, Guarantee, Means, NaturalLink, Windows
 from robust.execute.slices import Facts, Left, hull
 from robust.numbers import format_number
 from robust.plan import model
@@ -328,6 +328,8 @@ class Dispatcher:
         if not self._begun:
             self._begun = True
             self._happen(model.ZERO, Fraction(0))
+            if self.dispatchable.guarantee is not Guarantee.DYNAMIC:
+                self._slice("the beginning")
         for message in in_order(messages):
             if not self.ended:
                 self._take(message)

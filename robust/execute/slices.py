@@ -140,15 +140,13 @@ def continued(stnu: ParametricStnu, facts: Facts) -> ParametricStnu:
     from zero where something else depends on them.
     """
     times = facts.times
-    links = [
-        link if link.is_contingent else _from_zero(link, times)
-        for link in stnu.links
-        if link.target not in times or not (link.source in times or link.is_contingent)
-    ]
+    links = [_from_zero(link, times) for link in stnu.links if not _is_over(link, times)]
     natural = {link.target for link in links if link.is_contingent}
-    for point in {link.source for link in links if link.is_contingent and link.source in times} - {ZERO}:
-        at = Polynomial[str].constant(times[point])
-        links.append(ParametricLink(ZERO, point, at, at, origin=f"{point} was at {times[point]}"))
+    mentioned = {point for link in links for point in (link.source, link.target)}
+    for point in stnu.points:
+        if point in times and point in mentioned and point != ZERO:
+            at = Polynomial[str].constant(times[point])
+            links.append(ParametricLink(ZERO, point, at, at, origin=f"{point} was at {times[point]}"))
     for point in stnu.points:
         if point not in times and point not in natural and point.kind is not TimePointKind.TIMED_LITERAL:
             now = Polynomial[str].constant(facts.now)
@@ -156,16 +154,28 @@ def continued(stnu: ParametricStnu, facts: Facts) -> ParametricStnu:
     return ParametricStnu(stnu.points, tuple(links), stnu.vague)
 
 
+def _is_over(link: ParametricLink, times: Mapping[TimePoint, Fraction]) -> bool:
+    """Whether a link says nothing any more: its length was revealed, or both ends happened as it demands."""
+    if link.target not in times or link.is_contingent:
+        return link.target in times
+    numbers = all(bound is None or bound.is_constant for bound in (link.lower, link.upper))
+    if link.source not in times or not numbers:
+        return False
+    length = times[link.target] - times[link.source]
+    long_enough = link.lower is None or link.lower.constant_term <= length
+    return long_enough and (link.upper is None or length <= link.upper.constant_term)
+
+
 def _from_zero(link: ParametricLink, times: Mapping[TimePoint, Fraction]) -> ParametricLink:
-    """A requirement, one end of which may have happened, as one on when the other happens."""
+    """A requirement, one end of which has happened, as one on when the other happens; other links as they are."""
     lower, upper = link.lower, link.upper
+    if link.is_contingent or (link.source in times) == (link.target in times):
+        return link
     if link.source in times:
         point, time = link.target, times[link.source]
-    elif link.target in times:
+    else:
         point, time = link.source, times[link.target]
         lower, upper = None if upper is None else -upper, None if lower is None else -lower
-    else:
-        return link
     lower, upper = None if lower is None else lower + time, None if upper is None else upper + time
     return ParametricLink(ZERO, point, lower, upper, origin=link.origin)
 
@@ -312,7 +322,8 @@ class _Search:
         """What takes longer than planned grows as fast as all the rest: else it would soon leave its interval again."""
         if parameter.nominal in self._facts.possible.get(parameter.name, _ANYTHING):
             return parameter
-        return replace(parameter, weight=sum((self._weight[name] for name in self._open), Fraction(0)))
+        others = [self._weight[name] for name in self._open if name != parameter.name]
+        return replace(parameter, weight=sum(others, Fraction(0)) or parameter.weight)
 
 
 _ANYTHING = Interval(None, None)
