@@ -8,7 +8,7 @@ bisection.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -37,6 +37,11 @@ class Obstruction:
     @cached_property
     def mentioned(self) -> frozenset[str]:
         return frozenset(name for form in self.forms for (name, _), _ in form.coefficients())
+
+    @property
+    def rooms(self) -> list[tuple[Mapping[Face, Fraction], Fraction]]:
+        """One of them has to have room."""
+        return [(dict(form.coefficients()), form.constant_term) for form in self.forms]
 
     def meets(self, box: Box) -> bool:
         ends = ends_of(box)

@@ -6,7 +6,7 @@ of them is checked against the envelope, and what is bad in it adds a polyhedron
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -44,11 +44,8 @@ class Reach(Protocol):
         """The least λ ≥ 0, and whether the box meets it at that λ; None if it never does."""
 
 
-class Obstacle(Protocol):
-    """What boxes must not meet, and what stops them when they grow: a bad polyhedron, or another reason.
-
-    A box that meets it meets it as well when it has grown.
-    """
+class Reason(Protocol):
+    """Why boxes are not as wanted, in terms of where their faces stand; boxes around such boxes are not so either."""
 
     @property
     def mentioned(self) -> frozenset[str]:
@@ -56,10 +53,18 @@ class Obstacle(Protocol):
 
     @property
     def slabs(self) -> Reach:
-        """When boxes meet it; what is no polyhedron has to know that exactly."""
+        """When boxes meet it, exactly."""
+
+    @property
+    def rooms(self) -> Sequence[tuple[Mapping[Face, Fraction], Fraction]]:
+        """Linear forms over faces, each with its constant: a box misses it if and only if one is not negative."""
 
     def meets(self, box: Box) -> bool:
         """Whether a box does."""
+
+
+Obstacle = Polyhedron | Reason
+"""What boxes must not meet, and what stops them when they grow."""
 
 
 class BadSet(Protocol):
@@ -105,17 +110,6 @@ def least_stretch(piece: Obstacle, growing: Growing) -> Least | None:
     if best.value is None:
         raise ValueError("the stretch is not bounded below")
     return Least(-best.value, best.attained)
-
-
-class BadSet(Protocol):
-    """What boxes must miss, known polyhedron by polyhedron."""
-
-    def piece_in(self, box: Box, deadline: Deadline) -> Polyhedron | None:
-        """A polyhedron of bad values that meets the box; None if there is none.
-
-        Raises:
-            OutOfTimeError: if the deadline passes first.
-        """
 
 
 class DiscoveredBadSet(Questions[Polyhedron]):

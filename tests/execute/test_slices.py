@@ -20,7 +20,7 @@ from robust.plan.simulate import simulate
 from robust.qe.box import Box, Interval
 from robust.qe.compute import RegionSearch
 from robust.smt.limits import NEVER
-from tests.execute.plans import PLANS, drawn, fixed, interval, nothing_else, tasks, with_box, working
+from tests.execute.plans import PLANS, drawn, drawn_plan, fixed, interval, nothing_else, tasks, with_box, working
 
 F = Fraction
 
@@ -207,27 +207,6 @@ def test_what_is_promised_is_kept(plan, runs):
     dispatchable, random = sliced_plan(*plan), Random(f"slices {runs}")  # noqa: S311 - reproducible
     found = Counter(executed(dispatchable, around(dispatchable.box, random), seed) for seed in range(runs))
     assert found["succeeded"] or found["outside of its box"]
-
-
-def drawn_plan(random):
-    """A random partial order of tasks, some a limited time after others, with a deadline that some values miss."""
-    count = random.randint(2, 5)
-    declared, constraints = [], []
-    for number in range(1, count + 1):
-        if number > 1:
-            declared.append(f"parameter d{number} default {random.randint(2, 9)};")
-            constraints.append(f"w{number}.end - w{number}.start in [d{number}, d{number}]")
-        for before in range(1, number):
-            if random.random() < 0.6:
-                least = random.choice(["0.001", "1", "2.5"])
-                most = random.choice(["inf", "inf", "inf", "12", "20"])
-                constraints.append(f"w{number}.start - w{before}.end in [{least}, {most}]")
-            elif random.random() < 0.15:
-                constraints.append(f"w{number}.end - w{before}.start in [0.001, 30]")
-        constraints.append(f"w{number}.end - .zero in [0, {12 * count}]")
-    objects = [f"t{number}" for number in range(count)]
-    text = "\n".join([*declared, working(*constraints, on=objects)])
-    return tasks(text, problem=nothing_else(objects, until=201))
 
 
 @pytest.mark.parametrize("runs", [4, pytest.param(500, marks=pytest.mark.slow)])
