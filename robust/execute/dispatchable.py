@@ -79,22 +79,24 @@ class Slice:
 
 
 Executor = Dreex | Slice | Blex
-_GUIDED: Mapping[str, Executor] = {"dreex": Dreex(), "slice": Slice()}
-"""Executors that are guided by an envelope."""
 
 
 def parse_executor(text: str) -> Executor:
-    """`dreex`, `slice`, or `blex:30` for 30 per cent; InputError for anything else."""
-    name, colon, share = (part.strip() for part in text.lower().partition(":"))
-    if name in _GUIDED and not colon:
-        return _GUIDED[name]
-    if name != "blex":
-        known = (*_GUIDED, "blex")
-        message = f"found {shorten(text)}, expected dreex, slice or blex:PER_CENT{did_you_mean(name, known)}"
-        raise InputError(message, _PLACE)
-    if not is_number(share):
-        raise InputError(f"found {shorten(text)}, expected a number of per cent such as blex:30", _PLACE)
-    value = parse_number(share, _PLACE)
+    """`dreex`, `slice`, `slice:2` for 2 seconds, or `blex:30` for 30 per cent; InputError for anything else."""
+    name, colon, number = (part.strip() for part in text.lower().partition(":"))
+    if not colon and name in {"dreex", "slice"}:
+        return Dreex() if name == "dreex" else Slice()
+    if name not in {"slice", "blex"}:
+        known = did_you_mean(name, ("dreex", "slice", "blex"))
+        raise InputError(f"found {shorten(text)}, expected dreex, slice or blex:PER_CENT{known}", _PLACE)
+    unit = "of per cent such as blex:30" if name == "blex" else "of seconds such as slice:2"
+    if not is_number(number):
+        raise InputError(f"found {shorten(text)}, expected a number {unit}", _PLACE)
+    value = parse_number(number, _PLACE)
+    if name == "slice":
+        if value <= 0:
+            raise InputError(f"found {shorten(text)}, expected more than 0 seconds", _PLACE)
+        return Slice(float(value))
     if not 0 <= value <= 100:
         raise InputError(f"found {shorten(text)}, expected from 0 to 100 per cent", _PLACE)
     return Blex(value / 100)

@@ -216,7 +216,7 @@ def prepare_plan(
     return Prepared(dispatchable, monotonic() - begun)
 
 
-REGION_SECONDS = 20.0
+REGION_SECONDS = 5.0
 """For the envelope, unless options allow less."""
 
 

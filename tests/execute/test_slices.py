@@ -9,6 +9,7 @@ from random import Random
 import pytest
 
 from robust.api import envelope
+from robust.errors import InputError
 from robust.execute.controllable_boxes import Dynamically, ends_of, parametric_stnu
 from robust.execute.dispatchable import Dispatchable, Guarantee, Slice, make_dispatchable, parse_executor
 from robust.execute.dispatcher import Completed, Dispatcher, LeftBox
@@ -50,7 +51,10 @@ def boxes_of(dispatcher):
 
 
 def test_the_executor_is_named():
-    assert parse_executor("slice") == Slice(0.05)
+    assert (parse_executor("slice"), parse_executor("slice:2")) == (Slice(0.05), Slice(2.0))
+    for wrong in ("slice:", "slice:0", "slice:-1", "slice:x"):
+        with pytest.raises(InputError, match="seconds"):
+            parse_executor(wrong)
     assert in_series().guarantee is Guarantee.DYNAMIC
     assert in_series().box == Box({"first": interval("[1, 29999/2000]"), "second": interval("[1, 29999/2000]")})
 
