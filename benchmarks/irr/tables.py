@@ -135,11 +135,11 @@ class ExecutionRow:
     replans: int = 0
     promises: int = 0
     broken: int = 0
+    seconds: float = 0.0
+    reason: str = ""
     looks: int = 0
     late: int = 0
     nothing: int = 0
-    seconds: float = 0.0
-    reason: str = ""
 
     @property
     def case(self) -> tuple[str, str, int]:
@@ -175,7 +175,8 @@ def run_case(table: int, column: int, problem: int, seed: int, conditions: Condi
         succeeded = run.status is RunStatus.SUCCEEDED
         answers = [one.answer for segment in run.segments for one in segment.left]
         looked = (len(answers), answers.count(Answer.OUT_OF_TIME), answers.count(Answer.NOTHING))
-        rows.append(ExecutionRow(*place, succeeded, run.replans, *promises, *looked, round(run.seconds, 4), run.reason))
+        spent = round(run.seconds, 4)
+        rows.append(ExecutionRow(*place, succeeded, run.replans, *promises, spent, run.reason, *looked))
     return tuple(rows)
 
 
@@ -335,7 +336,7 @@ class ExecutionReport(Report[ExecutionRow]):
         return [row for row in self.rows if row.broken]
 
     def is_above(self, column: str) -> bool | None:
-        """Whether DREEX covers more than every BLEX in a column of the paper; None if it was not run there."""
+        """Whether DREEX covers more than every BLEX in a column of the paper; None if that was not run."""
         if column == EVERY_ACTION:
             return None
         mine = self.cells.get((DREEX, column))
@@ -424,7 +425,7 @@ class ExecutionReport(Report[ExecutionRow]):
         replans = [row.replans for row in self.of(executor=DREEX, succeeded=True)]
         mean = f": {sum(replans)} in {len(replans)} successful runs, {fmean(replans):.4f} on average" if replans else ""
         found = [
-            f"DREEX covers more than every BLEX in {len(above)} of {len(paper)} columns of the paper, and takes fewer "
+            f"DREEX covers more than every other executor in {len(above)} of {len(paper)} columns, and takes fewer "
             f"than {FEW_REPLANS} re-plans on average in {len(few)}{mean}."
         ]
         distances: dict[str, list[float]] = {"DREEX": [], "BLEX": []}
@@ -450,24 +451,14 @@ class ExecutionReport(Report[ExecutionRow]):
         pairs = [(ours[row.case], row) for row in self.of(executor=SLICE) if row.case in ours]
         if not pairs:
             return []
-        (before, after), (box, left) = (
-            (sum(map(value, side)) for side in zip(*pairs, strict=True))
-            for value in (_replans, _succeeded)
-        )  # fmt: skip
+        before, after = (sum(row.replans for row in rows) for rows in zip(*pairs, strict=True))
+        box, left = (sum(row.succeeded for row in rows) for rows in zip(*pairs, strict=True))
         looks, late, nothing = (sum(getattr(row, name) for _, row in pairs) for name in ("looks", "late", "nothing"))
         return [
             f"Slicing takes {after} re-plans where DREEX takes {before}, and succeeds in {left} runs where DREEX does "
-            f"in {box}, of {len(pairs)} each. It looked {looks} times at what is left; {late} times the time was "
-            f"over, and {nothing} times nothing was left."
+            f"in {box}, of {len(pairs)} each. It looked at what is left {looks} times; the time was over in {late} of "
+            f"these, and nothing was left in {nothing}."
         ]
-
-
-def _replans(row: ExecutionRow) -> int:
-    return row.replans
-
-
-def _succeeded(row: ExecutionRow) -> int:
-    return row.succeeded
 
 
 class Table1Report(ExecutionReport):
