@@ -273,8 +273,7 @@ def _kept(path: Path) -> str:
 
 MEASURED = re.compile(
     r"^(?!(baseline_)?limit)(.*_)?"
-    r"(seconds|s|ms|mb|bytes|stages|memory|latency|latencies|with_computing|with_free_recovery|"
-    r"looks|late|nothing)$"
+    r"(seconds|s|ms|mb|bytes|stages|memory|latency|latencies|with_computing|with_free_recovery)$"
 )
 """Keys of JSON below which numbers are measured."""
 _UNIT = re.compile(r" *(?<![\w.])\d[\d,]*(?:\.\d+)?(?:e-?\d+)? (s|ms|MiB|MB|bytes)\b")
