@@ -448,10 +448,11 @@ class Dispatcher:
             return f"{message.instance} has ended already"
         if message.time > self._now:
             return self._future(message.time)
+        exceeded = self._exceeded(message.time)
         self._failed.add(message.instance)
         self._open.pop(instance.end, None)
         self._limits.pop(instance.end, None)
-        self._give_up(Contradicted(message.instance, message.reason, message.time))
+        self._give_up(exceeded or Contradicted(message.instance, message.reason, message.time))
         return None
 
     def _observe(self, message: Observed) -> str | None:
@@ -501,16 +502,28 @@ class Dispatcher:
     def _overdue(self) -> Ending | None:
         """What should have happened by now and has not."""
         for target in [*self._limits]:
-            if self._now >= self._limits[target]:
+            if self._now >= self._limits.get(target, self._now + 1):
                 left = self._left_box(self._open[target], None, self._now)
                 if left.parameter is None or not self._slice(str(left)):
                     return left
-        for number in self._left:
-            if self._windows.is_late(number, self._now):
-                return self._missed(number)
+        late = next((number for number in self._left if self._windows.is_late(number, self._now)), None)
+        if late is not None:
+            exceeded = self._exceeded(self._now)
+            if exceeded is None:
+                return self._missed(late)
+            if exceeded.parameter is None or not self._slice(str(exceeded)):
+                return exceeded
         for (name, _), due in self._due.items():
             if self._now >= due + self._patience:
                 return Unobserved(name, due, self._now)
+        return None
+
+    def _exceeded(self, time: Fraction) -> LeftBox | None:
+        """What lasts longer than is allowed, before its report is overdue: others may suffer from it first."""
+        for link in self._open.values():
+            begun, upper = self._time(link.source), link.allowed.upper
+            if begun is not None and upper is not None and time > begun + upper:
+                return self._left_box(link, None, time)
         return None
 
     def _execute(self, number: int) -> None:

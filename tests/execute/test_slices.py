@@ -12,7 +12,7 @@ from robust.api import envelope
 from robust.errors import InputError
 from robust.execute.controllable_boxes import Dynamically, ends_of, parametric_stnu
 from robust.execute.dispatchable import Dispatchable, Guarantee, Slice, make_dispatchable, parse_executor
-from robust.execute.dispatcher import Completed, Dispatcher, LeftBox
+from robust.execute.dispatcher import Completed, Dispatcher, Failed, LeftBox
 from robust.execute.drive import run_in_world
 from robust.execute.replan import Options, prepare_plan
 from robust.execute.slices import Answer, Facts, continued
@@ -98,6 +98,15 @@ def test_nothing_is_left_once_the_second_task_cannot_be_in_time():
     assert Counter(one.answer for one in dispatcher.left[:-1]).keys() == {Answer.PROMISED}
     assert dispatcher.left[-1].answer is Answer.NOTHING
     assert len(dispatcher.left) < 30, "each time half of what was left"
+
+
+def test_what_fails_because_it_lasts_too_long_has_left_its_interval():
+    dispatcher = Dispatcher(in_series())
+    dispatcher.step(F(0))
+    dispatcher.step(F(4), [Completed("w1", F(4))])
+    dispatcher.step(F(4001, 1000))
+    dispatcher.step(F(300005, 10000), [Failed("w2", F(300005, 10000), "closed")])
+    assert str(dispatcher.ending) == "second exceeds 25.999", "it is not overdue before 30.001"
 
 
 def test_without_time_only_the_box_counts():
