@@ -448,7 +448,7 @@ class Dispatcher:
             return f"{message.instance} has ended already"
         if message.time > self._now:
             return self._future(message.time)
-        exceeded = self._exceeded(message.time)
+        exceeded = self._exceeded(message.time, instance.end)
         self._failed.add(message.instance)
         self._open.pop(instance.end, None)
         self._limits.pop(instance.end, None)
@@ -518,11 +518,15 @@ class Dispatcher:
                 return Unobserved(name, due, self._now)
         return None
 
-    def _exceeded(self, time: Fraction) -> LeftBox | None:
-        """What lasts longer than is allowed, before its report is overdue: others may suffer from it first."""
-        for link in self._open.values():
+    def _exceeded(self, time: Fraction, failed: model.TimePoint | None = None) -> LeftBox | None:
+        """What lasts longer than is allowed, before its report is overdue: others may suffer from it first.
+
+        What has `failed` at the last moment allowed has not ended in time.
+        """
+        for target, link in self._open.items():
             begun, upper = self._time(link.source), link.allowed.upper
-            if begun is not None and upper is not None and time > begun + upper:
+            last = None if begun is None or upper is None else begun + upper
+            if last is not None and (time > last or (time == last and target == failed)):
                 return self._left_box(link, None, time)
         return None
 

@@ -100,12 +100,13 @@ def test_nothing_is_left_once_the_second_task_cannot_be_in_time():
     assert len(dispatcher.left) < 30, "each time half of what was left"
 
 
-def test_what_fails_because_it_lasts_too_long_has_left_its_interval():
+@pytest.mark.parametrize("failed", [F(30), F(300005, 10000)])
+def test_what_fails_because_it_lasts_too_long_has_left_its_interval(failed):
     dispatcher = Dispatcher(in_series())
     dispatcher.step(F(0))
     dispatcher.step(F(4), [Completed("w1", F(4))])
     dispatcher.step(F(4001, 1000))
-    dispatcher.step(F(300005, 10000), [Failed("w2", F(300005, 10000), "closed")])
+    dispatcher.step(failed, [Failed("w2", failed, "closed")])
     assert str(dispatcher.ending) == "second exceeds 25.999", "it is not overdue before 30.001"
 
 
