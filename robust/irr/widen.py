@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
-from typing import Protocol
+from typing import Protocol, cast
 
 from robust.encode.interface import Encoding, Facet
 from robust.irr.containment import Question, Questions
@@ -194,7 +194,7 @@ class Widening:
 
     bad: BadSet
     parameters: Sequence[Parameter]
-    pieces: list[Obstacle]
+    pieces: list[Polyhedron] | list[Obstacle]
     groups: Sequence[Sequence[Face]]
     deadline: Deadline
     on_box: Callable[[Box], None]
@@ -323,7 +323,7 @@ class Widening:
         """Ask; a box that is inside is reported, a bad polyhedron that meets it is remembered."""
         piece = self.bad.piece_in(box, self.deadline)
         if piece is not None:
-            self.pieces.append(piece)
+            cast("list[Obstacle]", self.pieces).append(piece)
             return False
         self.on_box(box)
         return True
