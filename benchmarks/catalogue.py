@@ -253,7 +253,7 @@ class Table1Options(TableOptions):
     """
 
     columns: tuple[int, ...] = _many(
-        "only with N uncertain durations, 1 to 5", "--parameters", "N", read=_whole_numbers
+        "only with N uncertain durations, 1 to 5; 6 is every action", "--parameters", "N", read=_whole_numbers
     )
 
 

@@ -593,8 +593,8 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
 
     controllability: str | None = option(
         None,
-        "also tell whether values may be unknown until they are observed (dynamic), or for ever (strong), and "
-        "shrink the box to the part where they may",
+        "also tell whether values may be unknown until they are observed (dynamic), or for ever (strong), "
+        "shrink the box to the part where they may, and find the widest box where they may",
         choices=("weak", "dynamic", "strong"),
     )
 
@@ -814,7 +814,8 @@ class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, Plot, 
     )
     executor: str = option(
         "dreex",
-        "dreex: go on while observations are in the box; blex:X: while they are within X per cent",
+        "dreex: go on while observations are in the box; slice: while something is left of the envelope, with "
+        "slice:S up to S seconds to find out; blex:X: while observations are within X per cent",
         metavar="NAME",
     )
     planner: str | None = option(None, "who plans and re-plans: aries, kairos or command:TEMPLATE", metavar="NAME")

@@ -27,6 +27,7 @@ from robust.execute.dispatcher import LeftBox
 from robust.execute.planners.interface import RememberingPlanner
 from robust.execute.planners.registry import create_planner
 from robust.execute.replan import REPLANS, Mission, Options, Run, RunStatus, Segment, execute, prepare_timed
+from robust.execute.slices import Answer
 from robust.execute.worlds import Rules, parse_rules
 from robust.plan.parameters import ParameterSpec, parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
@@ -39,22 +40,30 @@ from ..engine.stats import Mean, Pairing, Proportion
 from ..generators import delivery
 
 DREEX = "dreex"
-EXECUTORS = (DREEX, *(f"blex:{share}" for share in range(0, 70, 10)))
+SLICE = "slice"
+"""Not in the paper: goes on with what is left of the envelope."""
+EXECUTORS = (DREEX, SLICE, *(f"blex:{share}" for share in range(0, 70, 10)))
 FEW_REPLANS = 0.3
 """Successful runs under DREEX are to take fewer re-plans than this on average."""
 PREPARATION_S = 30.0
 """For conversion and box, each."""
+RELATIVE = 'mean = 1\ndeviation = "1/5"\nminimum = "1/2"\nrelative = true\n'
+"""How much every action deviates: a fifth of the planned duration, and it takes at least half of that."""
 DURATION_DEVIATION = 70
 SHORTEST = 30
 """Seconds that every uncertain step takes at least; the paper does not give its minimum."""
 CONSUMPTION_DEVIATION = "6.5"
+OTHER_ACTIONS = ("move", "collect", "assemble", "mount", "deliver", "dispose")
 
 
 @dataclass(frozen=True, slots=True)
 class PaperCell:
-    """What the paper reports: coverage in per cent, and average re-plans of successful runs (None: no such run)."""
+    """What the paper reports: coverage in per cent, and average re-plans of successful runs (None: no such run).
 
-    coverage: float
+    An executor of ours has no coverage there.
+    """
+
+    coverage: float | None
     replans: float | None
 
 
@@ -73,13 +82,17 @@ class Design:
     drain: bool
 
     def paper_cell(self, executor: str, column: str) -> PaperCell:
-        return PaperCell(*PAPER[f"table{self.number}"][executor][self.columns.index(column)])
+        reported = PAPER[f"table{self.number}"].get(executor)
+        ours = reported is None or column == EVERY_ACTION
+        return PaperCell(None, None) if ours else PaperCell(*reported[self.columns.index(column)])
 
 
 PAPER = json.loads(Path(__file__).with_name("paper-tables.json").read_text(encoding="utf-8"))
 """Coverage and re-plans, by table, executor and column."""
 COUNTS = ("1 parameter", *(f"{count} parameters" for count in range(2, 6)))
-TABLE1_DESIGN = Design(1, "uncertain durations", COUNTS, "aries", drain=False)
+EVERY_ACTION = "every action"
+"""A column of ours: one action comes after the other, so that what one takes is lost for the next."""
+TABLE1_DESIGN = Design(1, "uncertain durations", (*COUNTS, EVERY_ACTION), "aries", drain=False)
 TABLE2_DESIGN = Design(2, "uncertain consumption", ("battery",), "kairos", drain=True)
 DESIGNS = {design.number: design for design in (TABLE1_DESIGN, TABLE2_DESIGN)}
 
@@ -109,7 +122,9 @@ class ExecutionRow:
     """One run of one executor in one case.
 
     `promises` counts the plans of the run all of whose observations were inside a dynamically controllable box in the
-    envelope, so that they had to succeed; `broken` are those of them that did not.
+    envelope, or inside the last such box that was found in what was left of it, so that they had to succeed; `broken`
+    are those of them that did not. `looks` counts how often was looked at what is left, `late` how often the time for
+    that was over, and `nothing` the plans that were given up because nothing was left.
     """
 
     column: str
@@ -122,6 +137,9 @@ class ExecutionRow:
     broken: int = 0
     seconds: float = 0.0
     reason: str = ""
+    looks: int = 0
+    late: int = 0
+    nothing: int = 0
 
     @property
     def case(self) -> tuple[str, str, int]:
@@ -155,7 +173,10 @@ def run_case(table: int, column: int, problem: int, seed: int, conditions: Condi
         run = execute(mission, f"{problem}/{seed}", prepare_timed(domain, parsed, answer.plan, options))
         promises = (sum(map(_promises, run.segments)), broken_promises(run))
         succeeded = run.status is RunStatus.SUCCEEDED
-        rows.append(ExecutionRow(*place, succeeded, run.replans, *promises, round(run.seconds, 4), run.reason))
+        answers = [one.answer for segment in run.segments for one in segment.left]
+        looked = (len(answers), answers.count(Answer.OUT_OF_TIME), answers.count(Answer.NOTHING))
+        spent = round(run.seconds, 4)
+        rows.append(ExecutionRow(*place, succeeded, run.replans, *promises, spent, run.reason, *looked))
     return tuple(rows)
 
 
@@ -167,22 +188,23 @@ def broken_promises(run: Run) -> int:
 
 
 def _promises(segment: Segment) -> bool:
-    left = isinstance(segment.ending, LeftBox) or not all(one.inside for one in segment.observations)
-    return segment.guarantee is Guarantee.DYNAMIC and not left
+    outside = not segment.left and not all(one.inside for one in segment.observations)
+    left = isinstance(segment.ending, LeftBox) or outside
+    return segment.promised is Guarantee.DYNAMIC and not left
 
 
 def uncertain_specs(table: int, count: int) -> tuple[ParameterSpec, ...]:
     """What the plans have as parameters."""
     if table == TABLE1_DESIGN.number:
-        return parse_specs([f"duration:{delivery.preparation_action(step)}" for step in _uncertain(count)])
+        return parse_specs([f"duration:{action}" for action in _uncertain(count)])
     return parse_specs([f"fluent:(battery_use {task}),lb=0" for task in delivery.TASKS])
 
 
 def uncertain_rules(table: int, count: int) -> Rules:
     """What the world draws."""
     if table == TABLE1_DESIGN.number:
-        numbers = f"deviation = {DURATION_DEVIATION}\nminimum = {SHORTEST}\n"
-        subjects = [f'duration = "{delivery.preparation_action(step)}"' for step in _uncertain(count)]
+        numbers = f"deviation = {DURATION_DEVIATION}\nminimum = {SHORTEST}\n" if count <= len(COUNTS) else RELATIVE
+        subjects = [f'duration = "{action}"' for action in _uncertain(count)]
     else:
         numbers = f"deviation = {CONSUMPTION_DEVIATION}\nminimum = 0\n"
         subjects = ['consumption = "battery_use"']
@@ -190,8 +212,11 @@ def uncertain_rules(table: int, count: int) -> Rules:
 
 
 def _uncertain(count: int) -> list[str]:
-    """The preparation steps that take longest: those that the end of the preparation depends on."""
-    return sorted(delivery.PREPARATIONS, key=delivery.PREPARATIONS.__getitem__, reverse=True)[:count]
+    """The preparation steps that take longest: those that the end of the preparation depends on; or all actions."""
+    longest = sorted(delivery.PREPARATIONS, key=delivery.PREPARATIONS.__getitem__, reverse=True)
+    if count > len(COUNTS):
+        return [*OTHER_ACTIONS, *map(delivery.preparation_action, longest)]
+    return [delivery.preparation_action(step) for step in longest[:count]]
 
 
 # -- the report --------------------------------------------------------------------------------------------------------
@@ -241,7 +266,8 @@ class Cell:
     def text(self) -> str:
         """Coverage with its interval, and re-plans, ours and the paper's."""
         lower, upper = (round(100 * end) for end in self.coverage.interval)
-        coverage = f"{100 * float(self.coverage.share):.1f} % [{lower}–{upper}] / {self.paper.coverage:.1f} %"
+        paper = NOTHING if self.paper.coverage is None else f"{self.paper.coverage:.1f} %"
+        coverage = f"{100 * float(self.coverage.share):.1f} % [{lower}–{upper}] / {paper}"
         ours = None if self.replans is None else self.replans.value
         return f"{coverage}\n{number(ours)} / {number(self.paper.replans, 1)}"
 
@@ -254,9 +280,9 @@ class Cell:
         return f"{self.against.first} : {self.against.second}, {'< 0.0001' if p < 0.0001 else f'{p:.4f}'}"
 
     @property
-    def distance(self) -> float:
-        """Percentage points from the paper's coverage."""
-        return 100 * float(self.coverage.share) - self.paper.coverage
+    def distance(self) -> float | None:
+        """Percentage points from the paper's coverage, if there is one."""
+        return None if self.paper.coverage is None else 100 * float(self.coverage.share) - self.paper.coverage
 
 
 class ExecutionReport(Report[ExecutionRow]):
@@ -310,16 +336,19 @@ class ExecutionReport(Report[ExecutionRow]):
         return [row for row in self.rows if row.broken]
 
     def is_above(self, column: str) -> bool | None:
-        """Whether DREEX covers more than every other executor in a column; None if it was not run there."""
+        """Whether DREEX covers more than every BLEX in a column of the paper; None if that was not run."""
+        if column == EVERY_ACTION:
+            return None
         mine = self.cells.get((DREEX, column))
-        others = [cell for (executor, one), cell in self.cells.items() if one == column and executor != DREEX]
+        ours = {DREEX, SLICE}
+        others = [cell for (executor, one), cell in self.cells.items() if one == column and executor not in ours]
         if mine is None or not others:
             return None
         return all(mine.coverage.share > other.coverage.share for other in others)
 
     def has_few_replans(self, column: str) -> bool | None:
-        """Whether DREEX's successful runs re-plan seldom; None without such runs."""
-        mine = self.cells.get((DREEX, column))
+        """Whether DREEX's successful runs re-plan seldom, in a column of the paper; None without such runs."""
+        mine = None if column == EVERY_ACTION else self.cells.get((DREEX, column))
         return None if mine is None or mine.replans is None else mine.replans.value < FEW_REPLANS
 
     def sound(self) -> bool:
@@ -390,20 +419,23 @@ class ExecutionReport(Report[ExecutionRow]):
     def conclusions(self) -> Sequence[str]:
         """What the paper claims of DREEX, what differs from the paper, and what is known of why."""
         columns = self.columns
-        above = [one for one in columns if self.is_above(one)]
+        paper = [one for one in columns if one != EVERY_ACTION]
+        above = [one for one in paper if self.is_above(one)]
         few = [one for one in columns if self.has_few_replans(one)]
         replans = [row.replans for row in self.of(executor=DREEX, succeeded=True)]
         mean = f": {sum(replans)} in {len(replans)} successful runs, {fmean(replans):.4f} on average" if replans else ""
         found = [
-            f"DREEX covers more than every other executor in {len(above)} of {len(columns)} columns, and takes fewer "
+            f"DREEX covers more than every other executor in {len(above)} of {len(paper)} columns, and takes fewer "
             f"than {FEW_REPLANS} re-plans on average in {len(few)}{mean}."
         ]
         distances: dict[str, list[float]] = {"DREEX": [], "BLEX": []}
         for (executor, _), cell in self.cells.items():
-            distances["DREEX" if executor == DREEX else "BLEX"].append(cell.distance)
+            if cell.distance is not None:
+                distances["DREEX" if executor == DREEX else "BLEX"].append(cell.distance)
         known = [(who, values) for who, values in distances.items() if values]
         ranges = [f"{who} {min(all_):+.1f} to {max(all_):+.1f} (mean {fmean(all_):+.1f})" for who, all_ in known]
         found.append(f"Percentage points from the paper: {', '.join(ranges)}.")
+        found += self._sliced()
         exact = self.of(executor="blex:0", succeeded=True)
         if exact:
             again = sum(row.replans > 0 for row in exact)
@@ -412,6 +444,21 @@ class ExecutionReport(Report[ExecutionRow]):
         late = sum(reason.endswith("timeout") for reason in failed)
         found.append(f"{late} of {len(failed)} failed runs ended because the planner ran out of time.")
         return found
+
+    def _sliced(self) -> list[str]:
+        """DREEX beside what goes on with what is left, in the cases that both ran."""
+        ours = {row.case: row for row in self.of(executor=DREEX)}
+        pairs = [(ours[row.case], row) for row in self.of(executor=SLICE) if row.case in ours]
+        if not pairs:
+            return []
+        before, after = (sum(row.replans for row in rows) for rows in zip(*pairs, strict=True))
+        box, left = (sum(row.succeeded for row in rows) for rows in zip(*pairs, strict=True))
+        looks, late, nothing = (sum(getattr(row, name) for _, row in pairs) for name in ("looks", "late", "nothing"))
+        return [
+            f"Slicing takes {after} re-plans where DREEX takes {before}, and succeeds in {left} runs where DREEX does "
+            f"in {box}, of {len(pairs)} each. It looked at what is left {looks} times; the time was over in {late} of "
+            f"these, and nothing was left in {nothing}."
+        ]
 
 
 class Table1Report(ExecutionReport):

@@ -218,12 +218,13 @@ def _controllability(
     options: EnvelopeCommand, run: Run, plan: ParametrizedPlan, result: EnvelopeResult
 ) -> ControllabilityReport | None:
     """What a dispatcher may not know; None if that was interrupted."""
-    from robust.execute.controllability import assess
+    from robust.execute.controllability import Objective, assess
 
-    kind, solver = options.controllability or "", options.solver
+    kind, solver, optimal = options.controllability or "", options.solver, options.method == "optimal"
+    objective = Objective(options.separation, options.encoding, optimal, options.contain_nominal)
     return run.also(
         "asking whether the box is controllable",
-        lambda: assess(plan, result.box, kind, solver=solver, timeout=run.remaining),
+        lambda: assess(plan, result.box, kind, solver=solver, timeout=run.remaining, objective=objective),
     )
 
 

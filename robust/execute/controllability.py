@@ -19,20 +19,28 @@ the question is coNP-complete (Morris and Muscettola, 1999).
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import KW_ONLY, dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import KW_ONLY, dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from itertools import product
 
+from robust.encode import create_encoding
 from robust.encode.interface import Facet
 from robust.encode.network import TemporalNetwork
 from robust.encode.validity import Validity
 from robust.errors import RobustError
 from robust.execute import controllable_boxes as boxes
+from robust.execute.growth import Controllable, Obstruction, grow
 from robust.execute.stnu import Wait, dynamic, explain, waits
+from robust.irr.exact import OptimalBox, envelope_stop
+from robust.irr.stops import JUST, Stop, declared_stop
+from robust.irr.widen import DiscoveredBadSet, Obstacle
 from robust.plan.model import ParametrizedPlan
-from robust.qe.box import Box, Interval
+from robust.qe.box import Box, Face, Interval, Side
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.slabs import Growing
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Statistics
 from robust.smt.session import Verdict as SolverVerdict
@@ -238,11 +246,116 @@ def shrink(
 
 
 @dataclass(frozen=True)
+class Widest:
+    """A box inside the envelope that is controllable, and no box around it is both.
+
+    `stops` says of each finite face why it cannot move outwards: what breaks in the envelope, or what a dispatcher
+    could no longer do. `cut` are faces that could be at any finite place, but must not be infinite. `bound` is the
+    weighted total width that no such box exceeds, if the widest of all was asked for and that is finite.
+    """
+
+    box: Box
+    stops: Mapping[Face, Stop]
+    cut: tuple[Face, ...]
+    bound: Fraction | None = None
+
+
+@dataclass(frozen=True)
+class Objective:
+    """What is to be as wide as possible, and how the envelope is encoded.
+
+    With `optimal` it is the greatest weighted total width of all controllable boxes in the envelope, or of those around
+    the nominal point (`contain_nominal`). Else it is a box around the one that shrinking leaves, max–min fair.
+    """
+
+    epsilon: Fraction
+    encoding: str
+    optimal: bool = False
+    contain_nominal: bool = False
+
+
+def widest(
+    plan: ParametrizedPlan,
+    start: Box,
+    kind: Kind,
+    objective: Objective,
+    *,
+    solver: str = "z3",
+    deadline: Deadline = NEVER,
+) -> Widest:
+    """The widest box that a dispatcher can serve. Exact: each face is stopped by an obligation or by a cycle.
+
+    Faces grow from a box that is inside the envelope and controllable, so the result is nowhere narrower than that. The
+    widest of all is found by cutting planes over the ends of boxes: each obstacle that a best box meets is a clause.
+
+    Raises:
+        OutOfTimeError: if the deadline passes first.
+        UnsupportedError: for an expression that is not linear.
+    """
+    bad = DiscoveredBadSet(create_encoding(objective.encoding, plan, objective.epsilon, deadline), solver=solver)
+    network = boxes.parametric_stnu(plan, start)
+    wanted: boxes.Property = (boxes.Dynamically if kind is Kind.DYNAMIC else boxes.Strongly)(network, deadline)
+    if kind is Kind.DYNAMIC and wanted.reason(boxes.ends_of(start)) is not None:
+        wanted = boxes.Strongly(network, deadline)  # a fixed schedule is all that is known of vague parameters
+    inside = Controllable(bad, wanted, plan.parameters, start)
+    found, bound = [start], None
+    met = grow(start, inside, (), parameters=plan.parameters, deadline=deadline, on_box=found.append)
+    if objective.optimal:
+        search = OptimalBox(
+            bad=bad, pieces=met, contain_nominal=objective.contain_nominal, deadline=deadline, inside=inside
+        )
+        found.append(search.run())
+        bound = search.bound
+    box = found[-1]
+    proof = _Maximality(plan, kind, bad, box, met, deadline)
+    cut = tuple(sorted((face for face in inside.cut if box[face[0]].end(face[1]) is not None), key=str))
+    return Widest(box, proof.stops(), cut, bound)
+
+
+@dataclass(frozen=True)
+class _Maximality:
+    """Why no face of a box can move outwards, given the obstacles that were met on the way to it."""
+
+    plan: ParametrizedPlan
+    kind: Kind
+    bad: DiscoveredBadSet
+    box: Box
+    met: Sequence[Obstacle]
+    deadline: Deadline
+
+    def stops(self) -> dict[Face, Stop]:
+        """What stops each finite face."""
+        found = {}
+        for parameter, side in product(self.plan.parameters, Side):
+            end = self.box[parameter.name].end(side)
+            if end is not None:
+                stop = declared_stop(parameter, side, end)
+                found[parameter.name, side] = stop or self._stop((parameter.name, side), end)
+        return found
+
+    def _stop(self, face: Face, end: Fraction) -> Stop:
+        """What a dispatcher could not do beyond, else what breaks in the envelope."""
+        growing = Growing(self.box, {face: (end, Fraction(1))})
+        reasons = (one for one in self.met if isinstance(one, Obstruction) and face[0] in one.mentioned)
+        least = (one.least_stretch(growing) for one in reasons)
+        if any(stretch is not None and not stretch[0] for stretch in least):
+            beyond = self.box.moved(face, end + face[1].sign * JUST)
+            why = Controllability(self.plan, beyond, deadline=self.deadline).finding(self.kind).reason
+            return Stop(f"not {ADVERBS[self.kind]} controllable beyond: {why}")
+        pieces = [one for one in self.met if isinstance(one, Polyhedron)]
+        return envelope_stop(self.bad, pieces, self.box, (face, end), self.deadline)
+
+
+ADVERBS = {Kind.WEAK: "weakly", Kind.DYNAMIC: "dynamically", Kind.STRONG: "strongly"}
+
+
+@dataclass(frozen=True)
 class ControllabilityReport:
     """The verdicts about a box, and the part of it that has the wanted kind of controllability.
 
-    `shrunk` and `lost` are None, with a `failure`, if there is no such part or time ran out. `waits` are who waits for
-    which end, if the part is dynamically controllable and that was wanted.
+    `shrunk` and `lost` are None, with a `failure`, if there is no such part or time ran out. `widest` is the widest box
+    that is as wanted, which need not be inside the other; None if it was not asked for, or there was no time. `waits`
+    are who waits for which end, if the part is dynamically controllable and that was wanted.
     """
 
     wanted: Kind
@@ -252,6 +365,7 @@ class ControllabilityReport:
     lost: boxes.Loss | None
     failure: str | None
     waits: tuple[str, ...]
+    widest: Widest | None = None
 
     @property
     def was_controllable(self) -> bool:
@@ -260,9 +374,15 @@ class ControllabilityReport:
 
 
 def assess(
-    plan: ParametrizedPlan, box: Box, wanted: str, *, solver: str, timeout: float | None
+    plan: ParametrizedPlan,
+    box: Box,
+    wanted: str,
+    *,
+    solver: str,
+    timeout: float | None,
+    objective: Objective | None = None,
 ) -> ControllabilityReport:
-    """Decide all kinds for a box that is inside the envelope, and shrink it to the wanted kind."""
+    """Decide all kinds for a box that is inside the envelope, shrink it to the wanted kind, and find the widest one."""
     kind = Kind(wanted)
     deadline = Deadline.after(timeout)
     asked = Controllability(plan, box, solver=solver, deadline=deadline)
@@ -276,4 +396,10 @@ def assess(
     except RobustError as error:
         return ControllabilityReport(kind, findings, box, None, None, error.message, ())
     lost = boxes.loss(box, shrunk.box)
-    return ControllabilityReport(kind, findings, box, shrunk, lost, None, tuple(map(str, strategy)))
+    report = ControllabilityReport(kind, findings, box, shrunk, lost, None, tuple(map(str, strategy)))
+    if objective is None or kind is Kind.WEAK or report.was_controllable:
+        return report
+    with suppress(OutOfTimeError):
+        found = widest(plan, shrunk.box, kind, objective, solver=solver, deadline=deadline)
+        report = replace(report, widest=found)
+    return report

@@ -25,7 +25,7 @@ fair, and no controllable box between it and the given one contains it.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -136,7 +136,7 @@ class ParametricStnu:
         One whose length is fixed is no matter of uncertainty, and not among them.
         """
         for index, link in enumerate(self.links):
-            if link.is_contingent and link.lower is not None:
+            if link.is_contingent and link.lower is not None and not link.lower.is_constant:
                 low, high = value(least(link.lower), ends), value(greatest(link.lower), ends)
                 if low < NOTHING and low != high:
                     yield index, least(link.lower)
@@ -146,7 +146,7 @@ class ParametricStnu:
         found: set[Face] = set()
         for link in self.links:
             for extreme, bound in ((greatest, link.lower), (least, link.upper)):
-                if bound is not None and not link.is_contingent:
+                if bound is not None and not bound.is_constant and not link.is_contingent:
                     found.update(face for face, _ in extreme(bound).coefficients() if ends[face] is None)
         return frozenset(found)
 
@@ -166,16 +166,21 @@ class ParametricStnu:
 
 def _concrete(link: ParametricLink, ends: Ends) -> Link[Fraction]:
     if not link.is_contingent:
-        lower = None if link.lower is None else finite_value(greatest(link.lower), ends)
-        upper = None if link.upper is None else finite_value(least(link.upper), ends)
+        lower = None if link.lower is None else _extreme(greatest, link.lower, ends)
+        upper = None if link.upper is None else _extreme(least, link.upper, ends)
         return Link(link.source, link.target, lower, upper, origin=link.origin)
     length = link.lower or _NOTHING
-    low, high = finite_value(least(length), ends), finite_value(greatest(length), ends)
+    low, high = _extreme(least, length, ends), _extreme(greatest, length, ends)
     if low is not None and low == high and low < 0:
         return Link(link.source, link.target, low, low, origin=link.origin)
     if low is None:
         raise InputError(f"contingent link {link.origin} has no least length; expected one of at least 0")
     return Link(link.source, link.target, low, high, True, str(length), link.origin)
+
+
+def _extreme(which: Callable[[Length], Form], length: Length, ends: Ends) -> Fraction | None:
+    """An extreme value in the box; most lengths are numbers."""
+    return length.constant_term if length.is_constant else finite_value(which(length), ends)
 
 
 # -- from a plan -----------------------------------------------------------------------------------------------------

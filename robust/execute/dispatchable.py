@@ -1,6 +1,7 @@
 """Plans ready for dispatch: what does not depend on what happens is worked out once, for any number of runs.
 
-DREEX accepts what a box of parameter values allows that is proved to be inside the robustness envelope. BLEX(x), the
+DREEX accepts what a box of parameter values allows that is proved to be inside the robustness envelope. Slicing begins
+with such a box, and looks for another one in what is left of the envelope (:mod:`robust.execute.slices`). BLEX(x), the
 baseline, accepts any duration or consumption within x per cent of what was planned, and proves nothing.
 
 The temporal network becomes tables that a dispatcher can read quickly: who waits for whom, and how long. Under a box
@@ -23,7 +24,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
@@ -33,12 +34,14 @@ from typing import TypeVar
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, did_you_mean
 from robust.execute import controllable_boxes as boxes
+from robust.execute.slices import Slices
 from robust.execute.stnu import Case, DynamicAnswer, ShortestPaths, dynamic
 from robust.numbers import is_number, parse_number, shorten
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.plan.timeline import Reading, State
 from robust.qe.box import Box, Interval
+from robust.qe.region import Region
 
 _PLACE = Location("--executor")
 _Grouped = TypeVar("_Grouped")
@@ -65,20 +68,35 @@ class Blex:
         return Box({one.name: self.interval(one.nominal) for one in plan.parameters})
 
 
-Executor = Dreex | Blex
+@dataclass(frozen=True, slots=True)
+class Slice:
+    """The executor that slices the envelope by what was observed, and goes on while something of it is left.
+
+    `seconds` is the wall time that it has after each observation; then it does as DREEX. None is without limit.
+    """
+
+    seconds: float | None = 0.05
+
+
+Executor = Dreex | Slice | Blex
 
 
 def parse_executor(text: str) -> Executor:
-    """`dreex`, or `blex:30` for 30 per cent; InputError for anything else."""
-    name, colon, share = (part.strip() for part in text.lower().partition(":"))
-    if name == "dreex" and not colon:
-        return Dreex()
-    if name != "blex":
-        message = f"found {shorten(text)}, expected dreex or blex:PER_CENT{did_you_mean(name, ('dreex', 'blex'))}"
-        raise InputError(message, _PLACE)
-    if not is_number(share):
-        raise InputError(f"found {shorten(text)}, expected a number of per cent such as blex:30", _PLACE)
-    value = parse_number(share, _PLACE)
+    """`dreex`, `slice`, `slice:2` for 2 seconds, or `blex:30` for 30 per cent; InputError for anything else."""
+    name, colon, number = (part.strip() for part in text.lower().partition(":"))
+    if not colon and name in {"dreex", "slice"}:
+        return Dreex() if name == "dreex" else Slice()
+    if name not in {"slice", "blex"}:
+        known = did_you_mean(name, ("dreex", "slice", "blex"))
+        raise InputError(f"found {shorten(text)}, expected dreex, slice or blex:PER_CENT{known}", _PLACE)
+    unit = "of per cent such as blex:30" if name == "blex" else "of seconds such as slice:2"
+    if not is_number(number):
+        raise InputError(f"found {shorten(text)}, expected a number {unit}", _PLACE)
+    value = parse_number(number, _PLACE)
+    if name == "slice":
+        if value <= 0:
+            raise InputError(f"found {shorten(text)}, expected more than 0 seconds", _PLACE)
+        return Slice(float(value))
     if not 0 <= value <= 100:
         raise InputError(f"found {shorten(text)}, expected from 0 to 100 per cent", _PLACE)
     return Blex(value / 100)
@@ -466,7 +484,8 @@ class Dispatchable:
     """A plan, the box of accepted parameter values, and what a dispatcher needs of them.
 
     `guarantee` says what is known if the box is inside the plan's robustness envelope; whoever computed the box knows
-    that. `shared` are bounds of the network that become stronger when their parameters are observed.
+    that. `shared` are bounds of the network that become stronger when their parameters are observed. `slices` tell
+    what is left of the envelope after observations; None leaves it at the box.
     """
 
     plan: model.ParametrizedPlan
@@ -476,6 +495,17 @@ class Dispatchable:
     guarantee: Guarantee
     revelations: tuple[Revelation, ...]
     shared: tuple[boxes.ParametricLink, ...]
+    slices: Slices | None = None
+
+    def continued(self, network: boxes.ParametricStnu, box: Box) -> Dispatchable:
+        """The plan in the middle of an execution, with a network that tells what has happened, and another box."""
+        tables, guarantee = dispatch_network(network, box, Dreex())
+        return replace(self, box=box, network=tables, guarantee=guarantee)
+
+    def sliced(self, region: Region, *, exact: bool, seconds: float | None) -> Dispatchable:
+        """With what tells what is left: the envelope or, if it is not `exact`, a part of it; `seconds` per answer."""
+        network = boxes.parametric_stnu(self.plan, self.box)
+        return replace(self, slices=Slices(self.plan.parameters, region, exact, network, seconds))
 
     @cached_property
     def ours(self) -> tuple[int, ...]:

@@ -11,13 +11,16 @@ plan's time zero.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
+from time import perf_counter
 
 from robust.errors import did_you_mean
-from robust.execute.dispatchable import Dispatchable, Means, NaturalLink, Windows
+from robust.execute.dispatchable import Dispatchable, Guarantee, Means, NaturalLink, Windows
+from robust.execute.slices import Facts, Left, hull
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.timeline import Reading, State
@@ -286,6 +289,8 @@ class Dispatcher:
         """All values that were taken note of."""
         self.rejected: list[Rejected] = []
         """All messages that changed nothing, although they should have."""
+        self.left: list[Left] = []
+        """What was left of the envelope after observations, if that is asked for."""
         self._patience = patience or dispatchable.epsilon or Fraction(1, 1000)
         self._drain = drain
         self._windows = Windows(dispatchable.network)
@@ -323,6 +328,8 @@ class Dispatcher:
         if not self._begun:
             self._begun = True
             self._happen(model.ZERO, Fraction(0))
+            if self.dispatchable.guarantee is not Guarantee.DYNAMIC:
+                self._slice("the beginning")
         for message in in_order(messages):
             if not self.ended:
                 self._take(message)
@@ -405,22 +412,29 @@ class Dispatcher:
         if link is not None:
             value = length if link.parameter is None else link.revealed(length)
             left = self._left_box(link, value, time)
-            self._learn(left, value, link.target.instance, inside=length in link.allowed)
+            if self._learn(left, value, link.target.instance, inside=length in link.allowed):
+                return
         if self.phase is Phase.DISPATCHING and (time < lower or (upper is not None and time > upper)):
             self._give_up(Missed(point, self._why(number, time), self._now))
 
-    def _learn(self, left: LeftBox, value: Fraction, instance: str | None, *, inside: bool) -> None:
-        """Take note of a value that an instance has revealed; `left` is what it amounts to if it is not inside."""
+    def _learn(self, left: LeftBox, value: Fraction, instance: str | None, *, inside: bool) -> bool:
+        """Take note of a value that an instance has revealed; `left` is what it amounts to if it is not inside.
+
+        Returns whether another promise was found in what is left.
+        """
         name = left.parameter
         if name is not None:
             self.observed.setdefault(name, value)
             self._seen[name, instance] = value
         if name is not None or not inside:
             self.observations.append(Observation(left.time, left.what, value, inside))
+        if name is not None and self._slice(f"{left.what} = {format_number(value)}"):
+            return True
         if not inside:
             self._give_up(left)
         elif name is not None:
             self._tighten(name)
+        return False
 
     def _left_box(self, link: NaturalLink, value: Fraction | None, time: Fraction) -> LeftBox:
         """That a length is not allowed; None if it is overdue."""
@@ -434,10 +448,11 @@ class Dispatcher:
             return f"{message.instance} has ended already"
         if message.time > self._now:
             return self._future(message.time)
+        exceeded = self._exceeded(message.time, instance.end)
         self._failed.add(message.instance)
         self._open.pop(instance.end, None)
         self._limits.pop(instance.end, None)
-        self._give_up(Contradicted(message.instance, message.reason, message.time))
+        self._give_up(exceeded or Contradicted(message.instance, message.reason, message.time))
         return None
 
     def _observe(self, message: Observed) -> str | None:
@@ -486,15 +501,33 @@ class Dispatcher:
 
     def _overdue(self) -> Ending | None:
         """What should have happened by now and has not."""
-        for target, limit in self._limits.items():
-            if self._now >= limit:
-                return self._left_box(self._open[target], None, self._now)
-        for number in self._left:
-            if self._windows.is_late(number, self._now):
-                return self._missed(number)
+        for target in [*self._limits]:
+            if self._now >= self._limits.get(target, self._now + 1):
+                left = self._left_box(self._open[target], None, self._now)
+                if left.parameter is None or not self._slice(str(left)):
+                    return left
+        late = next((number for number in self._left if self._windows.is_late(number, self._now)), None)
+        if late is not None:
+            exceeded = self._exceeded(self._now)
+            if exceeded is None:
+                return self._missed(late)
+            if exceeded.parameter is None or not self._slice(str(exceeded)):
+                return exceeded
         for (name, _), due in self._due.items():
             if self._now >= due + self._patience:
                 return Unobserved(name, due, self._now)
+        return None
+
+    def _exceeded(self, time: Fraction, failed: model.TimePoint | None = None) -> LeftBox | None:
+        """What lasts longer than is allowed, before its report is overdue: others may suffer from it first.
+
+        What has `failed` at the last moment allowed has not ended in time.
+        """
+        for target, link in self._open.items():
+            begun, upper = self._time(link.source), link.allowed.upper
+            last = None if begun is None or upper is None else begun + upper
+            if last is not None and (time > last or (time == last and target == failed)):
+                return self._left_box(link, None, time)
         return None
 
     def _execute(self, number: int) -> None:
@@ -561,13 +594,19 @@ class Dispatcher:
         self._windows.happened(self._index[point], time)
         self._open.pop(point, None)
         self._limits.pop(point, None)
-        for link in self.dispatchable.followers.get(point, ()):
-            if link.allowed.upper is not None and link.target in self._open:
-                self._limits[link.target] = time + link.allowed.upper + self._patience
+        self._expect(point)
         self._last_change = max(self._last_change, time)
         for one in self.dispatchable.expected.get(point, ()):
             if (one.parameter, one.instance) not in self._seen:
                 self._due[one.parameter, one.instance] = time
+
+    def _expect(self, point: model.TimePoint) -> None:
+        """By when what follows a time point that has happened should have been reported."""
+        for link in self.dispatchable.followers.get(point, ()):
+            if link.allowed.upper is not None and link.target in self._open:
+                self._limits[link.target] = (
+                    self._windows.times[self._index[point]] + link.allowed.upper + self._patience
+                )
 
     def _tighten(self, name: str) -> None:
         """Replace an observed parameter by its value wherever else it bounds the network."""
@@ -579,6 +618,48 @@ class Dispatcher:
                     edges.append((first, second, sign * bound.evaluate(self.observed)))
         if edges:
             self._windows = self._windows.over(self._windows.network.tightened(edges))
+
+    # -- what is left of the envelope --------------------------------------------------------------------------------
+
+    def _slice(self, what: str) -> bool:
+        """Look for a box in what is left of the envelope, after an observation, and go on with it; False if none is."""
+        slices = self.dispatchable.slices
+        if slices is None or self.phase is not Phase.DISPATCHING:
+            return False
+        started = perf_counter()
+        left, network = slices.after(self._facts(), what, self.dispatchable.box)
+        if left.box is None:
+            self.left.append(left)
+            return False
+        self.dispatchable = self.dispatchable.continued(network, left.box)
+        self._windows = self._windows.over(self.dispatchable.network)
+        self._open = {point: self.dispatchable.network.natural[point] for point in self._open}
+        self._limits = {}
+        for point in self.times:
+            self._expect(point)
+        self.left.append(replace(left, seconds=perf_counter() - started))
+        return True
+
+    def _facts(self) -> Facts:
+        """What is known now."""
+        values: dict[str, list[Fraction]] = {}
+        for (name, _), value in self._seen.items():
+            values.setdefault(name, []).append(value)
+        reveals = Counter(one.parameter for one in self.dispatchable.revelations)
+        possible = {}
+        for link in self._open.values():
+            begun, varying = self._time(link.source), link.parameter
+            if begun is not None and varying is not None and reveals[varying] == 1:
+                ((_, factor),) = link.length.coefficients()
+                end = link.revealed(self._now - begun)
+                possible[varying] = Interval(end, None) if factor > 0 else Interval(None, end)
+        return Facts(
+            now=self._now,
+            seen={name: hull(found) for name, found in values.items()},
+            settled=frozenset(name for name, found in values.items() if len(found) >= reveals[name]),
+            possible=possible,
+            times=self.times,
+        )
 
     def _time(self, point: model.TimePoint) -> Fraction | None:
         """When a time point happened."""

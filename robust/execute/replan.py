@@ -22,10 +22,11 @@ from robust.encode.interface import EPSILON
 from robust.errors import InputError, RefutedError, RobustError, SolverError
 from robust.execute.controllability import Kind, shrink
 from robust.execute.convert import Ended, convert
-from robust.execute.dispatchable import Dispatchable, Dreex, Executor, Guarantee, make_dispatchable
+from robust.execute.dispatchable import Blex, Dispatchable, Dreex, Executor, Guarantee, Slice, make_dispatchable
 from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, Observation, Rejected
 from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
+from robust.execute.slices import Left
 from robust.execute.worlds import Executed, Luck, Outcome, Rules, SimulatedWorld, condition_with
 from robust.irr.containment import Containment
 from robust.irr.exact import ExactSearch
@@ -40,6 +41,9 @@ from robust.plan.simulate import Simulation, simulate
 from robust.plan.timed import TimedPlan
 from robust.plan.timeline import Reading, State
 from robust.qe.box import Box
+from robust.qe.compute import RegionSearch, RegionStatus
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
 
@@ -54,8 +58,10 @@ class RunStatus(Enum):
 class Segment:
     """The execution of one plan, from `start` to `end`.
 
-    `ending` is why it was given up at `given_up`; None if it was carried out. `executed` are its instances in the order
-    of their starts, with times from the beginning of the run.
+    `box` and `guarantee` are those with which it began. `left` is what was left of the envelope after observations, for
+    executors that look, and `promised` the guarantee of the last promise. `ending` is why it was given up at
+    `given_up`; None if it was carried out. `executed` are its instances in the order of their starts, with times from
+    the beginning of the run.
     """
 
     plan: model.ParametrizedPlan
@@ -68,6 +74,8 @@ class Segment:
     rejected: tuple[Rejected, ...]
     ending: Ending | None
     given_up: Fraction | None
+    left: tuple[Left, ...] = ()
+    promised: Guarantee = Guarantee.NONE
     planner_seconds: float = 0.0
     preparation_seconds: float = 0.0
 
@@ -142,10 +150,14 @@ class Options:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A plan ready to be executed, in any number of simulated runs; `seconds` is what it took to get there."""
+    """A plan ready to be executed, in any number of simulated runs; `seconds` is what it took to get there.
+
+    `planner_seconds` are those of the planner that was asked for it in a run.
+    """
 
     dispatchable: Dispatchable
     seconds: float
+    planner_seconds: float = 0.0
 
 
 def prepare_timed(
@@ -195,10 +207,31 @@ def prepare_plan(
         UnsupportedError: for an expression that is not linear.
     """
     begun = monotonic() if begun is None else begun
-    if box is None and isinstance(options.executor, Dreex):
+    guided = not isinstance(options.executor, Blex)
+    if box is None and guided:
         box = computed_box(plan, options)
     dispatchable = make_dispatchable(plan, box, options.executor, epsilon=options.epsilon)
+    if isinstance(options.executor, Slice):
+        dispatchable = _sliced(dispatchable, options.executor, options)
     return Prepared(dispatchable, monotonic() - begun)
+
+
+REGION_SECONDS = 5.0
+"""For the envelope, unless options allow less."""
+
+
+def _sliced(dispatchable: Dispatchable, executor: Slice, options: Options) -> Dispatchable:
+    """With the envelope; or, where that takes too long, with what was proved of it, the box among it."""
+    plan, box = dispatchable.plan, dispatchable.box
+    seconds = REGION_SECONDS if options.timeout is None else min(options.timeout, REGION_SECONDS)
+    found = RegionSearch(plan, epsilon=options.epsilon, solver=options.solver, timeout=seconds).run()
+    if found.status is RegionStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+    region = found.inner()
+    if not found.is_exact:
+        names = tuple(parameter.name for parameter in plan.parameters)
+        region = Region.union_of(names, (Polyhedron.of_box(names, box), *region.as_union().pieces))
+    return dispatchable.sliced(region, exact=found.is_exact, seconds=executor.seconds)
 
 
 @noticing_interrupts()
@@ -299,7 +332,7 @@ def first_plan(mission: Mission) -> Prepared:
     Raises:
         NoPlanError: a RobustError that says in one line why there is none.
     """
-    return _planned(mission, mission.problem)[0]
+    return _planned(mission, mission.problem)
 
 
 class NoPlanError(RobustError):
@@ -347,11 +380,10 @@ class _Running:
 
     def run(self, prepared: Prepared | None) -> Run:
         problem, origin = self._mission.problem, Fraction(0)
-        planner_seconds = 0.0
         while True:
             try:
                 if prepared is None:
-                    prepared, planner_seconds = _planned(self._mission, problem)
+                    prepared = _planned(self._mission, problem)
             except NoPlanError as error:
                 return self._result(RunStatus.FAILED, self._because(str(error)))
             check_rules(prepared, self._mission.rules)
@@ -362,7 +394,7 @@ class _Running:
             last = run_in_world(dispatcher, world)
             if not self._mission.drain:
                 world.stop(last)
-            self._segments.append(_segment(dispatcher, world, origin, last, (planner_seconds, prepared.seconds)))
+            self._segments.append(_segment(dispatcher, prepared, world, origin, last))
             self._on_segment(self._segments[-1])
             if dispatcher.ending is None or not dispatcher.ended:
                 return self._finished(dispatcher)
@@ -436,14 +468,18 @@ def beginning(plan: model.ParametrizedPlan, world: SimulatedWorld) -> model.Para
 
 
 def _segment(
-    dispatcher: Dispatcher, world: SimulatedWorld, origin: Fraction, last: Fraction, spent: tuple[float, float]
+    dispatcher: Dispatcher,
+    prepared: Prepared,
+    world: SimulatedWorld,
+    origin: Fraction,
+    last: Fraction,
 ) -> Segment:
-    """What became of a plan; `spent` are seconds of the planner, and of making the plan ready."""
+    """What became of a plan."""
     executed = world.executed.values()
     return Segment(
         plan=dispatcher.dispatchable.plan,
-        box=dispatcher.dispatchable.box,
-        guarantee=dispatcher.dispatchable.guarantee,
+        box=prepared.dispatchable.box,
+        guarantee=prepared.dispatchable.guarantee,
         start=origin,
         end=origin + last,
         executed=tuple(
@@ -454,19 +490,22 @@ def _segment(
         rejected=tuple(replace(one, time=one.time + origin) for one in dispatcher.rejected),
         ending=dispatcher.ending,
         given_up=None if dispatcher.ending is None else origin + dispatcher.ending.time,
-        planner_seconds=spent[0],
-        preparation_seconds=spent[1],
+        left=tuple(replace(one, time=one.time + origin) for one in dispatcher.left),
+        promised=dispatcher.dispatchable.guarantee,
+        planner_seconds=prepared.planner_seconds,
+        preparation_seconds=prepared.seconds,
     )
 
 
-def _planned(mission: Mission, problem: Problem) -> tuple[Prepared, float]:
-    """A plan for a problem, ready for dispatch, and the planner's seconds."""
+def _planned(mission: Mission, problem: Problem) -> Prepared:
+    """A plan for a problem, ready for dispatch."""
     if mission.planner is None:
         raise NoPlanError("there is no planner to ask for another plan")
     try:
         answer = mission.planner.solve(mission.domain, problem, Deadline.after(mission.planner_seconds))
         if answer.plan is None:
             raise NoPlanError(f"{answer.planner}: {answer.status.value}: {answer.message}".rstrip(": "))
-        return prepare_timed(mission.domain, problem, answer.plan, mission.options), answer.seconds
+        prepared = prepare_timed(mission.domain, problem, answer.plan, mission.options)
+        return replace(prepared, planner_seconds=answer.seconds)
     except RobustError as error:
         raise NoPlanError(str(error)) from None

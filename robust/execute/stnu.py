@@ -311,7 +311,7 @@ class ShortestPaths:
         self._scale = lcm(*(weight.denominator for _, _, weight in edges))
         self._table: list[list[int | None]] = [[0 if a == b else None for b in range(size)] for a in range(size)]
         for source, target, weight in edges:
-            known, length = self._table[source][target], int(weight * self._scale)
+            known, length = self._table[source][target], _in_units(weight, self._scale)
             self._table[source][target] = length if known is None else min(known, length)
         for middle, after in enumerate(self._table):
             reached = [(b, length) for b, length in enumerate(after) if length is not None]
@@ -327,6 +327,11 @@ class ShortestPaths:
         """How long the path is; None if there is none."""
         found = self._table[source][target]
         return None if found is None else Fraction(found, self._scale)
+
+
+def _in_units(number: Fraction | int, scale: int) -> int:
+    """A number times a multiple of its denominator."""
+    return number.numerator * (scale // number.denominator)
 
 
 class Case(Enum):
@@ -424,19 +429,21 @@ def normal_form(stnu: Stnu) -> NormalForm:
     uncertain = [i for i, link in enumerate(stnu.links) if link.is_contingent and link.lower != link.upper]
     start = {index: len(stnu.points) + count for count, index in enumerate(uncertain)}
     # A cycle that matters passes each edge at most 2^(K+1) times, K being the number of contingent links.
-    infinity = scale * (1 + sum(abs(int(bound * scale)) for bound in bounds)) << (len(start) + 2)
+    infinity = scale * (1 + sum(abs(_in_units(bound, scale)) for bound in bounds)) << (len(start) + 2)
     node = {point: number for number, point in enumerate(stnu.points)}
     edges: list[CasedEdge] = []
     for index, link in enumerate(stnu.links):
         source, target = node[link.source], node[link.target]
         if index not in start:
             if link.upper is not None:
-                edges.append(CasedEdge(source, target, int(link.upper * scale), steps=(Step(index, Way.AT_MOST),)))
+                edges.append(CasedEdge(source, target, _in_units(link.upper, scale), steps=(Step(index, Way.AT_MOST),)))
             if link.lower is not None:
-                edges.append(CasedEdge(target, source, -int(link.lower * scale), steps=(Step(index, Way.AT_LEAST),)))
+                edges.append(
+                    CasedEdge(target, source, -_in_units(link.lower, scale), steps=(Step(index, Way.AT_LEAST),))
+                )
             continue
-        middle, low = start[index], int((link.lower or 0) * scale)
-        high = infinity if link.upper is None else int(link.upper * scale)
+        middle, low = start[index], _in_units(link.lower or 0, scale)
+        high = infinity if link.upper is None else _in_units(link.upper, scale)
         edges += [
             CasedEdge(source, middle, low),
             CasedEdge(middle, source, -low),

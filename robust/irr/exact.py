@@ -9,7 +9,7 @@ better.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -19,9 +19,9 @@ from robust.encode.interface import Encoding
 from robust.encode.variables import Linear, variable
 from robust.irr.containment import require_some_schedule
 from robust.irr.irr import ordered
-from robust.irr.search import Conduct, OutsideError, Search
+from robust.irr.search import Conduct, OutsideError, Search, network_stop
 from robust.irr.stops import APPROACHED, JUST, Stop, touching
-from robust.irr.widen import DiscoveredBadSet, Widening, faces_of
+from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Interval, Side
@@ -105,10 +105,12 @@ class ExactSearch(Search):
             # A good box at once, and the pieces that shape it.
             self._widen(pieces)
         pieces += self._enumerated()
+        met: list[Obstacle] = [*pieces]
         self._best = OptimalBox(
-            bad=self._bad, pieces=pieces, contain_nominal=self._contain_nominal, deadline=self.deadline
+            bad=self._bad, pieces=met, contain_nominal=self._contain_nominal, deadline=self.deadline
         )
         self._keep(self._best.run())
+        pieces[:] = [one for one in met if isinstance(one, Polyhedron)]
 
     def _widen(self, pieces: list[Polyhedron]) -> None:
         """Widen from the nominal point, and add the bad polyhedra that shape the box to the pieces."""
@@ -118,14 +120,16 @@ class ExactSearch(Search):
                 require_some_schedule(self.encoding, self._bad.open_session(), self.deadline)
             raise OutsideError(self._bad.reasons[piece], self.encoding.plan.nominal)
         self.verified = True
+        met: list[Obstacle] = [*pieces]
         Widening(
             bad=self._bad,
             parameters=self.encoding.plan.parameters,
-            pieces=pieces,
+            pieces=met,
             groups=self._groups,
             deadline=self.deadline,
             on_box=self._keep,
         ).run()
+        pieces[:] = [one for one in met if isinstance(one, Polyhedron)]
 
     def _enumerated(self) -> list[Polyhedron]:
         """Bad polyhedra by enumeration, for a while: they are larger than what single boxes run into."""
@@ -146,25 +150,30 @@ class ExactSearch(Search):
     def _find_stops(self) -> None:
         for name, side in faces_of(self.encoding.plan.parameters):
             if (end := self.box[name].end(side)) is not None:
-                self._stops[name, side] = self._stop((name, side), end)
-
-    def _stop(self, face: Face, end: Fraction) -> Stop:
-        """What known pieces break that touch the face, the first of it in the plan's order; else what breaks beyond."""
-        beyond = self.box.moved(face, end + face[1].sign * JUST)
-        order = {one.name: index for index, one in enumerate(self.encoding.obligations)}
-        known = [one for one in touching(self._pieces, self.box, face) if one in self._bad.reasons]
-        first = min(known, key=lambda one: order.get(self._bad.reasons[one], -1), default=None)
-        piece = first or self._bad.piece_beyond(beyond, self.deadline)
-        if piece is None:
-            return APPROACHED
-        if piece not in self._bad.existence:
-            return Stop(self._bad.reasons[piece])
-        return self._network_at(piece.restricted(beyond.constraints()).some_point() or {})
+                face = (name, side)
+                self._stops[face] = envelope_stop(self._bad, self._pieces, self.box, (face, end), self.deadline)
 
     def _keep(self, box: Box) -> None:
         self.verified = True
         self._accept(box)
         self._record(self._bad.checks, accepted=True)
+
+
+def envelope_stop(
+    bad: DiscoveredBadSet, pieces: Iterable[Polyhedron], box: Box, at: tuple[Face, Fraction], deadline: Deadline
+) -> Stop:
+    """What known pieces break that touch a face, the first of it in the plan's order; else what breaks beyond."""
+    face, end = at
+    beyond = box.moved(face, end + face[1].sign * JUST)
+    order = {one.name: index for index, one in enumerate(bad.encoding.obligations)}
+    known = [one for one in touching(pieces, box, face) if one in bad.reasons]
+    first = min(known, key=lambda one: order.get(bad.reasons[one], -1), default=None)
+    piece = first or bad.piece_beyond(beyond, deadline)
+    if piece is None:
+        return APPROACHED
+    if piece not in bad.existence:
+        return Stop(bad.reasons[piece])
+    return network_stop(bad.encoding, piece.restricted(beyond.constraints()).some_point() or {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,15 +192,17 @@ class OptimalBox:
 
     Args:
         bad: the bad set.
-        pieces: bad polyhedra that are known already.
+        pieces: bad polyhedra that are known already, and other obstacles.
         contain_nominal: only boxes that contain the nominal point.
         deadline: when to stop.
+        inside: where boxes are looked for, if that is less than what is not bad.
     """
 
     bad: DiscoveredBadSet
-    pieces: list[Polyhedron]
+    pieces: list[Obstacle]
     contain_nominal: bool
     deadline: Deadline
+    inside: BadSet | None = None
 
     def __post_init__(self) -> None:
         self._parameters = self.bad.encoding.plan.parameters
@@ -237,8 +248,8 @@ class OptimalBox:
         """Faces that only the reach of the search holds back."""
         return [face for face in self._faces if abs(candidate.ends[end_of(face)]) == self._reach]
 
-    def _bad_piece(self, box: Box) -> Polyhedron | None:
-        return self.bad.piece_in(box, self.deadline)
+    def _bad_piece(self, box: Box) -> Obstacle | None:
+        return (self.inside or self.bad).piece_in(box, self.deadline)
 
     # -- the best box that misses the known pieces --------------------------------------------------------------------
 
@@ -346,8 +357,11 @@ class OptimalBox:
 _ZERO: Linear = Polynomial({})
 
 
-def missing(piece: Polyhedron, ends: Sequence[str]) -> tuple[LinearConstraint, ...]:
+def missing(piece: Obstacle, ends: Sequence[str]) -> tuple[LinearConstraint, ...]:
     """A box misses the piece if and only if its ends, the variables of :func:`end_of`, satisfy one of these."""
+    if not isinstance(piece, Polyhedron):
+        rooms = piece.rooms
+        return tuple(LinearConstraint.of({end_of(face): f for face, f in fs.items()}, ">=", -c) for fs, c in rooms)
     constraints = list(piece.constraints)
     for name, side in product(piece.parameters, (Side.UPPER, Side.LOWER)):
         if name in piece.mentioned:

@@ -19,7 +19,7 @@ from typing import Unpack
 
 from robust.errors import InputError, did_you_mean
 from robust.irr.containment import Containment, Refutation, require_some_schedule
-from robust.irr.search import Conduct, OutsideError, Search
+from robust.irr.search import Conduct, OutsideError, Search, network_stop
 from robust.irr.stops import Stop
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Face, Side
@@ -110,7 +110,7 @@ class IncrementalRobustification(Search):
         """Only of the network: the last attempt of every side that can end has failed."""
         for face, refutation in self._failures.items():
             if refutation.is_of_network:
-                self._stops[face] = self._network_at(refutation.values)
+                self._stops[face] = network_stop(self.encoding, refutation.values)
 
     def _first_turn(self, parameter: Parameter) -> _Turn:
         """Lines 4 and 5; the default schedule has nothing to try where the nominal value is at a declared bound."""

@@ -225,11 +225,6 @@ class Search(ABC):
     def _find_stops(self) -> None:
         """Find out what ends the sides of a complete box, where the search has not noted it in `_stops`."""
 
-    def _network_at(self, values: Mapping[str, Fraction]) -> Stop:
-        """All statements of the network that contradict each other at a point; other facets leave out what is rigid."""
-        facet = self.encoding.validity.contradiction(values)
-        return Stop(NO_SCHEDULE, () if facet is None else facet.origins)
-
     def _all_stops(self, status: Status) -> dict[Face, Stop]:
         """What ends each finite side, or why that is not known."""
         unknown = NOT_EXAMINED if status is Status.COMPLETE else CUT_SHORT
@@ -256,3 +251,9 @@ class Search(ABC):
 
     def _seconds(self) -> float:
         return time.perf_counter() - self._started
+
+
+def network_stop(encoding: Encoding, values: Mapping[str, Fraction]) -> Stop:
+    """All statements of the network that contradict each other at a point; other facets leave out what is rigid."""
+    facet = encoding.validity.contradiction(values)
+    return Stop(NO_SCHEDULE, () if facet is None else facet.origins)

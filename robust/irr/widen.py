@@ -6,11 +6,11 @@ of them is checked against the envelope, and what is bad in it adds a polyhedron
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
-from typing import Protocol
+from typing import Protocol, cast
 
 from robust.encode.interface import Encoding, Facet
 from robust.irr.containment import Question, Questions
@@ -35,7 +35,46 @@ class Least:
     attained: bool
 
 
-def _stops(piece: Polyhedron, growing: Growing) -> bool:
+class Reach(Protocol):
+    """When growing boxes meet something: exactly then, or not before, as `exact` says."""
+
+    exact: bool
+
+    def least_stretch(self, growing: Growing) -> tuple[Fraction, bool] | None:
+        """The least λ ≥ 0, and whether the box meets it at that λ; None if it never does."""
+
+
+class Reason(Protocol):
+    """Why boxes are not as wanted, in terms of where their faces stand; boxes around such boxes are not so either."""
+
+    @property
+    def mentioned(self) -> frozenset[str]:
+        """The parameters whose faces matter."""
+
+    @property
+    def slabs(self) -> Reach:
+        """When boxes meet it, exactly."""
+
+    @property
+    def rooms(self) -> Sequence[tuple[Mapping[Face, Fraction], Fraction]]:
+        """Linear forms over faces, each with its constant: a box misses it if and only if one is not negative."""
+
+    def meets(self, box: Box) -> bool:
+        """Whether a box does."""
+
+
+Obstacle = Polyhedron | Reason
+"""What boxes must not meet, and what stops them when they grow."""
+
+
+class BadSet(Protocol):
+    """Where boxes must not go."""
+
+    def piece_in(self, box: Box, deadline: Deadline) -> Obstacle | None:
+        """Something that the box meets; None if the box is as wanted. OutOfTimeError if the deadline passes first."""
+
+
+def _stops(piece: Obstacle, growing: Growing) -> bool:
     """Whether the box meets a bad polyhedron as soon as it grows."""
     bound = piece.slabs.least_stretch(growing)
     if bound is None or bound[0] > 0:
@@ -48,10 +87,10 @@ STRETCH = "\u03bb"
 """The variable by which moving faces are scaled; no parameter can have this name."""
 
 
-def least_stretch(piece: Polyhedron, growing: Growing) -> Least | None:
+def least_stretch(piece: Obstacle, growing: Growing) -> Least | None:
     """The least λ ≥ 0 at which a box meets a bad polyhedron; None if it never does."""
     least = piece.slabs.least_stretch(growing)
-    if least is None or piece.slabs.exact:
+    if least is None or piece.slabs.exact or not isinstance(piece, Polyhedron):
         return None if least is None else Least(*least)
     # Sides of other parameters leave room for every value: a box is nowhere empty.
     used = [name for name in piece.parameters if name in piece.mentioned]
@@ -71,17 +110,6 @@ def least_stretch(piece: Polyhedron, growing: Growing) -> Least | None:
     if best.value is None:
         raise ValueError("the stretch is not bounded below")
     return Least(-best.value, best.attained)
-
-
-class BadSet(Protocol):
-    """What boxes must miss, known polyhedron by polyhedron."""
-
-    def piece_in(self, box: Box, deadline: Deadline) -> Polyhedron | None:
-        """A polyhedron of bad values that meets the box; None if there is none.
-
-        Raises:
-            OutOfTimeError: if the deadline passes first.
-        """
 
 
 class DiscoveredBadSet(Questions[Polyhedron]):
@@ -156,28 +184,35 @@ class DiscoveredBadSet(Questions[Polyhedron]):
 
 @dataclass(eq=False, kw_only=True)
 class Widening:
-    """One run of exact widening from the nominal point, which must be inside the envelope.
+    """One run of exact widening from the nominal point, or from a box, which must be inside the envelope.
 
     Args:
         bad: the bad set.
         parameters: the parameters, with nominal values, weights and declared bounds.
-        pieces: bad polyhedra that are known; those that boxes run into are added.
-        groups: the faces that move together, group after group.
+        pieces: obstacles that are known; those that boxes run into are added.
+        groups: the faces that move together, group after group; they have to be finite in the box to start from.
         deadline: when to stop with the best box so far.
         on_box: called with every box that is known to be inside; each contains those before.
+        start: the box to start from, if it is not the nominal point.
     """
 
     bad: BadSet
     parameters: Sequence[Parameter]
-    pieces: list[Polyhedron]
+    pieces: list[Polyhedron] | list[Obstacle]
     groups: Sequence[Sequence[Face]]
     deadline: Deadline
     on_box: Callable[[Box], None]
+    start: Box | None = None
 
     def __post_init__(self) -> None:
-        self._nominal = {parameter.name: parameter.nominal for parameter in self.parameters}
         self._weight = {parameter.name: parameter.weight for parameter in self.parameters}
-        self._box = Box.nominal(self.parameters)
+        self._box = Box.nominal(self.parameters) if self.start is None else self.start
+        self._base = {
+            (name, side): end
+            for name, interval in self._box.intervals.items()
+            for side in Side
+            if (end := interval.end(side)) is not None
+        }
         self._met: list[Least | None] = []
         """The stretches of the pieces in this round, as far as they were asked for."""
 
@@ -226,7 +261,7 @@ class Widening:
             if self._is_inside(self._ahead(going, moving, least)):
                 return going, [face for face in moving if face not in going]
 
-    def _can_go(self, going: list[Face], moving: list[Face], least: Least, near: list[Polyhedron]) -> bool:
+    def _can_go(self, going: list[Face], moving: list[Face], least: Least, near: list[Obstacle]) -> bool:
         if least.attained:
             # The value itself is bad for someone: who may include it?
             ahead = self._ahead(going, moving, least)
@@ -262,11 +297,11 @@ class Widening:
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
-    def _stretches(self, moving: list[Face]) -> Iterator[tuple[Polyhedron, Least]]:
+    def _stretches(self, moving: list[Face]) -> Iterator[tuple[Obstacle, Least]]:
         """At which stretch each known piece meets the box, if ever."""
         # Within a round the box and what moves are the same, so only new pieces are asked.
         if len(self._met) < len(self.pieces):
-            growing = Growing(self._box, {face: (self._nominal[face[0]], self._weight[face[0]]) for face in moving})
+            growing = Growing(self._box, {face: (self._base[face], self._weight[face[0]]) for face in moving})
             self._met += [least_stretch(piece, growing) for piece in self.pieces[len(self._met) :]]
         for piece, least in zip(self.pieces, self._met, strict=True):
             if least is not None:
@@ -278,7 +313,7 @@ class Widening:
 
     def _place(self, face: Face, stretch: Fraction) -> Fraction:
         name, side = face
-        return self._nominal[name] + side.sign * stretch * self._weight[name]
+        return self._base[face] + side.sign * stretch * self._weight[name]
 
     def _stretched(self, faces: Iterable[Face], least: Least | None, box: Box | None = None) -> Box:
         """The box with some faces at a stretch, without their ends if bad values attain it; None: infinitely far."""
@@ -292,7 +327,7 @@ class Widening:
         """Ask; a box that is inside is reported, a bad polyhedron that meets it is remembered."""
         piece = self.bad.piece_in(box, self.deadline)
         if piece is not None:
-            self.pieces.append(piece)
+            cast("list[Obstacle]", self.pieces).append(piece)
             return False
         self.on_box(box)
         return True

@@ -139,7 +139,7 @@ def inner_region(parameters: tuple[str, ...], factors: Sequence[Factor], at: Poi
     return Region.union_of(rest, absorb(products) if len(products) <= LONG else products)
 
 
-def _side(piece: Polyhedron, point: Point) -> LinearConstraint:
+def outer_side(piece: Polyhedron, point: Point) -> LinearConstraint:
     """The half-space outside of a piece whose side is farthest from a point outside."""
     outer = [half for constraint in piece.constraints for half in constraint.negation() if half.evaluate(point)]
     return max(outer, key=lambda half: (half.constant - half.value(point)) / sum(abs(c) for _, c in half.coefficients))
@@ -342,13 +342,13 @@ class FactorSearch:
         cell, sides = self._base, []
         for piece in [*self._pieces]:
             if not cell.is_disjoint_from(piece):
-                side = _side(piece, point)
+                side = outer_side(piece, point)
                 cell = cell.restricted([side])
                 sides.append(side)
         while (found := self._piece_in(cell)) is not None:
             if point in found:
                 return None
-            side = _side(found, point)
+            side = outer_side(found, point)
             cell = cell.restricted([side])
             sides.append(side)
         return self._generalized(sides)

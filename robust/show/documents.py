@@ -19,7 +19,7 @@ from robust.numbers import exact_end
 from robust.show.probabilities import Range, range_of
 
 if TYPE_CHECKING:
-    from robust.execute.controllability import ControllabilityReport
+    from robust.execute.controllability import ControllabilityReport, Widest
     from robust.execute.controllable_boxes import Loss
     from robust.irr import check as checks
     from robust.irr import compare as compares
@@ -315,6 +315,17 @@ class Lost(Ends):
     lost_above: End
 
 
+class Stopped(Ends):
+    """
+    Attributes:
+        stopped_below: what breaks, or what a dispatcher could no longer do, beyond that end; null if unbounded
+        stopped_above: the same of the upper end
+    """
+
+    stopped_below: str | None
+    stopped_above: str | None
+
+
 class Controllability(JsonObject):
     """
     Attributes:
@@ -322,6 +333,8 @@ class Controllability(JsonObject):
         parameters: the largest part of the box that is controllable as wanted, and how far each end came back; null if
             there is none or time ran out
         lost_share: the share of the total width that is lost; null if a width is infinite
+        widest: the widest box in the envelope that is controllable as wanted, which holds the part; with optimal, of
+            the greatest weighted total width; null if the box itself is controllable, or time ran out
         failure: why there are no parameters
         waits: for dynamic: which time points wait for which observations, and how long at most
     """
@@ -332,6 +345,7 @@ class Controllability(JsonObject):
     strong: Finding
     parameters: dict[str, Lost] | None
     lost_share: Rational | None
+    widest: dict[str, Stopped] | None
     failure: str | None
     waits: list[str]
 
@@ -434,7 +448,16 @@ def _controllability(report: ControllabilityReport) -> Controllability:
         **{one.kind.value: like(Finding, one) for one in report.findings},
         parameters=None if report.shrunk is None or report.lost is None else _part(report.shrunk.box, report.lost),
         lost_share=None if report.lost is None else report.lost.share,
+        widest=None if report.widest is None else _stopped(report.widest),
     )
+
+
+def _stopped(widest: Widest) -> dict[str, Stopped]:
+    stops = {(name, side.value): str(stop) for (name, side), stop in widest.stops.items()}
+    return {
+        name: Stopped(**_ends(one), stopped_below=stops.get((name, "lower")), stopped_above=stops.get((name, "upper")))
+        for name, one in widest.box.intervals.items()
+    }
 
 
 def _part(box: Box, lost: Loss) -> dict[str, Lost]:

@@ -12,11 +12,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from robust.execute.controllability import ControllabilityReport, Kind, Verdict
+from robust.execute.controllability import ADVERBS, ControllabilityReport, Verdict, Widest
 from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
 from robust.execute.dispatchable import Guarantee
 from robust.execute.dispatcher import interval_text as observed_interval
 from robust.execute.replan import Run, RunStatus, Segment
+from robust.execute.slices import Answer, Left
 from robust.execute.worlds import Outcome
 from robust.irr.stops import advice
 from robust.numbers import end, interval_text, plural, readable
@@ -79,10 +80,22 @@ def _events(segment: Segment) -> Iterator[tuple[Fraction, str, str]]:
             yield one.end, _OUTCOMES[one.outcome], name
     for seen in segment.observations:
         yield seen.time, "observed", f"{seen.what} = {readable(seen.value)}{'' if seen.inside else ', outside'}"
+    for left in segment.left:
+        yield left.time, "left", _left(left)
     for rejected in segment.rejected:
         yield rejected.time, "rejected", rejected.reason
     if segment.ending is not None and segment.given_up is not None:
         yield segment.given_up, "gave up", str(segment.ending)
+
+
+def _left(left: Left) -> str:
+    """What is still unknown, and in which values the plan succeeds."""
+    if left.box is None:
+        late = left.answer is Answer.OUT_OF_TIME
+        return "not known in time; only the box promised before counts" if late else "nothing of the envelope"
+    unknown = [f"{name} in {observed_interval(one)}" for name, one in left.box.intervals.items() if one.width != 0]
+    changed = "" if left.kept else "another promise: "
+    return f"{changed}{', '.join(unknown)}" if unknown else "all is known"
 
 
 def print_runs(out: Console, runs: Sequence[Run], executor: str, *, quiet: bool) -> None:
@@ -160,24 +173,23 @@ def print_controllability(out: Console, report: ControllabilityReport, *, quiet:
     """The verdicts, and the part that is controllable where the box is not; unless `quiet` also reasons and waits."""
     out.print()
     for one in report.findings:
-        text = Text.assemble((one.verdict.value, _STYLES[one.verdict]), f": {_ADVERB[one.kind]}")
+        text = Text.assemble((one.verdict.value, _STYLES[one.verdict]), f": {ADVERBS[one.kind]}")
         if one.reason is not None and not quiet:
             text.append(f"; {one.reason}")
         out.print(text, soft_wrap=True)
     if report.failure is not None:
-        out.print(Text(f"no {_ADVERB[report.wanted]} controllable part: {report.failure}", "yellow"), soft_wrap=True)
+        out.print(Text(f"no {ADVERBS[report.wanted]} controllable part: {report.failure}", "yellow"), soft_wrap=True)
     elif report.shrunk is not None and report.lost is not None and not report.was_controllable:
         _print_part(out, report, report.shrunk, report.lost, quiet)
+        if report.widest is not None:
+            _print_widest(out, report.widest, ADVERBS[report.wanted], quiet)
     if not quiet:
         for line in report.waits:
             out.print(Text(line, style="dim"), soft_wrap=True)
 
 
-_ADVERB = {Kind.WEAK: "weakly", Kind.DYNAMIC: "dynamically", Kind.STRONG: "strongly"}
-
-
 def _print_part(out: Console, report: ControllabilityReport, shrunk: Shrunk, lost: Loss, quiet: bool) -> None:
-    columns = ("parameter", "box", f"{_ADVERB[report.wanted]} controllable", "lost below", "lost above")
+    columns = ("parameter", "box", f"{ADVERBS[report.wanted]} controllable", "lost below", "lost above")
     rows = [
         (
             name,
@@ -193,9 +205,22 @@ def _print_part(out: Console, report: ControllabilityReport, shrunk: Shrunk, los
         return
     out.print()
     share = "" if lost.share is None else f"; {float(lost.share):.1%} of the total width is lost"
-    largest = f"no {_ADVERB[report.wanted]} controllable part of the box contains this one{share}."
+    largest = f"no {ADVERBS[report.wanted]} controllable part of the box contains this one{share}."
     out.print(Text(largest), soft_wrap=True)
     if shrunk.cut:
         names = ", ".join(dict.fromkeys(name for name, _ in shrunk.cut))
         text = f"{names} may be any finite amount larger: ends were set {readable(HORIZON)} weights from the centre."
         out.print(Text(text), soft_wrap=True)
+
+
+def _print_widest(out: Console, widest: Widest, adverb: str, quiet: bool) -> None:
+    """The widest box that is controllable and, unless `quiet`, what stops each of its ends."""
+    out.print()
+    where = "no wider one is in the envelope" if widest.bound is not None else "no box in the envelope contains it"
+    out.print(f"the widest {adverb} controllable box: {where} that is {adverb} controllable", soft_wrap=True)
+    for name, interval in widest.box.intervals.items():
+        out.print(Text(f"  {name} in {interval_text(interval)}"), soft_wrap=True)
+        for side, word in ((Side.LOWER, "below"), (Side.UPPER, "above")):
+            stop = widest.stops.get((name, side))
+            if stop is not None and not quiet:
+                out.print(Text(f"    {word}: {stop.short}", "dim"), soft_wrap=True)

@@ -154,12 +154,30 @@ class Rejected(JsonObject):
     reason: str
 
 
+class WhatIsLeft(JsonObject):
+    """
+    Attributes:
+        after: what was observed
+        answer: promised: the plan succeeds while what is still unknown is inside the box
+        box: the promise, with the values that were seen; null if there is none
+        kept: whether it holds what was promised before
+    """
+
+    time: Rational
+    after: str
+    answer: Annotated[str, one_of("promised", "nothing is left", "out of time")]
+    box: dict[str, Ends] | None
+    kept: bool
+    seconds: Seconds
+
+
 class ExecutedPlan(JsonObject):
     """
     Attributes:
         start: when the plan began, from the beginning of the run
         guarantee: dynamic: the plan succeeds while observations are inside the box; weak: a schedule that succeeds
             exists, but no strategy is certain to find it; none: nothing was proved
+        left: what was left of the envelope after each observation, with executor slice
         rejected: messages that changed nothing
         given_up: when the plan was given up; null if it was carried out
         reason: why it was given up
@@ -171,6 +189,7 @@ class ExecutedPlan(JsonObject):
     box: dict[str, Ends]
     executed: list[ExecutedAction]
     observations: list[Seen]
+    left: list[WhatIsLeft]
     rejected: list[Rejected]
     given_up: Rational | None
     reason: str | None
@@ -262,6 +281,10 @@ def _executed(segment: Segment) -> ExecutedPlan:
             for one in segment.executed
         ],
         observations=[like(Seen, one) for one in segment.observations],
+        left=[
+            like(WhatIsLeft, one, answer=one.answer.value, box=None if one.box is None else box_of(one.box))
+            for one in segment.left
+        ],
         rejected=[like(Rejected, one) for one in segment.rejected],
         reason=None if segment.ending is None else str(segment.ending),
     )

@@ -123,7 +123,7 @@ def test_every_experiment_is_tried():
         ("conversions", {"planner": "nobody"}, "found planner 'nobody'"),
         ("table1", {"problems": 101}, "problems is 101"),
         ("table1", {"runs": 0}, "runs is 0"),
-        ("table1", {"columns": (6,)}, "found column 6, expected 1 to 5"),
+        ("table1", {"columns": (7,)}, "found column 7, expected 1 to 6"),
         ("table1", {"executors": ("blex:0",)}, "expected dreex and then"),
         ("table1", {"executors": ("dreex", "blex:5")}, "expected dreex and then"),
         ("figure21", {"instances": 0}, "instances is 0"),

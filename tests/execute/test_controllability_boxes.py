@@ -403,6 +403,12 @@ def test_text_says_what_is_lost_and_why(visit):
         "parameter box dynamically controllable lost below lost above",
         "trip [4, 20] [8, 12] 4 8",
         "no dynamically controllable part of the box contains this one; 75.0% of the total width is lost.",
+        "the widest dynamically controllable box: no box in the envelope contains it that is dynamically controllable",
+        "trip in [8, 12]",
+        "below: not dynamically controllable beyond: trip as long as 12, trip as short as 7.999 cannot be met with "
+        "c: f.end - b.end in [1, 5] (line 7)",
+        "above: not dynamically controllable beyond: trip as long as 12.001, trip as short as 8 cannot be met with "
+        "c: f.end - b.end in [1, 5] (line 7)",
     ]
 
 

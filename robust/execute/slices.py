@@ -1,0 +1,351 @@
+"""What is left of the robustness envelope while a plan is executed.
+
+A parameter that has been observed is a fact. What is left is the slice of the envelope at the facts: the values of the
+parameters that are still unknown with which the plan remains valid, that is, with which every schedule that the network
+allows succeeds. An observation outside of the box that was promised leaves the box, but need not leave the envelope.
+
+What happened is a fact too, and the schedule that has been begun must be one that can be continued. So the network is
+taken with all past time points fixed where they were, and with those that are to be executed from now on. A box in
+what is left under which this network is dynamically controllable is a promise, of the same kind as that with which the
+execution began: as long as the values that are still unknown are inside, the plan succeeds. It is looked for in this
+order, and then grown until the envelope or controllability stops every face:
+
+1. what remains of the box that was promised before, if it is still a promise; so no promise is ever taken back;
+2. the planned values of what is unknown;
+3. the middle of the widest cube in what is left, in the units of weights.
+
+The third finds a promise wherever some values are left for which the schedule can be continued: a point without a
+schedule is a cycle of the network whose length is a linear expression over parameters, and is cut off with all points
+for which that is negative. So nothing is left when nothing is found, of an envelope that is known exactly. An envelope
+that is known only in part, as a union of what has been proved, is searched part by part.
+
+A parameter that several actions reveal is no fact before the last of them: until then it keeps an interval around all
+values that were seen.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from fractions import Fraction
+from functools import cached_property
+
+from robust.execute.controllable_boxes import Dynamically, ParametricLink, ParametricStnu, ends_of
+from robust.execute.growth import Controllable, KnownSet, grow
+from robust.plan.model import ZERO, Parameter, TimePoint, TimePointKind
+from robust.plan.polynomial import Polynomial
+from robust.qe.box import Box, Interval, Side
+from robust.qe.constraint import LinearConstraint
+from robust.qe.inner import outer_side
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region, outside
+from robust.qe.simplex import maximize
+from robust.smt.limits import Deadline, OutOfTimeError
+
+_STRETCH = "λ"
+"""The variable for half of a cube's width; no parameter can have this name."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known at a moment of an execution.
+
+    `seen` are the values that were revealed, as the least interval around them; `settled` are parameters of which
+    nothing more will be revealed. `possible` are the values that are still possible for what is going on: an action
+    that has not ended lasts at least until now. `times` is what has happened.
+    """
+
+    now: Fraction
+    seen: Mapping[str, Interval] = field(default_factory=dict)
+    settled: frozenset[str] = frozenset()
+    possible: Mapping[str, Interval] = field(default_factory=dict)
+    times: Mapping[TimePoint, Fraction] = field(default_factory=dict)
+
+
+class Answer(Enum):
+    """What came of looking at what is left."""
+
+    PROMISED = "promised"
+    """There is a box with which the plan succeeds."""
+    NOTHING = "nothing is left"
+    """No box was found; no value is left if the envelope is known exactly."""
+    OUT_OF_TIME = "out of time"
+    """No answer in time: only the box that was promised before counts."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """What is left at `time`, `after` an observation, in words.
+
+    `box` is the promise, with the values that were seen; None if there is none. `kept` says whether it holds the
+    promise before. `seconds` is wall time.
+    """
+
+    time: Fraction
+    after: str
+    answer: Answer
+    box: Box | None
+    kept: bool
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Slices:
+    """The envelope of a plan, ready to be asked what is left of it.
+
+    Args:
+        parameters: the parameters.
+        region: the envelope, or a part of it.
+        exact: whether it is all of it.
+        stnu: the network of the plan.
+        seconds: wall time for each answer, of which half is for looking, and half for making what is found ready for
+            dispatch; None is without limit.
+    """
+
+    parameters: tuple[Parameter, ...]
+    region: Region
+    exact: bool
+    stnu: ParametricStnu
+    seconds: float | None
+
+    def __post_init__(self) -> None:
+        self.parts  # noqa: B018 - worked out before the execution begins
+
+    def after(self, facts: Facts, what: str, promised: Box) -> tuple[Left, ParametricStnu]:
+        """What is left once `what` has been observed, and the network with what has happened."""
+        started = time.perf_counter()
+        network = continued(self.stnu, facts)
+        deadline = Deadline.after(None if self.seconds is None else self.seconds / 2)
+        try:
+            found = _Search(self, facts, network, deadline).run(promised)
+            answer = Answer.NOTHING if found is None else Answer.PROMISED
+        except OutOfTimeError:
+            found, answer = None, Answer.OUT_OF_TIME
+        box, kept = found or (None, False)
+        return Left(facts.now, what, answer, box, kept, time.perf_counter() - started), network
+
+    @cached_property
+    def parts(self) -> tuple[tuple[Polyhedron, tuple[Polyhedron, ...], tuple[Polyhedron, ...]], ...]:
+        """Polyhedra with what is to be removed from each, and all that is outside of the rest."""
+        return tuple((base, removed, (*base.complement(), *removed)) for base, removed in self.region.parts())
+
+
+def continued(stnu: ParametricStnu, facts: Facts) -> ParametricStnu:
+    """The network with what has happened where it was, and what is to be executed from now on.
+
+    Lengths that have been revealed are no longer nature's to choose, and time points that have happened are counted
+    from zero where something else depends on them.
+    """
+    times = facts.times
+    links = [_from_zero(link, times) for link in stnu.links if not _is_over(link, times)]
+    natural = {link.target for link in links if link.is_contingent}
+    mentioned = {point for link in links for point in (link.source, link.target)}
+    for point in stnu.points:
+        if point in times and point in mentioned and point != ZERO:
+            at = Polynomial[str].constant(times[point])
+            links.append(ParametricLink(ZERO, point, at, at, origin=f"{point} was at {times[point]}"))
+    for point in stnu.points:
+        if point not in times and point not in natural and point.kind is not TimePointKind.TIMED_LITERAL:
+            now = Polynomial[str].constant(facts.now)
+            links.append(ParametricLink(ZERO, point, now, None, origin=f"{point} is not before now"))
+    return ParametricStnu(stnu.points, tuple(links), stnu.vague)
+
+
+def _is_over(link: ParametricLink, times: Mapping[TimePoint, Fraction]) -> bool:
+    """Whether a link says nothing any more: its length was revealed, or both ends happened as it demands."""
+    if link.target not in times or link.is_contingent:
+        return link.target in times
+    numbers = all(bound is None or bound.is_constant for bound in (link.lower, link.upper))
+    if link.source not in times or not numbers:
+        return False
+    length = times[link.target] - times[link.source]
+    long_enough = link.lower is None or link.lower.constant_term <= length
+    return long_enough and (link.upper is None or length <= link.upper.constant_term)
+
+
+def _from_zero(link: ParametricLink, times: Mapping[TimePoint, Fraction]) -> ParametricLink:
+    """A requirement, one end of which has happened, as one on when the other happens; other links as they are."""
+    lower, upper = link.lower, link.upper
+    if link.is_contingent or (link.source in times) == (link.target in times):
+        return link
+    if link.source in times:
+        point, time = link.target, times[link.source]
+    else:
+        point, time = link.source, times[link.target]
+        lower, upper = None if upper is None else -upper, None if lower is None else -lower
+    lower, upper = None if lower is None else lower + time, None if upper is None else upper + time
+    return ParametricLink(ZERO, point, lower, upper, origin=link.origin)
+
+
+class _Search:
+    def __init__(self, slices: Slices, facts: Facts, network: ParametricStnu, deadline: Deadline) -> None:
+        self._slices = slices
+        self._facts = facts
+        self._deadline = deadline
+        self._wanted = Dynamically(network, deadline)
+        self._names = tuple(parameter.name for parameter in slices.parameters)
+        self._weight = {parameter.name: parameter.weight for parameter in slices.parameters}
+        self._open = tuple(name for name in self._names if name not in facts.seen)
+        self._impossible = tuple(
+            Polyhedron(self._names, (beyond,))
+            for constraint in Box(facts.possible).constraints()
+            for beyond in constraint.negation()
+        )
+
+    def run(self, promised: Box) -> tuple[Box, bool] | None:
+        """The box, and whether it holds what was promised before; None if nothing is left."""
+        for candidate, kept in ((self._remainder(promised), True), (self._planned(), False)):
+            for _, _, bad in self._slices.parts if candidate is not None else ():
+                if candidate is not None and self._holds(candidate, bad):
+                    return self._grown(candidate, bad), kept
+        for base, removed, bad in self._slices.parts:
+            centre = self._centre(base, removed)
+            if centre is not None:
+                return self._grown(centre, bad), False
+        return None
+
+    # -- boxes to start from -------------------------------------------------------------------------------------------
+
+    def _remainder(self, promised: Box) -> Box | None:
+        """What remains of a promise, with the values that were seen; None if something is outside that must be in."""
+        found = {}
+        for name, interval in promised.intervals.items():
+            seen, possible = self._facts.seen.get(name), self._facts.possible.get(name)
+            if seen is not None:
+                found[name] = seen if name in self._facts.settled else _around(interval, seen)
+            else:
+                common = interval if possible is None else _common(interval, possible)
+                if common is None:
+                    return None
+                found[name] = common
+        return Box(found)
+
+    def _planned(self) -> Box:
+        found = {}
+        for parameter in self._slices.parameters:
+            value = parameter.nominal
+            possible = self._facts.possible.get(parameter.name, _ANYTHING)
+            for side in Side:
+                end = possible.end(side)
+                if end is not None and side.sign * value > side.sign * end:
+                    value = end
+            found[parameter.name] = self._facts.seen.get(parameter.name, Interval(value, value))
+        return Box(found)
+
+    def _holds(self, box: Box, bad: Sequence[Polyhedron]) -> bool:
+        """Whether a box is left, and the schedule can be continued for sure."""
+        return not any(piece.meets(box) for piece in bad) and self._cut(box) is None
+
+    def _cut(self, box: Box) -> Polynomial[str] | None:
+        """An expression over parameters that is negative in a point of the box without a schedule.
+
+        Of a box that is no point, it may be negative although there are schedules.
+        """
+        ends = ends_of(box)
+        if self._wanted.endless(ends):
+            return Polynomial[str]({})
+        reason = self._wanted.reason(ends)
+        if reason is None:
+            return None
+        total = Polynomial[str]({})
+        for form in reason:
+            total = total + form.constant_term
+            for (name, _), factor in form.coefficients():
+                total = total + Polynomial[str].variable(name).scaled(factor)
+        return total
+
+    def _centre(self, base: Polyhedron, removed: Sequence[Polyhedron]) -> Box | None:
+        """The middle of the widest cube in some convex part of what is left, with the values that were seen."""
+        left = base.restricted(Box({**self._facts.possible, **self._facts.seen}).constraints())
+        while True:
+            self._deadline.enforce()
+            point = outside(left, removed)
+            if point is None:
+                return None
+            cell = [*left.constraints, *(outer_side(piece, point) for piece in removed)]
+            box = self._middle(cell)
+            cut = None if box is None else self._cut(box)
+            if box is not None and cut is None:
+                return box
+            if cut is None or cut.is_constant:  # what was seen of a parameter is not to be had in one convex part
+                return None
+            factors, constant = dict(cut.coefficients()), cut.constant_term
+            left = left.restricted([LinearConstraint.of(factors, ">=", -constant)])
+
+    def _middle(self, cell: Sequence[LinearConstraint]) -> Box | None:
+        """The middle of the widest cube in a convex cell, as far as parameters are unknown."""
+        constraints = [LinearConstraint.of({_STRETCH: 1}, ">=", 0), LinearConstraint.of({_STRETCH: 1}, "<=", _MOST)]
+        for half in (half for constraint in cell for half in constraint.halves()):
+            constant, factors = half.constant, dict[str, Fraction]()
+            for name, factor in half.coefficients:
+                if name in self._facts.seen:
+                    end = self._facts.seen[name].end(Side.UPPER if factor > 0 else Side.LOWER)
+                    constant -= factor * (end or 0)
+                else:
+                    factors[name] = Fraction(factor)
+            if factors:
+                factors[_STRETCH] = sum((abs(f) * self._weight[name] for name, f in factors.items()), Fraction(0))
+            constraints.append(LinearConstraint.of(factors, half.relation, constant))
+        best = maximize([*self._open, _STRETCH], constraints, {_STRETCH: Fraction(1)})
+        if best is None:
+            return None
+        point = (
+            best.point if best.attained else Polyhedron((*self._open, _STRETCH), tuple(constraints)).interior_point()
+        )
+        if point is None:
+            return None
+        return Box({n: self._facts.seen.get(n) or Interval(point[n], point[n]) for n in self._names})
+
+    # -- growing -------------------------------------------------------------------------------------------------------
+
+    def _grown(self, start: Box, bad: Sequence[Polyhedron]) -> Box:
+        inside = KnownSet((*bad, *self._impossible))
+        parameters = [self._in_haste(parameter) for parameter in self._slices.parameters]
+        wanted = Controllable(inside, self._wanted, parameters, start)
+        boxes = [start]
+        with suppress(OutOfTimeError):  # a promise was found; time decides how wide it becomes
+            grow(
+                start,
+                wanted,
+                inside.pieces,
+                parameters=parameters,
+                still=self._facts.settled,
+                deadline=self._deadline,
+                on_box=boxes.append,
+            )
+        return boxes[-1]
+
+    def _in_haste(self, parameter: Parameter) -> Parameter:
+        """What takes longer than planned grows as fast as all the rest: else it would soon leave its interval again."""
+        if parameter.nominal in self._facts.possible.get(parameter.name, _ANYTHING):
+            return parameter
+        others = [self._weight[name] for name in self._open if name != parameter.name]
+        return replace(parameter, weight=sum(others, Fraction(0)) or parameter.weight)
+
+
+_ANYTHING = Interval(None, None)
+_MOST = Fraction(1_000_000)
+"""Half the width of cubes at most, in units of weights: what is left may be unbounded."""
+
+
+def _common(one: Interval, other: Interval) -> Interval | None:
+    """The values of both intervals; None if there are none."""
+    halves = [*Box({"x": one}).constraints(), *Box({"x": other}).constraints()]
+    return (Polyhedron(("x",), tuple(halves)).bounding_box() or {}).get("x")
+
+
+def _around(interval: Interval, seen: Interval) -> Interval:
+    """The least interval around one and finitely many values."""
+    for side in Side:
+        end, new = interval.end(side), seen.end(side)
+        if end is not None and new is not None and side.sign * new >= side.sign * end:
+            interval = interval.with_end(side, new)
+    return interval
+
+
+def hull(values: Sequence[Fraction]) -> Interval:
+    """The least interval around some values."""
+    return Interval(min(values), max(values))

@@ -1,0 +1,125 @@
+"""The widest boxes that a dispatcher can serve: by hand, beside shrinking, and face by face with other means."""
+
+from fractions import Fraction
+from itertools import product
+from random import Random
+
+import pytest
+
+from robust.api import envelope
+from robust.encode import create_encoding
+from robust.execute.controllability import Controllability, Kind, Objective, Verdict, shrink, widest
+from robust.irr.containment import Containment
+from robust.plan.load import load_plan
+from robust.qe.box import Box, Interval, Side
+from robust.smt.limits import NEVER
+from tests.execute.plans import DOMAINS, EPSILON, PLANS, drawn_plan, interval, nothing_else, tasks, working
+
+F = Fraction
+GROWN = Objective(EPSILON, "relational")
+AROUND = Objective(EPSILON, "relational", optimal=True, contain_nominal=True)
+ANYWHERE = Objective(EPSILON, "relational", optimal=True)
+
+
+def overlapping():
+    """The second task must start from 1 to 2 before the first one ends; the third comes after it, and ends by 30."""
+    constraints = (
+        "w1.end - w2.start in [1, 2]",
+        "w2.end - w2.start in [4, 4]",
+        "w3.end - w3.start in [third, third]",
+        "w3.start - w1.end in [0.001, inf]",
+        "w3.end - .zero in [0, 30]",
+    )
+    return tasks("parameter third default 5;" + working(*constraints, on="abc"), problem=nothing_else("abc"))
+
+
+def box_of(**ends):
+    return Box({name: interval(text) for name, text in ends.items()})
+
+
+def test_what_one_parameter_gives_back_another_one_takes():
+    plan = overlapping()
+    box = envelope(plan).box
+    assert box == box_of(first="[1, 34999/2000]", third="[1, 24999/2000]") or box["third"] == interval(
+        "[1, 24999/2000]"
+    )
+    shrunk = shrink(plan, box, Kind.DYNAMIC)
+    assert shrunk["first"] == interval("[19/2, 21/2]")
+    found = widest(plan, shrunk, Kind.DYNAMIC, GROWN)
+    assert found.box["first"] == interval("[19/2, 21/2]")
+    assert found.box["third"] == interval("[1, 19499/1000]")
+    assert {(face[0], face[1].value): stop.name.partition(":")[0] for face, stop in found.stops.items()} == {
+        ("first", "lower"): "not dynamically controllable beyond",
+        ("first", "upper"): "not dynamically controllable beyond",
+        ("third", "lower"): "w3 work",
+        ("third", "upper"): "not dynamically controllable beyond",
+    }
+    assert "w1.end - w2.start in [1, 2]" in found.stops["first", Side.UPPER].name
+
+
+def test_the_widest_of_all_is_proved_by_cutting_planes():
+    plan = overlapping()
+    start = Box.nominal(plan.parameters)
+    around, anywhere = (widest(plan, start, Kind.DYNAMIC, objective) for objective in (AROUND, ANYWHERE))
+    assert around.box == box_of(first="[9, 10]", third="[1, 19999/1000]")
+    assert anywhere.box == box_of(first="[1, 1]", third="[1, 28999/1000]"), (
+        "what is certain of the first is all for the third"
+    )
+    assert (around.bound, anywhere.bound) == (F(19999, 1000), F(27999, 1000))
+
+
+@pytest.mark.parametrize("kind", [Kind.DYNAMIC, Kind.STRONG], ids=lambda kind: kind.value)
+@pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan[3])
+def test_it_is_nowhere_narrower_than_what_shrinking_leaves(plan, kind):
+    folder, domain, problem, name = plan
+    base = DOMAINS / folder
+    loaded = load_plan(base / f"{domain}.pddl", base / f"{problem}.pddl", base / f"{name}.stn")
+    shrunk = shrink(loaded, envelope(loaded).box, kind)
+    found = widest(loaded, shrunk, kind, GROWN).box
+    assert all(one.is_within(found[each]) for each, one in shrunk.intervals.items())
+    if (name, kind) == ("plan-yield", Kind.STRONG):
+        assert (shrunk.total_width, found.total_width) == (F(35, 18), F(7, 3))
+
+
+def stands(plan, box, kind):
+    """Whether a box is in the envelope and controllable, asked of what widening does not use."""
+    asked = Containment(create_encoding("relational", plan, EPSILON))
+    return asked.contains(box, NEVER) and Controllability(plan, box).finding(kind).verdict is Verdict.CONTROLLABLE
+
+
+@pytest.mark.parametrize("kind", [Kind.DYNAMIC, Kind.STRONG], ids=lambda kind: kind.value)
+@pytest.mark.parametrize("seed", [*range(10), *(pytest.param(n, marks=pytest.mark.slow) for n in range(10, 60))])
+def test_no_face_can_move_outwards(seed, kind):
+    plan = drawn_plan(Random(f"widest {seed}"))  # noqa: S311 - reproducible
+    found = envelope(plan)
+    if not found.verified:
+        pytest.skip("the nominal values leave no schedule")
+    shrunk = shrink(plan, found.box, kind)
+    result = widest(plan, shrunk, kind, GROWN)
+    box = result.box
+    assert all(one.is_within(box[each]) for each, one in shrunk.intervals.items())
+    assert stands(plan, box, kind)
+    for (name, side), stop in result.stops.items():
+        assert stop.name
+        end = box[name].end(side)
+        assert not stands(plan, box.moved((name, side), end + side.sign * F(1, 10**6)), kind), (name, side, stop)
+    best = widest(plan, shrunk, kind, AROUND)
+    assert stands(plan, best.box, kind)
+    if None not in {box.total_width, best.box.total_width}:
+        assert best.box.total_width >= box.total_width
+
+
+@pytest.mark.parametrize("kind", [Kind.DYNAMIC, Kind.STRONG], ids=lambda kind: kind.value)
+def test_no_box_on_a_grid_is_wider_than_the_widest(kind):
+    """All boxes around the nominal point whose ends are integers, of a plan with two parameters."""
+    plan = overlapping()
+    best = widest(plan, Box.nominal(plan.parameters), kind, AROUND).bound
+    asked = Containment(create_encoding("relational", plan, EPSILON))
+    tried = 0
+    for low, high, least, most in product((8, 9, 10), (10, 11, 12), (1, 3, 5), range(5, 22, 2)):
+        box = Box({"first": Interval(F(low), F(high)), "third": Interval(F(least), F(most))})
+        if box.total_width > best:
+            tried += 1
+            inside = asked.contains(box, NEVER)
+            assert not (inside and Controllability(plan, box).finding(kind).verdict is Verdict.CONTROLLABLE), box
+    assert tried > 3
