@@ -14,18 +14,15 @@ from fractions import Fraction
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Protocol, TypeVar, cast
 
-from robust.options import (
+from robust.options.declare import Number, Options, place_of, settings
+from robust.options.verbs import (
     CheckOptions,
     CompareOptions,
     EnvelopeOptions,
-    Number,
-    Options,
     RegionOptions,
     RepairOptions,
     RiskOptions,
     ValidateOptions,
-    place_of,
-    settings,
 )
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 

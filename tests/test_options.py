@@ -8,18 +8,13 @@ import pytest
 
 from robust.errors import InputError, Location
 from robust.numbers import EXPECTED_NUMBER
-from robust.options import (
-    CertifyCommand,
-    EnvelopeOptions,
-    ExecuteCommand,
-    RegionCommand,
+from robust.options.commands import CertifyCommand, ExecuteCommand, plan_file
+from robust.options.declare import (
     as_typed,
     exact,
-    html_file,
     names,
     not_negative,
     place_of,
-    plan_file,
     plot_file,
     positive,
     seconds,
@@ -27,6 +22,7 @@ from robust.options import (
     spelled,
     writable,
 )
+from robust.options.verbs import EnvelopeOptions, RegionCommand, html_file
 from robust.qe.box import Interval
 
 PLACE = Location("beta")

@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
-from robust.options import Option, Options, declared, names_of
+from robust.options.declare import Option, Options, declared, names_of
 
 if TYPE_CHECKING:
     import typer

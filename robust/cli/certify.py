@@ -13,7 +13,8 @@ from robust.cli.build import action
 from robust.errors import InputError, Location, RefutedError, UnsupportedError
 from robust.files import atomic_write
 from robust.numbers import parse_end, shorten
-from robust.options import CertifyCommand, VerifyCommand, place_of
+from robust.options.commands import CertifyCommand, VerifyCommand
+from robust.options.declare import place_of
 from robust.plan.pddl.forms import read_bytes, read_text
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError

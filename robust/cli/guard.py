@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from robust.cli.output import Display, answering, complain, noting_warnings, print_json
 from robust.errors import SolverError
-from robust.options import Options, as_typed
+from robust.options.declare import Options, as_typed
 from robust.smt.limits import OutOfTimeError
 
 if TYPE_CHECKING:

@@ -19,7 +19,8 @@ from robust.cli.output import answering, print_json
 from robust.errors import InputError, RefutedError
 from robust.files import atomic_write
 from robust.numbers import format_number, plural
-from robust.options import ConvertCommand, DemoCommand, ExecuteCommand, place_of
+from robust.options.commands import ConvertCommand, DemoCommand, ExecuteCommand
+from robust.options.declare import place_of
 
 if TYPE_CHECKING:
     from rich.console import Console

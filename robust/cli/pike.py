@@ -14,20 +14,9 @@ from robust.cli.guard import Run
 from robust.cli.plans import CODES
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
 from robust.numbers import parse_number, shorten
-from robust.options import (
-    ASSUMED,
-    Number,
-    Output,
-    Separation,
-    Solving,
-    argument,
-    not_negative,
-    option,
-    ordinal,
-    place_of,
-    plot_file,
-    positive,
-)
+from robust.options.commands import ASSUMED
+from robust.options.declare import Number, argument, not_negative, option, ordinal, place_of, plot_file, positive
+from robust.options.shared import Output, Separation, Solving
 from robust.smt.limits import Deadline
 
 if TYPE_CHECKING:

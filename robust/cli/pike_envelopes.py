@@ -11,7 +11,8 @@ from robust.cli.guard import Run
 from robust.cli.pike import ASSUME, PikeOptions, assumed
 from robust.cli.plans import CODES
 from robust.errors import InputError, Location
-from robust.options import Slice, names, option, place_of
+from robust.options.declare import names, option, place_of
+from robust.options.shared import Slice
 from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:

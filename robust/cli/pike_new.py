@@ -10,7 +10,8 @@ from robust.cli.build import action
 from robust.cli.guard import Run
 from robust.errors import InputError, Location
 from robust.numbers import shorten
-from robust.options import Output, option, place_of
+from robust.options.declare import option, place_of
+from robust.options.shared import Output
 
 if TYPE_CHECKING:
     from robust.pike_bridge.action_model import Instance

@@ -9,15 +9,9 @@ from robust.cli.build import action
 from robust.errors import RobustError
 from robust.files import atomic_write
 from robust.numbers import readable
-from robust.options import (
-    AskCommand,
-    CheckCommand,
-    CompareCommand,
-    EnvelopeCommand,
-    RegionCommand,
-    RepairOptions,
-    place_of,
-)
+from robust.options.declare import place_of
+from robust.options.shared import AskCommand
+from robust.options.verbs import CheckCommand, CompareCommand, EnvelopeCommand, RegionCommand, RepairOptions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -232,7 +226,7 @@ def _controllability(
 def region(options: RegionCommand, run: Run) -> int:
     """For exactly which parameter values is the plan valid? Out of time, an outer and an inner bound are printed."""
     from robust.api import searching_region
-    from robust.show import documents, regions
+    from robust.show import region_documents, regions
 
     plan: ParametrizedPlan | None = None
     search: RegionSearch | None = None
@@ -261,7 +255,7 @@ def region(options: RegionCommand, run: Run) -> int:
             else:
                 regions.print_region(out, result, quiet=options.quiet)
 
-        run.answer(lambda: documents.region(result, options.separation), tell)
+        run.answer(lambda: region_documents.region(result, options.separation), tell)
 
     whole = run.best(begin, show)
     result = whole
@@ -279,7 +273,7 @@ def region(options: RegionCommand, run: Run) -> int:
 def compare(options: CompareCommand, run: Run) -> int:
     """How much of the exact region does each box cover, and what breaks just outside each of its faces?"""
     from robust.api import searching_compare
-    from robust.show import documents, regions
+    from robust.show import region_documents, regions
 
     def begin() -> Search[Comparison]:
         plan = load(options, run)
@@ -288,7 +282,7 @@ def compare(options: CompareCommand, run: Run) -> int:
         return searching_compare(plan, options.changed(timeout=run.remaining, on_stage=run.display.say))
 
     result = run.reply(
-        begin, documents.compare, lambda out, found: regions.print_comparison(out, found, quiet=options.quiet)
+        begin, region_documents.compare, lambda out, found: regions.print_comparison(out, found, quiet=options.quiet)
     )
     if options.plot is not None and result.region is not None:
         regions.plot_comparison(result, options.plot, options.axes or ())

@@ -8,7 +8,8 @@ from robust.cli.build import action
 from robust.cli.plans import load
 from robust.errors import InputError
 from robust.files import atomic_write
-from robust.options import RepairCommand, place_of
+from robust.options.declare import place_of
+from robust.options.verbs import RepairCommand
 
 if TYPE_CHECKING:
     from pathlib import Path

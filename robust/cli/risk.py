@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from robust.cli.build import action
 from robust.cli.plans import load
-from robust.options import RiskCommand
+from robust.options.verbs import RiskCommand
 
 if TYPE_CHECKING:
     from robust.api import Search

@@ -12,7 +12,8 @@ from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Run
 from robust.errors import InputError, RobustError, did_you_mean
 from robust.files import atomic_write
 from robust.numbers import shorten
-from robust.options import StnuCheckCommand, StnuDispatchCommand, StnuFiles, StnuRepairCommand, place_of
+from robust.options.commands import StnuCheckCommand, StnuDispatchCommand, StnuFiles, StnuRepairCommand
+from robust.options.declare import place_of
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -12,7 +12,7 @@ from robust.cli.build import action
 from robust.cli.guard import UNDECIDED, Cause, GivenUpError
 from robust.errors import InputError, Location, RobustError
 from robust.numbers import plural, shorten
-from robust.options import ValidateCommand
+from robust.options.verbs import ValidateCommand
 
 if TYPE_CHECKING:
     from robust.cli.guard import Run

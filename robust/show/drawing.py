@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robust.files import atomic_write
-from robust.options import place_of
+from robust.options.declare import place_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

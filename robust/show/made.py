@@ -25,7 +25,7 @@ from robust.show.documents import (
 if TYPE_CHECKING:
     from robust.execute.convert import Conversion
     from robust.execute.replan import Run, Segment
-    from robust.options import ConvertCommand, ExecuteCommand
+    from robust.options.commands import ConvertCommand, ExecuteCommand
     from robust.plan.simulate import Violation
 
 # -- convert and execute -----------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from rich.text import Text
 from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
 from robust.errors import InputError, did_you_mean
 from robust.numbers import duration, exact_end, interval_text, plural, readable
-from robust.options import place_of
+from robust.options.declare import place_of
 from robust.pike_bridge.envelopes.parameters import Kind, ParametricPlan, TeamParameter
 from robust.pike_bridge.envelopes.pieces import (
     BoundStatement,
@@ -32,10 +32,10 @@ from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
-from robust.show.documents import Constraint as ConstraintRecord
 from robust.show.documents import Document, Ended, SearchEnded, document
-from robust.show.documents import Polyhedron as PolyhedronRecord
 from robust.show.drawing import BLACK, LIGHT, VERMILION, cut, save
+from robust.show.region_documents import Constraint as ConstraintRecord
+from robust.show.region_documents import Polyhedron as PolyhedronRecord
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

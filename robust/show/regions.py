@@ -16,7 +16,7 @@ from robust.errors import InputError, did_you_mean
 from robust.irr.compare import Comparison, Entry, FaceGap, Share
 from robust.irr.search import Status
 from robust.numbers import duration, interval_text, readable
-from robust.options import place_of
+from robust.options.declare import place_of
 from robust.plan.load import require_nominal_values
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Side

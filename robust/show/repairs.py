@@ -27,7 +27,7 @@ from robust.show.text import told
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robust.options import RepairOptions
+    from robust.options.verbs import RepairOptions
 
 _COLOURS = {
     RepairStatus.UNNEEDED: "green",

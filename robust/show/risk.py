@@ -13,7 +13,7 @@ from rich.text import Text
 from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.irr.search import Status
 from robust.numbers import duration, plural
-from robust.options import METHODS
+from robust.options.shared import METHODS
 from robust.probability.blame import Share
 from robust.probability.measure import Bounds
 from robust.probability.packing import Estimate

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from robust.errors import RobustError
     from robust.execute.validate import Verdict
-    from robust.options import ValidateCommand
+    from robust.options.verbs import ValidateCommand
 
 
 @dataclass(frozen=True, slots=True)

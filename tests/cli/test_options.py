@@ -14,7 +14,8 @@ from robust.cli.build import Action, Group, application, read
 from robust.cli.main import COMMANDS
 from robust.errors import InputError
 from robust.irr.check import Answer
-from robust.options import CheckOptions, EnvelopeOptions, RegionOptions, as_typed, declared, names_of
+from robust.options.declare import as_typed, declared, names_of
+from robust.options.verbs import CheckOptions, EnvelopeOptions, RegionOptions
 from robust.pike_bridge.knowledge import knowledge_bases
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, assert_one_line, command, example

@@ -15,7 +15,7 @@ from robust.errors import InputError, UnsupportedError
 from robust.irr.check import Answer
 from robust.irr.containment import Containment
 from robust.irr.search import Status
-from robust.options import METHODS
+from robust.options.shared import METHODS
 from robust.plan.model import ZERO, Or
 from robust.qe.box import Box, Interval, Side
 from robust.smt.limits import Deadline

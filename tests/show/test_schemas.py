@@ -16,6 +16,7 @@ from robust.show import (
     pike,
     pike_envelopes,
     pike_plans,
+    region_documents,
     repairs,
     risk,
     schemas,
@@ -24,7 +25,7 @@ from robust.show import (
 )
 from robust.show.schemas import FILES, schema
 
-MODULES = (documents, made, pike, pike_envelopes, pike_plans, repairs, risk, stnu, validation)
+MODULES = (documents, made, pike, pike_envelopes, pike_plans, region_documents, repairs, risk, stnu, validation)
 DOCUMENTS = {one.__struct_config__.tag: one for module in MODULES for one in module.DOCUMENTS}
 
 

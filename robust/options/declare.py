@@ -1,0 +1,323 @@
+"""How options are declared: each once, with name, type, default, help, and what it may be combined with.
+
+A command line and the Python function of the same name are read into one object of a class of options, which checks
+values and combinations when it is made. Messages name an option as it was given: `--beta` as it was typed, `beta` in
+Python.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, dataclass_transform
+
+from robust.errors import InputError, Location, did_you_mean
+from robust.numbers import EXPECTED_NUMBER, parse_number, shorten
+
+if TYPE_CHECKING:
+    from robust.qe.box import Interval
+
+
+Number = int | str | Fraction | Decimal | float
+"""An exact number: a text such as `1/3`, and a float is what it is printed as."""
+
+PLOT_SUFFIXES = (".svg", ".png", ".pdf")
+STNU_SUFFIXES = (".stnu", ".json")
+_LONGEST = Fraction(10) ** 9
+
+
+class Option(NamedTuple):
+    """What is declared of an option, beside its name and type; see :func:`option`."""
+
+    default: Any
+    help: str
+    names: tuple[str, ...]
+    metavar: str | None
+    choices: tuple[str, ...]
+    accepted: Collection[str]
+    read: Callable[[Any, Location], Any] | None
+    needs: tuple[str, tuple[str, ...]] | None
+    argument: bool
+    many: bool
+    path: bool
+    shown: bool
+    rank: int
+
+    @property
+    def flag(self) -> bool:
+        """Whether it is typed without a value."""
+        return isinstance(self.default, bool) or any("/" in name for name in self.names)
+
+
+def option(
+    default: Any,
+    help: str,
+    *names: str,
+    metavar: str | None = None,
+    choices: Iterable[str] = (),
+    accepted: Collection[str] | None = None,
+    read: Callable[[Any, Location], Any] | None = None,
+    needs: tuple[str, tuple[str, ...]] | None = None,
+    argument: bool = False,
+    many: bool = False,
+    path: bool = False,
+    shown: bool = True,
+    rank: int = 0,
+) -> Any:
+    """A field of an options class.
+
+    Args:
+        default: `...` if it must be given; a bool makes a flag, an int a whole number, everything else a text.
+        help: for people.
+        names: as it is typed, if not `--` and the name of the field.
+        metavar: stands for the value in help texts.
+        choices: the values, if there are only some.
+        accepted: those that are accepted from Python, if more.
+        read: makes a value of what was given, or raises InputError at the place.
+        needs: another option, and the values that it must have.
+        argument: typed without a name, by its place.
+        many: may be given more than once; the field is a tuple.
+        path: a file or a directory.
+        shown: False for callbacks, which cannot be typed.
+        rank: options of equal rank are shown in the order of declaration, before those of higher rank.
+    """
+    choices = tuple(choices)
+    known = choices if accepted is None else accepted
+    return Option(default, help, names, metavar, choices, known, read, needs, argument, many, path, shown, rank)
+
+
+def argument(default: Any, help: str, metavar: str, *, many: bool = False) -> Any:
+    """A file that is typed without a name, or several."""
+    return option(default, help, metavar=metavar, argument=True, many=many, path=True)
+
+
+def declared(options: type[Options]) -> dict[str, Option]:
+    """The options that can be typed, in the order in which help shows them."""
+    found = sorted(options.declarations.items(), key=lambda each: each[1].rank)
+    return {name: one for name, one in found if one.shown}
+
+
+def names_of(name: str, declaration: Option) -> tuple[str, ...]:
+    """How an option is typed; a flag that is set by default has a second name that unsets it, after a slash."""
+    if declaration.names:
+        return declaration.names
+    plain = name.replace("_", "-")
+    return (f"--{plain}/--no-{plain}" if declaration.default is True else f"--{plain}",)
+
+
+# -- how options are called in messages --------------------------------------------------------------------------------
+
+_typed: ContextVar[frozenset[str] | None] = ContextVar("typed", default=None)
+
+
+@contextmanager
+def as_typed(names: Iterable[str]) -> Iterator[None]:
+    """Within it, messages name options as on the command line, on which these fields were given."""
+    token = _typed.set(frozenset(names))
+    try:
+        yield
+    finally:
+        _typed.reset(token)
+
+
+def spelled(name: str) -> str:
+    """An option as whoever gave it calls it."""
+    return name if _typed.get() is None else f"--{name.replace('_', '-')}"
+
+
+def place_of(name: str, text: str | None = None) -> Location:
+    """Where a message about an option points to."""
+    return Location(spelled(name) if text is None else f"{spelled(name)} {shorten(text)}")
+
+
+def _setting(name: str, *values: str) -> str:
+    if _typed.get() is None:
+        return f"{name}={' or '.join(map(repr, values))}"
+    return f"{spelled(name)} {' or '.join(values)}"
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True)
+class Options:
+    """Options that have been checked: classes whose fields are declared by :func:`option`, and given by keywords.
+
+    They behave as frozen dataclasses do, without the milliseconds that it takes to make one.
+    """
+
+    declarations: ClassVar[Mapping[str, Option]] = {}
+
+    def __init_subclass__(cls) -> None:
+        """Collect what is declared here and by base classes."""
+        found: dict[str, Option] = {}
+        for base in reversed(cls.__mro__):
+            found |= {name: value for name, value in vars(base).items() if isinstance(value, Option)}
+        cls.declarations = found
+
+    if not TYPE_CHECKING:
+
+        def __init__(self, **given: Any) -> None:
+            unknown = given.keys() - self.declarations.keys()
+            missing = {name for name, one in self.declarations.items() if one.default is ...} - given.keys()
+            if unknown or missing:
+                problem = "an unexpected" if unknown else "no"
+                name = min(unknown or missing)
+                raise TypeError(f"{type(self).__name__} got {problem} keyword argument {name!r}")
+            for name, one in self.declarations.items():
+                object.__setattr__(self, name, given.get(name, one.default))
+            self._check()
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            raise AttributeError(f"cannot assign to option {name!r}; expected other options to be made")
+
+    def changed(self, **changes: Any) -> Self:
+        """The same options with other values for some."""
+        return type(self)(**{**vars(self), **changes})
+
+    def _check(self) -> None:
+        typed = _typed.get()
+        given = {name for name, one in self.declarations.items() if getattr(self, name) != one.default}
+        self._check_combinations(given if typed is None else typed)
+        for name, one in self.declarations.items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if one.accepted and value not in one.accepted:
+                noun = name.replace("backend", "back end")
+                raise InputError(f"unknown {noun} {value!r}{did_you_mean(str(value), one.accepted)}")
+            if one.read is not None:
+                object.__setattr__(self, name, one.read(value, place_of(name)))
+
+    def _check_combinations(self, given: Collection[str]) -> None:
+        for name, one in self.declarations.items():
+            if name not in given or one.needs is None:
+                continue
+            other, values = one.needs
+            if (found := getattr(self, other)) not in values:
+                raise InputError(
+                    f"found it with {_setting(other, found)}, expected {_setting(other, *values)}, or no "
+                    f"{spelled(name)}",
+                    place_of(name),
+                )
+        self.check_combinations(given)
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        """InputError if the options that were given do not belong together; for rules that `needs` cannot say."""
+
+
+# -- values ------------------------------------------------------------------------------------------------------------
+
+
+def exact(value: Number, place: Location) -> Fraction:
+    """InputError unless it is a number."""
+    if isinstance(value, bool) or not isinstance(value, Number):
+        raise InputError(f"found {shorten(repr(value))}, expected {EXPECTED_NUMBER}", place)
+    return Fraction(value) if isinstance(value, int | Fraction) else parse_number(str(value).lower(), place)
+
+
+def positive(value: Number, place: Location) -> Fraction:
+    """InputError unless it is a number above 0."""
+    number = exact(value, place)
+    if number <= 0:
+        raise InputError(f"found {shorten(str(value))}, expected a number above 0", place)
+    return number
+
+
+def not_negative(value: Number, place: Location) -> Fraction:
+    """InputError unless it is a number of at least 0."""
+    number = exact(value, place)
+    if number < 0:
+        raise InputError(f"found {shorten(str(value))}, expected a number of at least 0", place)
+    return number
+
+
+def ordinal(value: int | str, place: Location) -> int:
+    """InputError unless it is a whole number from 1."""
+    number = exact(value, place)
+    if number.denominator != 1 or number < 1:
+        raise InputError(f"found {shorten(str(value))}, expected a whole number from 1", place)
+    return int(number)
+
+
+def seconds(value: Number, place: Location) -> float:
+    """A time limit; 0 only from a program, which may have no time left."""
+    number = positive(value, place) if isinstance(value, str) else not_negative(value, place)
+    return float(min(number, _LONGEST))
+
+
+def names(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
+    """Names, or a text with commas between them."""
+    if not isinstance(value, str):
+        return tuple(value)
+    found = tuple(name.strip() for name in value.split(","))
+    if not all(found):
+        raise InputError(f"found {shorten(value)}, expected names such as a,b,c", place)
+    return found
+
+
+def plot_file(path: str | Path, place: Location) -> Path:
+    """InputError unless a plot can be written to the path and its suffix names a format."""
+    path = Path(path)
+    if path.suffix.lower() not in PLOT_SUFFIXES:
+        raise InputError(f"found {shorten(str(path))}, expected a name that ends in {', '.join(PLOT_SUFFIXES)}", place)
+    return writable(path, place, "the plot")
+
+
+def plan_file(path: Path, place: Location) -> Path:
+    """InputError unless a plan can be written there."""
+    if path.suffix == ".toml":
+        raise InputError(f"found {shorten(str(path))}, expected a plan's name: parameters go to .toml files", place)
+    return writable(path, place, "the plan")
+
+
+def writable(path: Path, place: Location, what: str) -> Path:
+    """InputError unless a file can be written to the path: better known before anything is computed."""
+    if not path.parent.is_dir():
+        raise InputError(f"found no directory {shorten(str(path.parent))}, expected one to write {what} to", place)
+    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise InputError(f"cannot write {shorten(str(path))}, expected a file that can be written", place)
+    return path
+
+
+def settings(
+    given: Mapping[str, Number | Interval] | Sequence[str], known: Sequence[str], option: str = "at"
+) -> dict[str, Fraction | Interval]:
+    """Values and intervals of parameters, each at most once; of texts `NAME=VALUE` and `NAME=LOW:HIGH`, too."""
+    from robust.qe.box import Interval  # noqa: PLC0415 - options are read before anything else is imported
+
+    found: dict[str, Fraction | Interval] = {}
+    if isinstance(given, Mapping):
+        for name, setting in given.items():
+            if name not in known:
+                raise InputError(f"unknown parameter {name!r}{did_you_mean(name, known)}")
+            found[name] = setting if isinstance(setting, Interval) else exact(setting, place_of(option, name))
+        return found
+    for text in given:
+        place = place_of(option, text)
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not name:
+            raise InputError(f"found {shorten(text)}, expected NAME=VALUE or NAME=LOW:HIGH", place)
+        if name not in known:
+            raise InputError(f"found unknown parameter {shorten(name)}{did_you_mean(name, known)}", place)
+        if name in found:
+            raise InputError(f"found a second value for {shorten(name)}, expected one", place)
+        low, colon, high = (part.strip() for part in value.partition(":"))
+        if not colon:
+            found[name] = parse_number(low, place)
+            continue
+        lower, upper = _end(low, place), _end(high, place)
+        if low in {"inf", "+inf"} or high == "-inf" or (lower is not None and upper is not None and lower > upper):
+            raise InputError(f"found {shorten(value)}, expected LOW:HIGH with LOW not above HIGH", place)
+        found[name] = Interval(lower, upper, lower_closed=lower is not None, upper_closed=upper is not None)
+    return found
+
+
+def _end(text: str, place: Location) -> Fraction | None:
+    if text in {"inf", "+inf", "-inf"}:
+        return None
+    if not text:
+        raise InputError(f"found an empty end of an interval, expected {EXPECTED_NUMBER}, inf or -inf", place)
+    return parse_number(text, place)

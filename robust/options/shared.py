@@ -1,0 +1,174 @@
+"""Options that several commands have: files, ε, solvers, limits, output."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robust.backends import ENCODINGS, SOLVERS
+from robust.errors import Location
+
+if TYPE_CHECKING:
+    pass
+from robust.options.declare import Number, Options, argument, names, not_negative, option, ordinal, plot_file, seconds
+
+METHODS = ("widen", "irr", "optimal")
+PARAMETERS, EPSILON, ENCODING, SOLVING, LIMIT, DRAWING, EXPORT, OUTPUT = range(1, 9)
+"""Ranks."""
+
+
+def separation(read: Callable[[Number, Location], Fraction]) -> Any:
+    """ε, at least 0 or above it."""
+    what = "separation of mutex time points, in the plan's unit of time"
+    return option("1/1000", what, metavar="E", read=read, rank=EPSILON)
+
+
+class Separation(Options):
+    """ε."""
+
+    epsilon: Number = separation(not_negative)
+
+    @property
+    def separation(self) -> Fraction:
+        """ε as a number."""
+        return Fraction(self.epsilon)
+
+
+class PlanningOutput(Options):
+    """What of a planner's output is the plan, and how exact its numbers are."""
+
+    plan_number: int | None = option(
+        None,
+        "which plan of a log that holds several, from 1; the last one if not given",
+        metavar="N",
+        read=ordinal,
+        rank=EPSILON,
+    )
+    tolerance: Number | None = option(
+        None,
+        "how far exact times and durations may be from printed ones, 0 for exactness; if not given, one unit of the "
+        "last printed digit, and at most epsilon",
+        metavar="T",
+        read=not_negative,
+        rank=EPSILON,
+    )
+
+    @property
+    def rounding(self) -> Fraction | None:
+        """The tolerance as a number, or None for what printed digits say."""
+        return None if self.tolerance is None else Fraction(self.tolerance)
+
+
+class Limited(Options):
+    """For how long."""
+
+    timeout: Number | None = option(
+        None, "seconds after which what is known by then is printed", metavar="S", read=seconds, rank=LIMIT
+    )
+
+    @property
+    def limit(self) -> float | None:
+        """Seconds, or None without a limit."""
+        return None if self.timeout is None else float(self.timeout)
+
+
+class Solving(Limited):
+    """Whom to ask, and for how long."""
+
+    solver: str = option("z3", "the solver that is asked", choices=SOLVERS, rank=SOLVING)
+
+
+def encoding_option(rank: int = ENCODING) -> Any:
+    """How the plan becomes formulas."""
+    return option("relational", "how the plan becomes formulas", choices=ENCODINGS, rank=rank)
+
+
+class Search(Separation, Solving):
+    """What every question about a plan takes."""
+
+    encoding: str = encoding_option()
+
+
+class Export(Options):
+    """Queries as files."""
+
+    smt2: str | Path | None = option(None, "write every query to DIR as SMT-LIB", metavar="DIR", path=True, rank=EXPORT)
+
+
+class Json(Options):
+    """An answer for programs."""
+
+    json: bool = option(False, "print one JSON object on stdout", rank=OUTPUT)
+
+
+class Output(Json):
+    """How a command answers."""
+
+    quiet: bool = option(False, "only the answer: no progress, no notes, no warnings", "--quiet", "-q", rank=OUTPUT)
+    verbose: bool = option(False, "log what is done on stderr", "--verbose", "-v", rank=OUTPUT)
+
+
+class Plot(Options):
+    """A picture."""
+
+    plot: Path | None = option(
+        None,
+        "draw the result: .svg, .png or .pdf by suffix",
+        metavar="FILE",
+        path=True,
+        read=plot_file,
+        rank=DRAWING,
+    )
+
+
+class Slice(Plot):
+    """A picture of one or two parameters."""
+
+    axes: str | Sequence[str] | None = option(
+        None,
+        "the one or two parameters to draw, others are at their nominal values",
+        metavar="A,B",
+        read=names,
+        rank=DRAWING,
+    )
+
+
+class Planning(Options):
+    """Where the planning problem is."""
+
+    domain: Path = argument(..., "PDDL domain", "DOMAIN")
+    problem: Path = argument(..., "PDDL problem", "PROBLEM")
+
+
+class PlanFiles(Planning):
+    """Where the plan is."""
+
+    plan: Path = argument(..., "network (.stn), time-triggered plan or log of a planner; - is standard input", "PLAN")
+
+
+class PlanParameters(Options):
+    """What of a plan are parameters, beside those that it declares."""
+
+    parameter: tuple[str, ...] = option(
+        (),
+        "make a quantity a parameter: duration:ACTION for all its instances, duration:ID, start:ID, 'fluent:(f a)', "
+        "or NAME of an existing one; then ,weight=W ,lb=L ,ub=U ,default=D; may be repeated",
+        "--parameter",
+        "--parametrize",
+        metavar="SPEC",
+        many=True,
+        rank=PARAMETERS,
+    )
+    parameters: Path | None = option(
+        None,
+        "more parameters, in a TOML file; if not given, PLAN.toml beside PLAN.stn",
+        metavar="FILE",
+        path=True,
+        rank=PARAMETERS,
+    )
+
+
+class AskCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solving, Output):
+    """What every question about a plan takes on the command line."""

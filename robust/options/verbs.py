@@ -1,0 +1,297 @@
+"""Options of what is asked about plans: what the functions take, and what their commands take beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robust.backends import ELIMINATORS, OFFERED, SPLITTINGS
+from robust.errors import InputError, Location
+
+if TYPE_CHECKING:
+    from robust.irr.repair import Cost
+    from robust.irr.search import Step
+    from robust.probability.distributions import Distribution
+    from robust.probability.measure import Bounds
+    from robust.qe.box import Interval
+    from robust.qe.polyhedron import Polyhedron
+from robust.options.declare import Number, argument, names, option, ordinal, place_of, plan_file, positive
+from robust.options.shared import (
+    DRAWING,
+    METHODS,
+    AskCommand,
+    Export,
+    Output,
+    PlanningOutput,
+    Plot,
+    Search,
+    Separation,
+    Slice,
+    Solving,
+    encoding_option,
+)
+
+
+class CheckOptions(Search, Export):
+    """Of :func:`robust.check`."""
+
+    at: Mapping[str, Number | Interval] | Sequence[str] = option(
+        (),
+        "value of a parameter instead of its nominal one, or NAME=LOW:HIGH for all values between; may be repeated",
+        metavar="NAME=VALUE",
+        many=True,
+    )
+    every: bool = option(False, "examine all obligations instead of stopping at the first that breaks", "--all")
+    on_obligation: Callable[[int, int, str], None] | None = option(
+        None, "called with the number of obligations examined, their total, and the name of the next", shown=False
+    )
+
+
+class CheckCommand(CheckOptions, AskCommand):
+    """Of `robust check`."""
+
+
+def distributions(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
+    """How parameters are distributed."""
+    return option(
+        (),
+        "how a parameter is distributed: NAME=normal:MEAN:DEVIATION, truncated-normal:MEAN:DEVIATION:MINIMUM:MAXIMUM, "
+        "half-normal:ORIGIN:DEVIATION, uniform:LOWER:UPPER, triangular:LOWER:MODE:UPPER, exponential:MEAN or "
+        "constant:VALUE; an empty mean, mode, origin or value is the planned one; may be repeated",
+        metavar="NAME=KIND:...",
+        many=True,
+        needs=needs,
+    )
+
+
+def world_file(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
+    """The same by a file."""
+    return option(
+        None,
+        "the distributions of parameters and durations, in a TOML file; without a rule, parameters are as planned",
+        metavar="FILE",
+        path=True,
+        needs=needs,
+    )
+
+
+_FOR_RISK = ("method", ("risk",))
+
+
+class EnvelopeOptions(Separation, Solving, Export):
+    """Of :func:`robust.envelope`."""
+
+    method: str = option(
+        "widen",
+        "widen: exact, no valid box contains the result; irr: step by step, up to a precision; "
+        "optimal: exact, the greatest total width of all boxes; risk: the most probable box",
+        choices=(*METHODS, "risk"),
+    )
+    distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions(_FOR_RISK)
+    world: str | Path | None = world_file(_FOR_RISK)
+    within: Number = option(
+        "0.005",
+        "for risk: search until no box can be more probable by more than this",
+        metavar="W",
+        read=positive,
+        needs=_FOR_RISK,
+    )
+    beta: Number | None = option(
+        None,
+        "for irr: no end of a complete box can move outwards by B; 1 if not given",
+        metavar="B",
+        read=positive,
+        needs=("method", ("irr",)),
+    )
+    doubling: bool = option(
+        False,
+        "for irr: steps double until the first failure; ends are up to 2 B away",
+        needs=("method", ("irr",)),
+    )
+    contain_nominal: bool = option(
+        False, "for optimal: only boxes around the nominal values", needs=("method", ("optimal",))
+    )
+    encoding: str = encoding_option(rank=0)
+    order: str | Sequence[str] | None = option(
+        None,
+        "parameters in the order in which they take turns (irr), or are widened one after the other (widen)",
+        metavar="A,B,C",
+        read=names,
+        needs=("method", ("widen", "irr")),
+    )
+    on_step: Callable[[Step], None] | None = option(
+        None, "called after each step with the best box so far", shown=False
+    )
+
+    @property
+    def precision(self) -> Fraction | None:
+        """β, for methods that have one."""
+        return Fraction(self.beta or 1) if self.method == "irr" else None
+
+    @property
+    def from_nominal(self) -> bool:
+        """Whether the box is to be around the nominal values."""
+        return self.method != "optimal" or self.contain_nominal
+
+
+class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
+    """Of `robust envelope`."""
+
+    controllability: str | None = option(
+        None,
+        "also tell whether values may be unknown until they are observed (dynamic), or for ever (strong), "
+        "shrink the box to the part where they may, and find the widest box where they may",
+        choices=("weak", "dynamic", "strong"),
+    )
+
+
+class RegionOptions(Search):
+    """Of :func:`robust.region`."""
+
+    backend: str = option(
+        "project",
+        "who eliminates time points",
+        choices=OFFERED,
+        accepted=ELIMINATORS,
+    )
+    splitting: str = option(
+        "full",
+        "one problem for all, for the plan and its network, or for each part",
+        choices=SPLITTINGS,
+    )
+    learning: bool = option(True, "tell later problems what earlier ones have excluded")
+    on_piece: Callable[[Polyhedron], None] | None = option(
+        None, "called with each polyhedron of bad parameter values when it is found", shown=False
+    )
+    on_cell: Callable[[Polyhedron], None] | None = option(
+        None, "called with each polyhedron of good parameter values when it is found", shown=False
+    )
+
+
+class RegionCommand(RegionOptions, Slice, AskCommand):
+    """Of `robust region`."""
+
+    form: str | None = option(
+        None,
+        "as a union of polyhedra or as one without others; if not given, a union unless very many are cut out",
+        choices=("union", "difference"),
+    )
+    latex: bool = option(False, "print a formula for LaTeX's mathematical mode")
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.latex and self.json:
+            raise InputError("found it with --json, expected one of the two", Location("--latex"))
+
+
+class CompareOptions(Search):
+    """Of :func:`robust.compare`."""
+
+    beta: Number = option("1", "the precision of irr", metavar="B", read=positive)
+    on_stage: Callable[[str], None] | None = option(None, "called with the name of each stage", shown=False)
+
+
+def html_file(path: Path, place: Location) -> Path:
+    """InputError unless there is a directory to write to."""
+    if not path.parent.is_dir():
+        raise InputError(f"found no directory {str(path.parent)!r}, expected one to write to", place)
+    return path
+
+
+class CompareCommand(CompareOptions, Slice, AskCommand):
+    """Of `robust compare`."""
+
+    html: Path | None = option(
+        None, "write a report with a drawing as one HTML file", metavar="FILE", path=True, read=html_file, rank=DRAWING
+    )
+
+
+class RiskOptions(Search):
+    """Of :func:`robust.risk`."""
+
+    distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions()
+    world: str | Path | None = world_file()
+    within: Number = option("0.001", "how close the bounds of the probability are to be", metavar="W", read=positive)
+    draws: int | None = option(
+        None,
+        "also estimate by so many random points; with more than 6 parameters 10000 if bounds are not close",
+        metavar="N",
+        read=ordinal,
+    )
+    on_bounds: Callable[[Bounds], None] | None = option(None, "called with bounds that have changed", shown=False)
+    on_stage: Callable[[str], None] | None = option(None, "called with the name of each stage", shown=False)
+
+
+class RiskCommand(RiskOptions, Plot, AskCommand):
+    """Of `robust risk`."""
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if not self.distribution and self.world is None:
+            raise InputError("found neither --distribution nor --world, expected how parameters are distributed")
+
+
+class RepairOptions(Separation, Solving):
+    """Of :func:`robust.repair`."""
+
+    require: Mapping[str, Number | Interval] | Sequence[str] = option(
+        (),
+        "values of a parameter for all of which the plan is to be valid, NAME=LOW:HIGH, or NAME=VALUE; others have "
+        "their nominal values; may be repeated",
+        metavar="NAME=LOW:HIGH",
+        many=True,
+    )
+    change: str = option(
+        "bounds",
+        "what may change: bounds of the plan's network, nominal values of parameters that are not required, or both",
+        choices=("bounds", "nominal", "both"),
+    )
+    count: bool = option(
+        False, "as few changes as possible, and of equally many the least sum; else the least sum of weighted amounts"
+    )
+    reorder: bool = option(False, "let bounds that say what comes first say the opposite, too")
+    on_repair: Callable[[Cost], None] | None = option(None, "called with the cost of each better repair", shown=False)
+
+
+class RepairCommand(RepairOptions, AskCommand):
+    """Of `robust repair`."""
+
+    output: Path | None = option(
+        None,
+        "write the repaired plan here; PLAN must be a network (.stn) in a file then",
+        "--output",
+        "-o",
+        metavar="PLAN.stn",
+        path=True,
+        read=plan_file,
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.output is not None and str(self.plan) == "-":
+            raise InputError("found a plan on standard input, expected a file to take over", place_of("output"))
+
+
+class ValidateOptions(Separation, PlanningOutput):
+    """Of :func:`robust.validate`."""
+
+
+class ValidateCommand(ValidateOptions, Output):
+    """Of `robust validate`."""
+
+    domain: Path | None = argument(None, "PDDL domain", "DOMAIN")
+    problem: Path | None = argument(None, "PDDL problem", "PROBLEM")
+    plans: tuple[Path, ...] = argument(
+        (), "time-triggered plans or logs of planners; - is standard input", "PLAN", many=True
+    )
+    suite: Path | None = option(
+        None,
+        "judge the plans of a file instead: DOMAIN PROBLEM PLAN on each line, relative to the file, # before comments",
+        "--list",
+        metavar="FILE",
+        path=True,
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if (self.suite is None and not self.plans) or (self.suite is not None and self.domain is not None):
+            found = "no plan" if self.suite is None else "files beside --list"
+            raise InputError(f"found {found}, expected DOMAIN PROBLEM PLAN..., or else --list FILE")
