@@ -1,19 +1,20 @@
 """Certificates of all plans and boxes of a data set: how long solving, producing and checking take, and their sizes.
 
 `python -m benchmarks.certificates --suite DIRECTORY` certifies each recorded plan at its nominal values (`plan`), all
-over the box that widening finds (`box`), and that no valid box contains that one (`maximal`), checks each certificate,
-and prints what it took as JSON, of which :mod:`benchmarks.results` makes a part of its page.
+over the box that widening finds (`box`), that no valid box contains that one (`maximal`), and its robustness envelope
+(`region`); of the plans with choices among the examples, an execution and that there is none with some choices. It
+checks each certificate, and prints what it took as JSON, of which :mod:`benchmarks.results` makes a part of its page.
 """
 
 from __future__ import annotations
 
 import json
+import resource
 import subprocess
 import sys
-import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from math import fsum
@@ -22,15 +23,19 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar
 
-from robust.api import check, envelope
+from robust.api import check, envelope, region
 from robust.certify.checker.__main__ import Inputs, report
-from robust.certify.produce import PlanCertificate
+from robust.certify.hints import Line
+from robust.certify.produce import PlanCertificate, execution, knowledge
 from robust.certify.tape import write
 from robust.certify.verify import verify
 from robust.encode import create_encoding
+from robust.errors import RobustError
+from robust.pike_bridge.action_model import load_team_plan
+from robust.pike_bridge.compile import checked_assumptions
+from robust.pike_bridge.semantics import Existence, Oracle
 from robust.plan.load import load_plan
-from robust.plan.model import ParametrizedPlan
-from robust.qe.box import Box
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 from .catalogue import RecordedOptions
 from .engine.experiment import Experiment, Report, Task
@@ -38,19 +43,27 @@ from .engine.measure import COMMAND, Files
 from .engine.show import Columns, Table, family
 from .suite import read_deliveries, read_suite
 
-KINDS = ("plan", "box", "maximal")
+KINDS = ("plan", "box", "maximal", "region")
+OF_CHOICES = ("execution", "knowledge")
+EXAMPLES = Path(__file__).parents[1] / "robust" / "examples"
+IMPOSSIBLE = {"kitchen": {"xA1": "glass", "xA2": "coffee"}, "wing": {"h1": "both", "b1": "cleco"}}
+"""The examples with choices, each with choices that no correct execution makes."""
 EPSILON = Fraction(1, 1000)
+REGION = 10.0
+"""Seconds of the clock to find an envelope, and as many to certify it."""
 MEDIAN, SLOWEST, COSTLIEST, LARGEST = 0.5, 1.0, 3.0, 100_000
 """The median of checking / solving; seconds to check a box; producing / solving for boxes; bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One certificate: seconds in one process that has started already, seconds of whole processes, and its bytes.
+    """One certificate: seconds of processor time, in one process that has started already and of whole processes, and
+    its bytes.
 
-    `solve` is the shortest way to the verdict without a certificate: checking the plan (`plan`), or widening (`box`,
-    `maximal`). `produce` makes the certificate, the search for the box excluded. `refuted` of the obligations are not
-    constant by what the checker folds. `rejected` is why the checker does not accept the certificate.
+    `solve` is the shortest way to the verdict without a certificate: checking the plan (`plan`), widening (`box`,
+    `maximal`), eliminating the times (`region`), or the oracle (`execution`, `knowledge`). `produce` makes the
+    certificate, that search excluded. `refuted` of the obligations are not constant by what the checker folds.
+    `rejected` is why the checker does not accept the certificate, or why there is none.
     """
 
     instance: str
@@ -80,60 +93,111 @@ class Measured:
         """Seconds of solving, producing and checking, the ratio, obligations and how many of them are not constant,
         and the size."""
         if self.rejected:
-            return "rejected"
+            return "rejected" if self.size else f"none after {self.solve + self.produce:.0f} s"
         seconds = f"{self.solve:.3f}, {self.produce:.3f}, {self.check:.3f}"
         return f"{seconds}; {self.ratio:.2f}; {self.refuted} of {self.obligations}; {self.size / 1000:.1f} kB"
 
 
-def measure(name: str, files: Files, processes: bool = True) -> tuple[Measured, ...]:
-    """The certificates of one plan."""
+def measure(name: str, files: Files, processes: bool = True, seconds: float = REGION) -> tuple[Measured, ...]:
+    """The certificates of one plan; `seconds` are for its region."""
     with TemporaryDirectory(prefix="robust-bench-") as directory:
-        return tuple(_measure(name, files, Path(directory), processes))
+        return tuple(_measure(name, files, Path(directory), processes, seconds))
 
 
-def _measure(name: str, files: Files, directory: Path, processes: bool) -> Iterator[Measured]:
+def _measure(name: str, files: Files, directory: Path, processes: bool, seconds: float) -> Iterator[Measured]:
     plan = load_plan(*files)
     point_s, _ = _timed(lambda: check(plan))
     widening_s, found = _timed(lambda: envelope(plan))
-    solving = {"plan": point_s, "box": widening_s, "maximal": widening_s}
+    region_s, whole = _timed(lambda: region(plan, timeout=seconds))
+
+    def lines(kind: str) -> list[Line]:
+        made = PlanCertificate(files, create_encoding("relational", plan), deadline=_deadline(kind, seconds))
+        if kind == "region":
+            if not whole.is_exact:
+                raise OutOfTimeError
+            return made.of_region(whole.region)
+        return made.of_plan() if kind == "plan" else made.of_box(found.box, maximal=kind == "maximal")
+
+    solving = {"plan": point_s, "box": widening_s, "maximal": widening_s, "region": region_s}
     for kind, solve in solving.items():
-        path = directory / f"{name}-{kind}.cert"
-        made, size = _timed(partial(produce, plan, files, kind, found.box, path))
-        checked, answer = _timed(partial(run_checker, path, files))
-        verb = "check" if kind == "plan" else "envelope"
-        yield Measured(
-            instance=name,
-            kind=kind,
-            parameters=len(plan.parameters),
-            solve=solve,
-            produce=made,
-            check=checked,
-            size=size,
-            obligations=answer.get("obligations", 0),
-            refuted=answer.get("refuted", 0),
-            rejected=answer.get("reason"),
-            solve_process=_process([*COMMAND, verb, *map(str, files), "--quiet"]) if processes else None,
-            check_process=_timed(partial(verify, path, files, epsilon=EPSILON))[0] if processes else None,
+        verb = {"plan": "check", "region": None}.get(kind, "envelope") if processes else None
+        about = Measured(name, kind, len(plan.parameters), solve, 0, 0, 0, 0, 0)
+        yield _certified(about, partial(lines, kind), directory, files, verb)
+
+
+def measure_choices(name: str, network: Path) -> tuple[Measured, ...]:
+    """An execution of a plan with choices, and that there is none with some of them."""
+    plan = load_team_plan(network)
+    made = IMPOSSIBLE[name]
+    some_s, some = _timed(lambda: Oracle(plan).decide())
+    none_s, none = _timed(lambda: Oracle(plan).decide(checked_assumptions(plan, made)))
+    if some.witness is None or none.verdict is not Existence.NONE:
+        raise RobustError(f"found {some.verdict}, {none.verdict}, expected executions of {name}, and none with {made}")
+    witness = some.witness
+    ways = {
+        "execution": (some_s, lambda: execution(network, EPSILON, witness.scenario, witness.schedule)),
+        "knowledge": (none_s, lambda: knowledge(network, EPSILON, NEVER, made)),
+    }
+    with TemporaryDirectory(prefix="robust-bench-") as directory:
+        return tuple(
+            _certified(Measured(name, kind, 0, solve, 0, 0, 0, 0, 0), lines, Path(directory), (network,))
+            for kind, (solve, lines) in ways.items()
         )
 
 
-def produce(plan: ParametrizedPlan, files: Files, kind: str, box: Box, path: Path) -> int:
-    """Write a certificate; its size in bytes."""
-    made = PlanCertificate(files, create_encoding("relational", plan))
-    lines = made.of_plan() if kind == "plan" else made.of_box(box, maximal=kind == "maximal")
-    return write(lines, path)
+def _deadline(kind: str, seconds: float) -> Deadline:
+    return Deadline.after(seconds) if kind == "region" else NEVER
 
 
-def run_checker(path: Path, files: Files) -> dict[str, Any]:
+def _certified(
+    about: Measured,
+    lines: Callable[[], list[Line]],
+    directory: Path,
+    files: tuple[Path, ...],
+    verb: str | None = None,
+) -> Measured:
+    """Make a certificate and check it; `verb` is the command that solves the same, as a process, if it is to run."""
+    path = directory / f"{about.instance}-{about.kind}.cert"
+    made, size = _timed(lambda: _written(lines, path))
+    about = replace(about, produce=made, size=size or 0)
+    if size is None:
+        return replace(about, rejected="out of time")
+    checked, answer = _timed(partial(run_checker, path, files))
+    return replace(
+        about,
+        check=checked,
+        obligations=answer.get("obligations", 0),
+        refuted=answer.get("refuted", 0),
+        rejected=answer.get("reason"),
+        solve_process=None if verb is None else _process([*COMMAND, verb, *map(str, files), "--quiet"]),
+        check_process=None if verb is None else _timed(partial(verify, path, files, epsilon=EPSILON))[0],
+    )
+
+
+def _written(lines: Callable[[], list[Line]], path: Path) -> int | None:
+    """Its bytes; None if it is not ready in time."""
+    try:
+        return write(lines(), path)
+    except OutOfTimeError:
+        return None
+
+
+def run_checker(path: Path, files: tuple[Path, ...]) -> dict[str, Any]:
     """What the checker says in this process."""
-    demanded = Namespace(certificate=str(path), files=[*map(str, files)], kind=None, box=None, epsilon=str(EPSILON))
-    return report(demanded, Inputs())[1]
+    demanded: dict[str, Any] = {"kind": None, "box": None, "assume": [], "epsilon": str(EPSILON)}
+    return report(Namespace(certificate=str(path), files=[*map(str, files)], **demanded), Inputs())[1]
 
 
 def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
-    started = time.perf_counter()
+    """Seconds of processor time, of this process and of those that it has ended, and what came of the work."""
+    started = _used()
     found = work()
-    return time.perf_counter() - started, found
+    return _used() - started, found
+
+
+def _used() -> float:
+    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return fsum(each.ru_utime + each.ru_stime for each in both)
 
 
 def _process(command: Sequence[str]) -> float:
@@ -161,50 +225,83 @@ BY_PLAN: Columns[Sequence[Measured]] = {
     "parameters": lambda found: found[0].parameters,
     **family("{}", KINDS, lambda kind, found: next((each.text for each in found if each.kind == kind), None)),
 }
+BY_NETWORK: Columns[Sequence[Measured]] = {
+    "instance": lambda found: found[0].instance,
+    **family("{}", OF_CHOICES, lambda kind, found: next((each.text for each in found if each.kind == kind), None)),
+}
 
 
 class CertificateReport(Report[Measured]):
     """All plans and boxes of the recorded data, relational encoding (`python -m benchmarks.certificates`).
     *plan*: valid at the nominal values. *box*: all over the box that widening finds. *maximal*: and no valid box
-    contains it. Solving is the shortest way to the same verdict without a certificate: checking the plan, or widening.
-    Solving and checking are timed in one process that has started already, so that no start-up hides what they take;
-    checking includes the reading of the files.
+    contains it. *region*: exactly the robustness envelope. *execution*: of a plan with choices, a correct execution;
+    *knowledge*: that there is none with two of its choices as assumed. Solving is the shortest way to the same verdict
+    without a certificate: checking the plan, widening, eliminating the times, or the oracle. Solving, producing and
+    checking are timed in one process that has started already, so that no start-up hides what they take; checking
+    includes the reading of the files. Seconds are of processor time.
     """
 
     TITLE = "Certificates"
     SETTINGS: ClassVar[Mapping[str, str]] = {"suite": "suite", "jobs": "jobs"}
     ROW = Measured
 
+    @property
+    def accepted(self) -> list[Measured]:
+        return [each for each in self.rows if not each.rejected]
+
     def sound(self) -> bool:
-        return not any(each.rejected for each in self.rows)
+        return not any(each.rejected and each.size for each in self.rows)
 
     def contents(self) -> list[Table]:
         """By kind, and by plan: seconds of solving, producing and checking; checking / solving; kilobytes."""
-        kinds = [found for kind in KINDS if (found := self.of(kind=kind))]
-        plans = [self.of(instance=name) for name in dict.fromkeys(each.instance for each in self.rows)]
-        title = "Each plan: seconds of solving, producing and checking; checking / solving; kilobytes"
-        return [Table.of("All certificates", TOTALS, kinds), Table.of(title, BY_PLAN, plans)]
+        made = self.accepted
+        kinds = [found for kind in (*KINDS, *OF_CHOICES) if (found := [each for each in made if each.kind == kind])]
+        columns = "seconds of solving, producing and checking; checking / solving; not constant of all obligations; kB"
+        return [
+            Table.of("All certificates", TOTALS, kinds),
+            Table.of(f"Each plan: {columns}", BY_PLAN, _grouped(self.rows)),
+            Table.of(f"Plans with choices: {columns}", BY_NETWORK, _grouped(self.rows, OF_CHOICES)),
+        ]
 
     def remarks(self) -> Sequence[str]:
+        made = self.accepted
         rejected = [each for each in self.rows if each.rejected]
-        boxes = [each for each in self.rows if each.kind != "plan"]
+        boxes = [each for each in made if each.kind in ("box", "maximal")]
         slowest, costliest = max(boxes, key=lambda each: each.check), max(boxes, key=lambda each: each.cost)
-        largest = max(self.rows, key=lambda each: each.size)
+        largest = max(boxes, key=lambda each: each.size)
         plans = len({each.instance for each in self.rows})
-        pairs = [(each.check_process, each.solve_process) for each in self.rows]
+        pairs = [(each.check_process, each.solve_process) for each in made]
         processes = "whole processes, from start to end, `robust check` or `robust envelope` against the checker"
         whole = [check / solve for check, solve in pairs if check and solve]
         return [
-            f"{len(self.rows) - len(rejected)} of {len(self.rows)} certificates of {plans} plans are accepted",
-            f"the median of checking / solving is {median(each.ratio for each in self.rows):.2f}; aim: {MEDIAN:g}",
+            f"{len(made)} of {len(self.rows)} certificates of {plans} plans are accepted",
+            f"the median of checking / solving is {median(each.ratio for each in made):.2f}; aim: {MEDIAN:g}",
             f"no box takes longer to check than {slowest.check:.2f} s ({slowest.instance}); aim: {SLOWEST:g} s",
             f"producing takes at most {costliest.cost:.1f} times solving ({costliest.instance}, {costliest.kind}); "
             f"aim: {COSTLIEST:g} for boxes",
-            f"the largest certificate has {largest.size / 1e3:.1f} kB ({largest.instance}, {largest.kind}); aim: less "
-            f"than {LARGEST / 1e3:g} kB",
+            f"the largest certificate of a box has {largest.size / 1e3:.1f} kB ({largest.instance}, {largest.kind}); "
+            f"aim: less than {LARGEST / 1e3:g} kB",
+            *_of_regions([each for each in made if each.kind == "region"]),
             *([f"{processes}: {max(whole):.2f} at most, {median(whole):.2f} median"] if whole else []),
             *(f"not accepted: {each.instance}, {each.kind}: {each.rejected}" for each in rejected),
         ]
+
+
+def _grouped(rows: Sequence[Measured], kinds: Sequence[str] = KINDS) -> list[list[Measured]]:
+    found: dict[str, list[Measured]] = {}
+    for each in rows:
+        if each.kind in kinds:
+            found.setdefault(each.instance, []).append(each)
+    return list(found.values())
+
+
+def _of_regions(regions: Sequence[Measured]) -> Iterator[str]:
+    if regions:
+        slowest, largest = max(regions, key=lambda each: each.check), max(regions, key=lambda each: each.size)
+        yield (
+            f"of {len(regions)} regions none takes longer to check than {slowest.check:.2f} s ({slowest.instance}), "
+            f"and the largest certificate has {largest.size / 1e3:.1f} kB ({largest.instance})"
+        )
 
 
 def _prepare(options: RecordedOptions, _: object) -> list[tuple[str, Files]]:
@@ -214,11 +311,21 @@ def _prepare(options: RecordedOptions, _: object) -> list[tuple[str, Files]]:
     return plans
 
 
+def _tasks(plans: Sequence[tuple[str, Files]]) -> list[Task]:
+    networks = [(name, (EXAMPLES / name / f"{name}.tpnu.json",)) for name in IMPOSSIBLE]
+    return [Task(name, (name, files)) for name, files in (*plans, *networks)]
+
+
+def work(name: str, files: tuple[Path, ...]) -> tuple[Measured, ...]:
+    """The certificates of one plan, or plan with choices."""
+    return measure_choices(name, *files) if len(files) == 1 else measure(name, (files[0], files[1], files[2]))
+
+
 CERTIFICATES = Experiment(
     "certificates",
     RecordedOptions,
-    lambda _, plans: [Task(name, (name, files)) for name, files in plans],
-    measure,
+    lambda _, plans: _tasks(plans),
+    work,
     CertificateReport,
     lambda found: ", ".join(f"{each.kind} {each.text}" for each in found),
     prepare=_prepare,

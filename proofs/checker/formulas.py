@@ -235,7 +235,7 @@ class Formulas:
                 if last != FALSE:
                     value = self.expression(effect.amount, ("before", point), effect.owner)
                     cases.append((last, plus(value, self.change(fluent, point, moment))))
-            if any(done == TRUE for _, done in assigned):
+            if cases and any(done == TRUE for _, done in assigned):
                 cases[-1] = (TRUE, cases[-1][1])
             else:
                 begins = self.initially(fluent, Fraction(first or 0))

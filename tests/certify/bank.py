@@ -34,9 +34,10 @@ from robust.plan.load import load_plan
 from robust.plan.simulate import simulate
 from robust.qe.box import Interval, Side
 from robust.smt.limits import Deadline
-from tests.certify import adversary, tools
+from tests.certify import adversary, forgeries, tools
+from tests.certify.evaluation import Evaluation, broken_freely, free_formulas
 from tests.certify.test_reader import DOMAIN, PLAN, PROBLEM, WRONG, broken, compare, key
-from tests.certify.texts import Texts, random_texts
+from tests.certify.texts import Texts, random_texts, tangled_texts
 from tests.certify.tools import Checker
 from tests.sampling import sample_parameters, sample_schedules
 
@@ -55,7 +56,17 @@ def probes() -> list[tuple[str, Holds]]:
 @cache
 def _probes() -> list[tuple[str, Holds]]:
     folder = Path(tempfile.mkdtemp(prefix="robust-bank-"))
-    return [*readings(), *wrong_texts(), *within(), *forged(), *with_choices(folder), *commands(folder)]
+    return [
+        *readings(),
+        *free(),
+        *meanings(),
+        *wrong_texts(),
+        *within(),
+        *small(),
+        *forged(),
+        *with_choices(folder),
+        *commands(folder),
+    ]
 
 
 # -- plans -------------------------------------------------------------------------------------------------------------
@@ -93,6 +104,54 @@ def _reading(texts: Texts, plan: Any, random: Random) -> Holds:
         return True
 
     return holds
+
+
+def free(first: int = 0, count: int = 250) -> Iterator[tuple[str, Holds]]:
+    """Formulas over all times at once, at single schedules; half of them with the orders that the network implies."""
+    for seed in range(first, first + count):
+        texts, random = tangled_texts(seed), Random(seed)
+        try:
+            plan, ground = tools.assembled(texts), reader.ground(*texts)
+            parameters = sample_parameters(plan, random)
+            near = random.choice([1, Fraction(3, 4)]) * tools.EPSILON
+            schedules = sample_schedules(plan, parameters, random, 5, epsilon=near)
+            known = [
+                (one, {key(each.obligation) for each in simulate(plan, parameters, one).violations})
+                for one in schedules
+            ]
+            holds = partial(
+                _evaluates, ground=ground, plan=plan, parameters=parameters, known=known, ordered=seed % 2 == 1
+            )
+            fine = holds(tools.CHECKER)
+        except (RobustError, reader.Unsupported):
+            continue
+        if known and not any(_is_negative(want) for _, want in known):
+            assert fine, seed
+            yield f"free {seed}", holds
+
+
+def _is_negative(want: set[object]) -> bool:
+    """Flows of negative length have no meaning."""
+    return any(isinstance(each, tuple) and each[1] == "non-negative duration" for each in want)
+
+
+def _evaluates(by: Checker, ground: Any, plan: Any, parameters: Any, known: list[Any], ordered: bool) -> bool:
+    formulas = free_formulas(ground, plan, parameters if ordered else None, by)
+    for schedule, want in known:
+        found, unseen = (set(map(key, labels)) for labels in broken_freely(formulas, plan, parameters, schedule))
+        apart = {each for each in found if str(each).startswith("separation")}
+        wanted = {each for each in want if not str(each).startswith("separation")}
+        if not found - apart <= wanted or not wanted <= found | unseen or apart != too_near(formulas, plan, schedule):
+            return False
+    return True
+
+
+def too_near(formulas: Any, plan: Any, schedule: Any) -> set[str]:
+    """The separations that the schedule breaks, by the names of the time points in the labels."""
+    times = {str(point): schedule[point] for point in plan.time_points}
+    labels = [label for label, _ in formulas.obligations() if label.startswith("separation: ")]
+    pairs = {label: label.removeprefix("separation: ").split(", ") for label in labels}
+    return {label for label, (a, b) in pairs.items() if abs(times[a] - times[b]) < tools.EPSILON}
 
 
 def wrong_texts() -> Iterator[tuple[str, Holds]]:
@@ -235,6 +294,72 @@ def _changes(value: Any) -> Iterator[Any]:
                 yield from (str(Fraction(value) + away), str(Fraction(value) - away))
 
 
+def small() -> Iterator[tuple[str, Holds]]:
+    """Certificates of the smallest plans: honest ones with all their changes, and those made up with care."""
+    yield "small ranges", ranges
+    for name, texts, lines in forgeries.honest():
+        ground = reader.ground(*texts)
+        tried = [(one, verdict(tools.judged(one, ground))) for one in [lines, *leaf_changes(lines), *named(lines)]]
+        assert tried[0][1] is not None, name
+        yield f"small {name}", partial(_claims, texts=texts, tried=tried)
+    for name, texts, lines in forgeries.made_up():
+        yield f"small {name}", partial(_refuses, texts=texts, lines=lines)
+
+
+def ranges(by: Checker) -> bool:
+    """What is inside of what, against a few values."""
+    ends = [None, Fraction(0), Fraction(1)]
+    sides = [(end, closed) for end in ends for closed in (False, True) if end is not None or not closed]
+    every = [by.claims.Range(*low, *high) for low in sides for high in sides]
+    values = [Fraction(number, 2) for number in range(-2, 5)]
+
+    def inside(one: Any, value: Fraction) -> bool:
+        above = one.lower is None or value > one.lower or (value == one.lower and one.lower_closed)
+        return above and (one.upper is None or value < one.upper or (value == one.upper and one.upper_closed))
+
+    filled = [one for one in every if any(inside(one, value) for value in values)]
+    return all(one.holds(value) == inside(one, value) for one in filled for value in values) and all(
+        one.within(other) == all(inside(other, value) for value in values if inside(one, value))
+        for one in filled
+        for other in filled
+    )
+
+
+def _claims(by: Checker, texts: Texts, tried: list[tuple[list[Any], Any]]) -> bool:
+    ground = by.reader.ground(*texts)
+    return all(verdict(tools.judged(lines, ground, by=by)) == want for lines, want in tried)
+
+
+def meanings() -> Iterator[tuple[str, Holds]]:
+    """Plans that mean nothing to the checker, and a parameter beside a plan."""
+    for name, texts in forgeries.without_meaning():
+        yield f"free of meaning {name}", partial(_means_nothing, texts=texts)
+    yield "free parameter beside", _reads_beside
+
+
+def _means_nothing(by: Checker, texts: Texts) -> bool:
+    try:
+        for _, make in by.formulas.Formulas(by.reader.ground(*texts), tools.EPSILON).obligations():
+            make()
+    except by.reader.Unsupported:
+        return True
+    return False
+
+
+def _reads_beside(by: Checker) -> bool:
+    texts, beside = forgeries.BESIDE
+    for value, breaks in ((Fraction(1), False), (Fraction(1, 2), True)):
+        for given in (None, {"x": {"": value}}):
+            ground = by.reader.ground(*texts, beside)
+            times = {f"@{point}": Fraction(point) for point in range(1, len(ground.points))}
+            points = {name: {"": time} for name, time in times.items()}
+            formulas = by.formulas.Formulas(ground, tools.EPSILON, None if given is None else {**given, **points})
+            (goal,) = [make() for label, make in formulas.obligations() if label.startswith("goal")]
+            if Evaluation(formulas, {"x": value, **times}).true(goal) != breaks:
+                return False
+    return True
+
+
 def within() -> Iterator[tuple[str, Holds]]:
     """A box inside of a valid one is not maximal: of the face that can be moved, that of the larger box is shown."""
     texts = [path.read_text(encoding="utf-8") for path in tools.NAVIGATION]
@@ -248,15 +373,18 @@ def within() -> Iterator[tuple[str, Holds]]:
             for name in widest.intervals:
                 for side in (Side.LOWER, Side.UPPER):
                     box = widest if (name, side) == (moved, away) else smaller
-                    end = box[name].end(side)
-                    assert end is not None
-                    bad = DiscoveredBadSet(encoding)
-                    face = _Face(
-                        ground=ground, encoding=encoding, box=box, bad=bad, name=name, side=side, end=end,
-                        deadline=Deadline.after(60),
-                    )  # fmt: skip
-                    lines += face.lines()
+                    lines += face_of(ground, encoding, box, name, side)
             yield f"within {moved} {away.value}", partial(_refuses, texts=texts, lines=lines)
+
+
+def face_of(ground: Any, encoding: Any, box: Any, name: str, side: Side) -> list[Line]:
+    end = box[name].end(side)
+    assert end is not None
+    bad = DiscoveredBadSet(encoding)
+    face = _Face(
+        ground=ground, encoding=encoding, box=box, bad=bad, name=name, side=side, end=end, deadline=Deadline.after(60)
+    )
+    return face.lines()
 
 
 def _refuses(by: Checker, texts: list[str], lines: list[Line]) -> bool:

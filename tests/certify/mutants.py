@@ -1,6 +1,6 @@
 """How strong the tests of the checker are: small changes to its text, each of which has to be noticed.
 
-    python -m tests.certify.mutants [MODULE ...] [--only PATTERN] [--seconds S]
+    python -m tests.certify.mutants [MODULE ...] [--only PATTERN] [--every N] [--seconds S]
 
 Every comparison, operator, constant, operand, argument, condition and statement of `proofs/checker/` is changed or left
 out, one at a time. The changed checker runs in this process against the bank of `tests.certify.bank`: honest
@@ -38,9 +38,9 @@ ACCEPTED = Path(__file__).with_name("mutants_accepted.txt")
 MODULES = ("reader", "formulas", "proofs", "claims", "choices", "__main__")
 ASKED = {
     "reader": ("reading", "wrong", "forged plan", "oracle", "honest"),
-    "formulas": ("reading", "forged", "oracle", "honest"),
-    "proofs": ("forged", "leaves of plan", "leaves of network", "honest two"),
-    "claims": ("within", "forged plan", "leaves of plan", "honest", "demanded"),
+    "formulas": ("reading", "free", "forged", "oracle", "honest"),
+    "proofs": ("small", "forged", "leaves of plan", "leaves of network", "honest two"),
+    "claims": ("within", "small", "forged plan", "leaves of plan", "honest", "demanded"),
     "choices": ("oracle", "executions", "wrong network", "knowledge", "leaves of network", "leaves of ex", "honest"),
     "__main__": ("wrong", "honest", "demanded", "kitchen", "main"),
 }
@@ -356,6 +356,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Measure the strength of the checker's tests by mutants of its text.")
     parser.add_argument("modules", nargs="*", choices=[[], *MODULES], metavar="MODULE", help=", ".join(MODULES))
     parser.add_argument("--only", default="", metavar="PATTERN", help="only changes whose function and line match this")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="only each N-th of them (1)")
     parser.add_argument("--seconds", type=float, default=SECONDS, metavar="S", help=f"for each ({SECONDS})")
     parser.add_argument("--processes", type=int, default=2, metavar="N", help="how many at a time (2)")
     parser.add_argument("--verbose", action="store_true", help="say of each change what noticed it")
@@ -369,7 +370,8 @@ def main() -> int:
     used = set()
     for module in arguments.modules or MODULES:
         start = time.monotonic()
-        shares = [(module, first, 8, arguments.only, arguments.seconds) for first in range(8)]
+        step = 8 * arguments.every
+        shares = [(module, first, step, arguments.only, arguments.seconds) for first in range(0, step, arguments.every)]
         with multiprocessing.get_context("fork").Pool(arguments.processes) as pool:
             found = [each for share in pool.imap_unordered(measure, shares, chunksize=1) for each in share]
         missed = sorted({(key, before) for key, before, noticed, _ in found if noticed is None})
@@ -387,7 +389,7 @@ def main() -> int:
         for (function, after), before in open_ones:
             print(f"    {function}\n        - {before}\n        + {after}", flush=True)
     print(", ".join(f"{count} by {name}" for name, count in why.most_common()))
-    if not arguments.modules and not arguments.only:
+    if not arguments.modules and not arguments.only and arguments.every == 1:
         for key in fine.keys() - used:
             print(f"no longer left: {key[0]}: {key[1]}")
     return 1 if left else 0

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ast
 import gzip
+import io
 import json
 import os
 import shutil
 import subprocess
 import sys
+import tokenize
 
 import pytest
 
@@ -31,13 +33,24 @@ def test_it_is_short_and_needs_the_standard_library_only():
     total = 0
     for path in FOLDER.glob("*.py"):
         text = path.read_text(encoding="utf-8")
-        total += sum(bool(line.strip()) for line in text.splitlines())
+        total += len(lines_of_code(text))
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.Import):
                 assert {alias.name for alias in node.names} <= ALLOWED, path
             elif isinstance(node, ast.ImportFrom):
                 assert node.level == 1 or (node.module or "").split(".")[0] in ALLOWED, path
-    assert total <= 1600
+    assert 1_000 < total <= 1_500
+
+
+def lines_of_code(text: str) -> set[int]:
+    """The lines that are neither blank, nor comments, nor documentation."""
+    words = tokenize.generate_tokens(io.StringIO(text).readline)
+    silent = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
+    found = {line for word in words if word.type not in silent for line in range(word.start[0], word.end[0] + 1)}
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            found -= {*range(node.lineno, (node.end_lineno or node.lineno) + 1)}
+    return found
 
 
 @pytest.fixture(scope="module")

@@ -225,3 +225,52 @@ class _Drawing:
             chosen = self.random.choice(self.parameters)
             texts = [chosen, chosen] if kind < 2 else [texts[0], chosen] if self.chance(0.5) else [chosen, "inf"]
         return f"c: {target} - {source} in [{texts[0]}, {texts[1]}];"
+
+
+def tangled_texts(seed: int) -> Texts:
+    """A plan whose effects act on the same few things in an order that its network mostly leaves open.
+
+    What changes only if something holds depends on what changes without conditions, so that nothing goes in a circle.
+    """
+    random = Random(seed)
+    pick, number = random.choice, lambda: random.choice(["0", "1", "2", "-1", "0.5"])
+
+    def condition() -> str:
+        relation = f"({pick(['<', '<=', '>', '>=', '='])} {pick(['(f)', '(g)'])} {number()})"
+        return pick(["(a)", "(p)", "(not (p))", relation, relation, f"(or (p) {relation})", f"(and (a) {relation})"])
+
+    def effect() -> str:
+        amount = pick([number(), number(), "(g)", "?duration", "(+ (g) 1)", "(* 2 (g))", "(- (g))", "(/ (g) 2)"])
+        change = pick([pick(["(p)", "(not (p))"]), f"({pick(['assign', 'increase', 'decrease'])} (f) {amount})"])
+        guard = pick(["(a)", "(not (a))", f"(>= (g) {number()})", f"(and (a) (< (g) {number()}))"])
+        plain = pick(["(a)", "(not (a))", f"({pick(['assign', 'increase'])} (g) {number()})"])
+        return pick([plain, change, f"(when {guard} {change})"])
+
+    actions, lines, starts = [], [], list[str]()
+    for index in range(random.randint(2, 3)):
+        effects = [f"(at {pick(['start', 'end'])} {effect()})" for _ in range(random.randint(2, 4))]
+        rate = f"({pick(['increase', 'decrease'])} {pick(['(f)', '(f)', '(g)'])} (* #t {pick(['1', '2', '(h)'])}))"
+        effects += [rate] if random.random() < 0.4 else []
+        asked = f"({pick(['at start', 'at end', 'over all', 'over all'])} {condition()})"
+        actions.append(
+            f"(:durative-action d{index} :parameters () :duration (<= ?duration {pick(['2', '3', '(h)'])})"
+            f" :condition (and {asked}) :effect (and {' '.join(effects)}))"
+        )
+        lines.append(f"durative-action instance i{index} : (d{index});")
+        lines.append(f"c: i{index}.end - i{index}.start in [{pick(['0.5', '1'])}, {pick(['3', 'k'])}];")
+        starts += [f"i{index}.start", f"i{index}.end"]
+    for index in range(2):
+        actions.append(f"(:action w{index} :parameters () :precondition {condition()} :effect ())")
+        lines.append(f"action instance v{index} : (w{index});")
+        starts.append(f"v{index}")
+    lines += [f"c: {point} - .zero in [0, {pick(['4', '6'])}];" for point in starts]
+    for _ in range(random.randint(0, 3)):
+        target, source = random.sample(starts, 2)
+        lines.append(f"c: {target} - {source} in [{pick(['0.001', '-1', '-2'])}, {pick(['4', 'inf'])}];")
+    facts = [each for each in ("(a)", "(p)") if random.random() < 0.5]
+    facts += [f"(= (f) {number()})", f"(= (g) {number()})", f"(= (h) {pick(['1', '2'])})"]
+    return Texts(
+        "(define (domain d) (:predicates (a) (p)) (:functions (f) (g) (h))\n" + "\n".join(actions) + ")\n",
+        f"(define (problem x) (:domain d) (:init {' '.join(facts)}) (:goal {condition()}))\n",
+        "\n".join(["parameter k default 2 lb 1 ub 4;", *lines]) + "\n",
+    )
