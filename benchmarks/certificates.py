@@ -265,7 +265,7 @@ class CertificateReport(Report[Measured]):
 
     def remarks(self) -> Sequence[str]:
         made = self.accepted
-        rejected = [each for each in self.rows if each.rejected]
+        late = [each.instance for each in self.rows if each.rejected and not each.size]
         boxes = [each for each in made if each.kind in ("box", "maximal")]
         slowest, costliest = max(boxes, key=lambda each: each.check), max(boxes, key=lambda each: each.cost)
         largest = max(boxes, key=lambda each: each.size)
@@ -283,7 +283,12 @@ class CertificateReport(Report[Measured]):
             f"aim: less than {LARGEST / 1e3:g} kB",
             *_of_regions([each for each in made if each.kind == "region"]),
             *([f"{processes}: {max(whole):.2f} at most, {median(whole):.2f} median"] if whole else []),
-            *(f"not accepted: {each.instance}, {each.kind}: {each.rejected}" for each in rejected),
+            *([f"no certificate of the region in {REGION:g} s of the clock: {', '.join(late)}"] if late else []),
+            *(
+                f"not accepted: {each.instance}, {each.kind}: {each.rejected}"
+                for each in self.rows
+                if each.size and each.rejected
+            ),
         ]
 
 

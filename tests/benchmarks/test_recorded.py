@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from fractions import Fraction
 from pathlib import Path
 from statistics import median
@@ -12,7 +12,18 @@ from typing import Any
 
 import pytest
 
-from benchmarks.certificates import CERTIFICATES, COSTLIEST, KINDS, LARGEST, MEDIAN, SLOWEST, measure
+from benchmarks.certificates import (
+    CERTIFICATES,
+    COSTLIEST,
+    EXAMPLES,
+    KINDS,
+    LARGEST,
+    MEDIAN,
+    OF_CHOICES,
+    SLOWEST,
+    measure,
+    measure_choices,
+)
 from benchmarks.engine.measure import Ending
 from benchmarks.suite import RecordedInstance, RecordedRun, read_suite
 from robust.api import envelope
@@ -249,11 +260,19 @@ def test_one_plan_is_measured():
     assert min(min(each.solve, each.produce, each.check, each.size) for each in found) > 0
 
 
+@pytest.mark.parametrize("name", ["kitchen", "wing"])
+def test_a_plan_with_choices_is_measured(name):
+    found = measure_choices(name, EXAMPLES / name / f"{name}.tpnu.json")
+    assert [(each.kind, each.rejected) for each in found] == [(kind, None) for kind in OF_CHOICES]
+
+
 @pytest.mark.slow
 def test_all_recorded_plans_and_boxes_have_small_certificates_that_are_checked_quickly(dataset):
     report = CERTIFICATES.run(suite=dataset)
-    assert len(report.rows) == 3 * 61
+    assert len(report.rows) == 4 * 61 + 4
     assert report.agrees
+    report = replace(report, rows=tuple(each for each in report.rows if each.kind in ("plan", "box", "maximal")))
+    assert len(report.accepted) == 3 * 61
     assert median(each.ratio for each in report.rows) < MEDIAN
     assert median(each.cost for each in report.rows if each.kind == "box") < COSTLIEST
     assert max(each.check for each in report.rows if each.kind != "plan") < SLOWEST

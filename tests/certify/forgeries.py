@@ -184,12 +184,16 @@ def made_up() -> Iterator[tuple[str, Texts, list[Line]]]:
     yield "closed by a number", PLAIN, [
         [FORMAT, "box", [["0", 1, "9", 1]]], ["orders"], ["schedule", []], ["kept", [], [], [], [[0, 1]]], NOT_NEGATIVE,
     ]  # fmt: skip
+    nowhere: list[Line] = [["face", ["5", "3"], ["4", "3"]], ["cycle", [1, 2], [[0, 1], [1, 1]]]]
+    yield "bad values on no segment", both("3"), maximal("5", "3", *nowhere)
+    inwards: list[Line] = [["face", ["5", "1"], ["11/2", "1"]], ["cycle", [3, 5], []]]
+    yield "bad values inwards", both("3"), maximal("5", "3", *inwards)
     empty = [[["", "-1"]], False]
-    for piece_of in ([empty], [at_least(3, -1, strict=True), empty]):
-        circle: Line = ["cycle", [0, 2], [[len(piece_of) - 1, 7], [len(piece_of) + 1, 1]]]
-        yield "a side without parameters", LONGER, [
-            [FORMAT, "region", None], ["bad", piece_of], circle, *after_bad(),
-        ]  # fmt: skip
+    for piece_of, root in (([empty], 1), ([at_least(3, -1, strict=True), empty], 2)):
+        refuted: Line = ["refute", [[root + 1], [1], [[0, 1]]], [[], [0, root]]]
+        rest: list[Line] = [["piece", []], ["schedule", []], ["kept", [], [], [], [[0, 1]]], ["rest"], ABSURD]
+        lines: list[Line] = [[FORMAT, "region", None], ["bad", piece_of], ["cycle", [0, 1], [[root - 1, 1]]]]
+        yield "a side without parameters", PLAIN, [*lines, ["good"], ["orders"], refuted, *rest]
     yield from refutations()
     yield from order_lemmas()
 
