@@ -194,6 +194,19 @@ def made_up() -> Iterator[tuple[str, Texts, list[Line]]]:
         rest: list[Line] = [["piece", []], ["schedule", []], ["kept", [], [], [], [[0, 1]]], ["rest"], ABSURD]
         lines: list[Line] = [[FORMAT, "region", None], ["bad", piece_of], ["cycle", [0, 1], [[root - 1, 1]]]]
         yield "a side without parameters", PLAIN, [*lines, ["good"], ["orders"], refuted, *rest]
+    yield (
+        "between good and bad values there is one that is neither",
+        Texts(PLAIN.domain.replace(":duration ()", ":duration (> ?duration 3)"), PLAIN.problem, PLAIN.plan),
+        [
+            [FORMAT, "region", None],
+            ["bad", [at_least(3, -1, strict=True)]],
+            ["broken", 1, [[], [["k", "1"]]], [[], [], [], [[1, 1]]], None],
+            ["refute", [[-2], [1], [[0, 1]]], [[], [0, 1]]],
+            ["good"], ["orders"], NOT_NEGATIVE,
+            ["refute", [[3], [1], [[2, 1]]], [[], [0, 1]]],
+            ["piece", []], ["schedule", []], ["kept", [], [], [], [[0, 1]]], ["rest"], ABSURD,
+        ],
+    )  # fmt: skip
     yield from refutations()
     yield from order_lemmas()
 
@@ -266,6 +279,21 @@ def without_meaning() -> Iterator[tuple[str, Texts]]:
         ("a fluent without value", ["(at end (increase (e) 1))"], "(> (e) 0)"),
     ):
         yield name, two_actions(effects, goal)
+    for name, effect in (("assigned", "(at end (assign (g) 2))"), ("changed", "(increase (g) (* #t 1))")):
+        yield f"a rate that is {name} while it acts", rate_that_changes(effect)
+
+
+def rate_that_changes(effect: str) -> Texts:
+    """Where the rate's value before the action begins is a number."""
+    lengths = ("i.start - .zero in [0, 0]", "i.end - i.start in [4, 4]", "j.start - i.start in [1, 1]")
+    return Texts(
+        "(define (domain d) (:predicates (p)) (:functions (f) (g))\n"
+        "(:durative-action d :parameters () :duration () :condition () :effect (increase (f) (* #t (g))))\n"
+        f"(:durative-action e :parameters () :duration () :condition () :effect {effect}))",
+        "(define (problem x) (:domain d) (:init (= (f) 1) (= (g) 1)) (:goal (> (f) 0)))",
+        "durative-action instance i : (d); durative-action instance j : (e);\n"
+        + "\n".join(f"c: {length};" for length in (*lengths, "j.end - j.start in [1, 1]")),
+    )
 
 
 def two_actions(effects: list[str], goal: str) -> Texts:
