@@ -460,8 +460,8 @@ def risk(
         plan: the plan, see :func:`robust.plan.load.load_plan`.
         distributions: of each parameter, such as `{"a": "normal:30:5", "b": "uniform:10:20"}`, see
             :mod:`robust.probability.distributions`.
-        given: other options, the fields of :class:`robust.options.RiskOptions`: `world`, `within`, `draws`, `epsilon`,
-            `encoding`, `solver`, `timeout`, `on_bounds`, `on_stage`.
+        given: other options, the fields of :class:`robust.options.verbs.RiskOptions`: `world`, `within`, `draws`,
+            `epsilon`, `encoding`, `solver`, `timeout`, `on_bounds`, `on_stage`.
 
     Returns:
         Bounds that hold whatever ended the search; which obligations take the rest; and how probable boxes are.
