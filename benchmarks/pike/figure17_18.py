@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 from robust.codec import plain
 from robust.errors import InputError
 from robust.execute.drive import run_in_world
+from robust.pike_bridge.k_intents import random_k_intents
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.progress import Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner
@@ -28,7 +29,6 @@ from ..catalogue import Figure17Options, Figure18Options
 from ..engine.experiment import Experiment, Report, Task
 from ..engine.show import NOTHING, Columns, Panel, Series, Table, number
 from ..engine.stats import LineFit, Mean
-from ..generators.pike import random_k_intents
 from .baselines import Mode, Script, ScriptedTeam, TeamExecutive, Timed, draw_script, execution_faults, make_executive
 
 SMALLEST = 2

@@ -91,10 +91,8 @@ class ParameterSpec:
     location: Location | None = field(default=None, compare=False)
 
 
-def parse_spec(text: str) -> ParameterSpec:
-    """The specification in an option's text; InputError says what is wrong in which option."""
-    location = Location(f"--parameter {shorten(text)}")
-    head, *settings = text.split(",")
+def attributes_of(settings: Iterable[str], location: Location) -> dict[str, Fraction | None]:
+    """What texts such as `weight=2` and `lb=1/3` say of a parameter; InputError for any other text."""
     attributes: dict[str, Fraction | None] = {}
     for setting in settings:
         word, equals, value = (part.strip() for part in setting.partition("="))
@@ -103,6 +101,14 @@ def parse_spec(text: str) -> ParameterSpec:
             message = f"found {shorten(setting.strip())}, expected weight=W, lb=L, ub=U or default=D{hint}"
             raise InputError(message, location)
         set_attribute(attributes, word, value, location)
+    return attributes
+
+
+def parse_spec(text: str) -> ParameterSpec:
+    """The specification in an option's text; InputError says what is wrong in which option."""
+    location = Location(f"--parameter {shorten(text)}")
+    head, *settings = text.split(",")
+    attributes = attributes_of(settings, location)
     match = _SPEC.fullmatch(head)
     if match is None:
         name = head.strip()

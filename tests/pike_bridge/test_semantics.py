@@ -9,13 +9,13 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.generators.pike import k_intents
 from robust.errors import InputError, SolverError
 from robust.pike_bridge import knowledge
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence
 from robust.pike_bridge.compile import Checking, Compiling, PlanVerdict, Temporal
 from robust.pike_bridge.cross_check import Subject, cross_check, differing, propositional, shrink, subjects
+from robust.pike_bridge.k_intents import k_intents
 from robust.pike_bridge.knowledge import Registration
 from robust.pike_bridge.knowledge.interface import Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase

@@ -30,7 +30,7 @@ from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number, shorten
 from robust.pike_bridge.model import Activity, Constraint, TeamPlan, Tpnu
 from robust.plan.model import Parameter, ParameterReference
-from robust.plan.parameters import ATTRIBUTES, kind_of, number_text, set_attribute, toml_document
+from robust.plan.parameters import ATTRIBUTES, attributes_of, kind_of, number_text, set_attribute, toml_document
 from robust.plan.pddl.forms import read_text
 from robust.plan.polynomial import Polynomial
 from robust.plan.stn import ParameterDeclaration, bad_parameter_name, check_range, is_parameter_name
@@ -136,14 +136,7 @@ def parse_spec(text: str) -> TeamParameterSpec:
     """The specification in an option's text; InputError says what is wrong in which option."""
     location = Location(f"--parameter {shorten(text)}")
     head, *settings = _parts(text)
-    attributes: dict[str, Fraction | None] = {}
-    for setting in settings:
-        word, equals, value = (part.strip() for part in setting.partition("="))
-        if word not in ATTRIBUTES or not equals:
-            hint = did_you_mean(word, ("weight", "lb", "ub", "default"))
-            message = f"found {shorten(setting.strip())}, expected weight=W, lb=L, ub=U or default=D{hint}"
-            raise InputError(message, location)
-        set_attribute(attributes, word, value, location)
+    attributes = attributes_of(settings, location)
     match = _SPEC.fullmatch(head)
     if match is None:
         raise InputError(f"found {shorten(head.strip())}, expected [NAME=]{_EXPECTED}", location)

@@ -6,8 +6,8 @@ from random import Random
 
 import pytest
 
-from benchmarks.generators.pike import k_intents
 from robust.errors import InputError
+from robust.pike_bridge.k_intents import k_intents
 from robust.pike_bridge.model import Choice, Constraint, guard
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Completion, Executed, Progress
