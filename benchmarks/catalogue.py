@@ -267,7 +267,7 @@ class Table2Options(TableOptions):
     battery: Fraction | None = option(None, "the charge at the beginning; else 520", metavar="B", read=exact)
 
 
-class Figure21Options(LocalOptions, Plot):
+class Figure21Options(LongOptions, Plot):
     """Compile random plans with choices: the number of prime implicants over that of models.
 
     Prime implicants beside models of plans with choices.
@@ -289,7 +289,7 @@ class Figure20aOptions(Figure21Options):
     backends: tuple[str, ...] = _many("only this one of those in the table", "--backend", "NAME")
 
 
-class Figure20bOptions(LocalOptions, Plot):
+class Figure20bOptions(LongOptions, Plot):
     """Execute the random plans with choices that admit it: how long each back end takes to decide.
 
     Latency of executions of plans with choices, by every back end.
@@ -303,7 +303,7 @@ class Figure20bOptions(LocalOptions, Plot):
     limit: float = _limit("60", "seconds for each compilation and execution", "--timeout", "--limit")
 
 
-class HesitationOptions(LocalOptions):
+class HesitationOptions(LongOptions):
     """Execute plans with choices with humans who hesitate: who waits for them, who does not, and who knew.
 
     Executions of plans with choices with humans who hesitate.
