@@ -26,10 +26,10 @@ from statistics import median
 from typing import Any
 
 from robust.errors import RobustError
+from robust.sweeps import measure
 
 from .catalogue import EXPERIMENTS
 from .certificates import CERTIFICATES
-from .engine import measure
 from .engine.experiment import Experiment
 from .engine.show import Columns, Table, number, page
 from .suite import DELIVERIES, Delivery, read_deliveries

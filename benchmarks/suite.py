@@ -21,8 +21,7 @@ from robust.errors import InputError, Location
 from robust.numbers import parse_end
 from robust.plan.pddl.forms import read_text
 from robust.qe.box import Box, Interval
-
-from .engine.measure import Files
+from robust.sweeps.measure import Files
 
 FILE_NAME = "recorded-results.json"
 DELIVERIES = Path("robot-delivery", "instances.json")

@@ -10,10 +10,10 @@ from typing import Any, ClassVar, Generic, TypeVar, get_type_hints
 
 from robust.codec import plain
 from robust.errors import RobustError
+from robust.sweeps.pool import Task, Work
+from robust.sweeps.sweep import Failure, Progress, Sweep, restored, run_sweep
 
-from .pool import Task, Work
 from .show import Panel, Table, bullets, draw, page
-from .sweep import Failure, Progress, Sweep, restored, run_sweep
 
 __all__ = ["Experiment", "Report", "Results", "Task"]
 

@@ -17,8 +17,7 @@ from pathlib import Path
 
 import robust
 from robust.plan.pddl.forms import read_text
-
-from ..engine.measure import Files, write_files
+from robust.sweeps.measure import Files, write_files
 
 GENERATING_SET = Path(robust.__file__).parent / "examples" / "generator" / "domain.pddl"
 

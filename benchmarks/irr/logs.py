@@ -26,10 +26,10 @@ from robust.plan.pddl.forms import read_text
 from robust.plan.timed import TimedPlan, read_timed_plan, write_timed_plan
 from robust.processes import Ended
 from robust.show.drawing import BLUE, GREEN, VERMILION
+from robust.sweeps.measure import COMMAND, complaint, measured
 
 from ..catalogue import LogsOptions
 from ..engine.experiment import Experiment, Report, Task
-from ..engine.measure import COMMAND, complaint, measured
 from ..engine.show import NOTHING, Columns, Panel, Series, Table, number
 
 FILE_NAME = "plans.json"

@@ -25,9 +25,9 @@ from robust.pike_bridge.random_plans import DEFAULT, FEASIBLE, random_plan
 from robust.pike_bridge.scenarios import candidate_subplans
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.show.drawing import BLACK, BLUE
+from robust.sweeps import measure
 
 from ..catalogue import Figure20aOptions, Figure21Options
-from ..engine import measure
 from ..engine.experiment import Experiment, Report, Task
 from ..engine.show import COLOURS, NOTHING, Columns, Panel, Series, Table, family, middle, number, quantile
 

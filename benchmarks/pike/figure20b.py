@@ -32,14 +32,14 @@ from robust.pike_bridge.online.world import SimulatedTeam, Story
 from robust.pike_bridge.random_plans import random_plan
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from robust.sweeps.measure import complaint, measured
+from robust.sweeps.pool import text_of
+from robust.sweeps.sweep import Progress as Watching
+from robust.sweeps.sweep import restored
 
 from ..catalogue import Figure20bOptions
 from ..engine.experiment import Experiment, Report, Task
-from ..engine.measure import complaint, measured
-from ..engine.pool import text_of
 from ..engine.show import COLOURS, NOTHING, Columns, Panel, Series, Table, middle, number, quantile
-from ..engine.sweep import Progress as Watching
-from ..engine.sweep import restored
 from .baselines import Timed
 from .figure20a_21 import GRACE, instance_name
 

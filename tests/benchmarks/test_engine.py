@@ -20,12 +20,12 @@ from statistics import correlation, linear_regression, stdev
 import pytest
 
 import robust
-from benchmarks.engine import pool
-from benchmarks.engine.pool import ATTEMPTS, Task
 from benchmarks.engine.show import quantile
 from benchmarks.engine.stats import LineFit, Mean, Pairing, Proportion
-from benchmarks.engine.sweep import SCHEMA, Store, key_of, run_sweep
 from robust.errors import InputError, UnsupportedError
+from robust.sweeps import pool
+from robust.sweeps.pool import ATTEMPTS, Task
+from robust.sweeps.sweep import SCHEMA, Store, key_of, run_sweep
 from tests.benchmarks.conftest import navigation
 from tests.children import eventually, is_running
 

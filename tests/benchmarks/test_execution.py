@@ -8,7 +8,6 @@ from fractions import Fraction
 import pytest
 
 from benchmarks.engine.stats import Pairing, Proportion
-from benchmarks.engine.sweep import Failure
 from benchmarks.generators.plans import delivery_order, delivery_plan, drawn_plan
 from benchmarks.irr import conversions, tables
 from benchmarks.irr.conversions import Kind, Removal, Source, convert_and_judge, edges_of, is_allowed, judge_constraints
@@ -34,6 +33,7 @@ from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.timed import parse_timed_plan
 from robust.smt.limits import Deadline
+from robust.sweeps.sweep import Failure
 from tests.benchmarks.conftest import checked, rendered, run
 from tests.execute.plans import EPSILON, converted
 from tests.execute.test_convert import DOMAIN, problem

@@ -19,8 +19,7 @@ import msgspec
 import robust
 from robust.errors import InputError
 from robust.records import RecordFile, RecordFormat
-
-from .pool import ClusterLostError, Outcome, Task, Work, outcomes_of, text_of
+from robust.sweeps.pool import ClusterLostError, Outcome, Task, Work, outcomes_of, text_of
 
 SCHEMA = "robust/sweep-store/3"
 Progress = Callable[[int, int, str], None]
