@@ -31,7 +31,6 @@ class ExperimentCommand(Command):
 def _carry_out(entry: Any, options: Any, run: Run) -> int:
     with run.guard.working():
         experiment = entry.load()
-        from robust.show.text import console
     run.guard.hand_over()  # it starts processes, and returns what it has by itself
     run.display.say("running")
     report = experiment.run(options, on_result=run.display.batch)
@@ -41,7 +40,7 @@ def _carry_out(entry: Any, options: Any, run: Run) -> int:
     else:
         with answering():
             for table in report.tables:
-                console().print(table.rich(), markup=True)
+                run.console().print(table.rich(), markup=True)
     if not report.complete:
         return UNDECIDED
     return 0 if report.agrees else 1

@@ -74,12 +74,12 @@ def certify(options: CertifyCommand, run: Run) -> int:
         **{key: found.answer[key] for key in ("kind", "claim", "epsilon", "files", "obligations", "refuted")},
     )
 
-    def tell(_out: Console) -> None:
-        print(f"certificate: {options.output}, {size} bytes, checked")
+    def tell(out: Console) -> None:
+        out.print(f"certificate: {options.output}, {size} bytes, checked", soft_wrap=True)
         if not options.quiet:
-            print("\n".join(_shown(found)))
+            out.print("\n".join(_shown(found)), soft_wrap=True)
             if holes is not None:
-                print(f"alethe: {options.alethe}, {holes} holes")
+                out.print(f"alethe: {options.alethe}, {holes} holes", soft_wrap=True)
 
     run.answer(lambda: documents.document(answer), tell)
     return 0
@@ -125,7 +125,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
         seconds=round(seconds, 6),
         **{key: found.answer.get(key) for key in said},
     )
-    run.answer(lambda: documents.document(answer), lambda _out: print("\n".join(_shown(found))))
+    run.answer(lambda: documents.document(answer), lambda out: out.print("\n".join(_shown(found)), soft_wrap=True))
     return int(found.outcome.value)
 
 

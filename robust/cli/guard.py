@@ -237,7 +237,8 @@ class Run:
         talks = getattr(options, "quiet", False) or getattr(options, "verbose", False)
         self._quiet = bool(getattr(options, "quiet", False))
         self._notes: list[str] = []
-        self.display = Display(shown=hasattr(options, "quiet") and not talks, what="reading")
+        self._color: str = getattr(options, "color", "auto")
+        self.display = Display(shown=hasattr(options, "quiet") and not talks, what="reading", color=self._color)
 
     def __enter__(self) -> Run:
         self.display.start()
@@ -342,10 +343,14 @@ class Run:
         if self._json:
             print_json({**document(), "notes": self._notes} if self._notes else document())
             return
-        from robust.show.text import console
-
         with answering():
-            text(console())
+            text(self.console())
+
+    def console(self) -> Console:
+        """Where answers for people are printed."""
+        from robust.show.console import console
+
+        return console(color=self._color)
 
 
 def carry_out(guard: Guard, asked: Action[Any], given: Mapping[str, Any]) -> int:

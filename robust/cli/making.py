@@ -96,7 +96,7 @@ def _export(options: ConvertCommand, run: Run, plan: Path) -> int:
 
     run.answer(
         lambda: stnu.export_document(network),
-        lambda _out: print(f"network: {network.name}, {network.size}"),
+        lambda out: out.print(f"network: {network.name}, {network.size}", soft_wrap=True),
     )
     return 0
 
@@ -132,12 +132,15 @@ def _show(options: ConvertCommand, run: Run, found: Conversion, notes: Sequence[
     if options.stnu is not None:
         written["stnu"] = str(options.stnu)
 
-    def tell(_out: Console) -> None:
+    def tell(out: Console) -> None:
         if options.output is None:
             sys.stdout.write(stn)
             sys.stdout.flush()
         for line in () if options.quiet else _summary(found, written):
-            print(line, file=sys.stderr if options.output is None else sys.stdout)
+            if options.output is None:
+                print(line, file=sys.stderr)
+            else:
+                out.print(line, soft_wrap=True)
 
     run.answer(lambda: made.convert(options, found, stn, beside or None, written), tell)
 
@@ -362,16 +365,14 @@ _NEXT = (
 
 
 @action(DemoCommand, epilog=None)
-def demo(_options: DemoCommand, run: Run) -> int:
+def demo(options: DemoCommand, run: Run) -> int:
     """Take a tour: check and envelope on examples that come with the program."""
-    from robust.show.text import console
-
     with answering():
-        return _take_tour(console(), run)
+        return _take_tour(run.console(), run, options.color)
     return 0  # whoever read it has left
 
 
-def _take_tour(out: Console, run: Run) -> int:
+def _take_tour(out: Console, run: Run, color: str) -> int:
     from rich.text import Text
 
     def show_command(*words: str) -> None:
@@ -386,7 +387,7 @@ def _take_tour(out: Console, run: Run) -> int:
                 out.print()
                 out.print(Text(step.text), soft_wrap=True)
                 show_command("robust", step.command, *step.words)
-                if _carry_out(step, run) == UNDECIDED:
+                if _carry_out(step, run, color) == UNDECIDED:
                     return UNDECIDED
         out.print()
     out.print(Text("Where to go next", style="bold"))
@@ -395,9 +396,10 @@ def _take_tour(out: Console, run: Run) -> int:
     return 0
 
 
-def _carry_out(step: _Step, run: Run) -> int:
+def _carry_out(step: _Step, run: Run, color: str) -> int:
     found: Action[Any] = plans.check if step.command == "check" else plans.envelope
-    return carry_out(run.guard, found, read_options(found.options, step.words) or {})
+    given = read_options(found.options, step.words) or {}
+    return carry_out(run.guard, found, {**given, "color": color})
 
 
 @contextmanager

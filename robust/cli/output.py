@@ -90,10 +90,11 @@ _ROWS = 12
 class Display:
     """A few lines that follow the work and disappear at its end."""
 
-    def __init__(self, *, shown: bool, what: str) -> None:
+    def __init__(self, *, shown: bool, what: str, color: str = "auto") -> None:
         self._shown = shown and sys.stderr is not None and sys.stderr.isatty()
         self._started = time.monotonic()
         self._what = what
+        self._color = color
         self._step: Step | None = None
         self._live: Live | None = None
 
@@ -101,10 +102,11 @@ class Display:
         """Show it, if there is a terminal to show it on."""
         if not self._shown:
             return
-        from rich.console import Console
         from rich.live import Live
 
-        out = Console(file=sys.stderr, markup=False, highlight=False, emoji=False)
+        from robust.show.console import console
+
+        out = console(sys.stderr, self._color)
         self._live = Live(get_renderable=self._render, console=out, transient=True, refresh_per_second=8)
         self._live.start()
 

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 from robust.options.declare import (
     STNU_SUFFIXES,
     Number,
-    Options,
     argument,
     not_negative,
     option,
@@ -27,6 +26,7 @@ from robust.options.declare import (
 )
 from robust.options.shared import (
     METHODS,
+    Colored,
     Json,
     Limited,
     Output,
@@ -257,5 +257,5 @@ class StnuRepairCommand(StnuFiles):
             raise InputError("found several networks, expected one to write", place_of("output"))
 
 
-class DemoCommand(Options):
+class DemoCommand(Colored):
     """Of `robust demo`."""

@@ -97,7 +97,18 @@ class Export(Options):
     smt2: str | Path | None = option(None, "write every query to DIR as SMT-LIB", metavar="DIR", path=True, rank=EXPORT)
 
 
-class Json(Options):
+class Colored(Options):
+    """An answer for people."""
+
+    color: str = option(
+        "auto",
+        "auto: on a terminal, and as NO_COLOR and FORCE_COLOR say; else whatever they say, and wherever it goes",
+        choices=("auto", "always", "never"),
+        rank=OUTPUT,
+    )
+
+
+class Json(Colored):
     """An answer for programs."""
 
     json: bool = option(False, "print one JSON object on stdout", rank=OUTPUT)

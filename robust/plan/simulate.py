@@ -192,6 +192,13 @@ class Simulation:
     network_violations: tuple[str, ...]
 
     @property
+    def constants(self) -> frozenset[Fluent]:
+        """Fluents that never change: distances and the like. What breaks is said with their values."""
+        first, *later = self.trace
+        changing = {fluent for step in later for fluent in step.fluents}
+        return frozenset(fluent for fluent in first.fluents if fluent not in changing)
+
+    @property
     def valid(self) -> bool:
         """The schedule is allowed and breaks no obligation."""
         return not self.violations and not self.network_violations

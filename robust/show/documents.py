@@ -124,10 +124,10 @@ class Counterexample(JsonObject):
     Attributes:
         obligation: what breaks
         parameters: values by parameter
-        schedule: times by time point
+        schedule: times by time point of an action; those of the beginning and of timed literals never vary
         violations: all obligations that this schedule breaks
         trace: the happenings in order of time, each with the atoms it changed to true or false and the fluents that
-            changed since the one before
+            changed since the one before; constant fluents are left out
     """
 
     obligation: str
@@ -138,17 +138,18 @@ class Counterexample(JsonObject):
 
 
 def _counterexample(found: checks.Counterexample) -> Counterexample:
+    constant = found.simulation.constants
     return like(
         Counterexample,
         found,
-        schedule=exact(found.schedule),
+        schedule=exact({point: when for point, when in found.schedule.items() if point.instance}),
         violations=broken(found.simulation.violations),
         trace=[
             Happening(
                 time=step.time,
                 happenings=[str(point) for point in step.points],
                 atoms={str(atom): value for atom, value in step.atoms_changed},
-                fluents=exact(step.fluents),
+                fluents=exact({one: value for one, value in step.fluents.items() if one not in constant}),
             )
             for step in found.simulation.trace
         ],

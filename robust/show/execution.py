@@ -23,9 +23,10 @@ from robust.irr.stops import advice
 from robust.numbers import end, interval_text, plural, readable
 from robust.plan.model import ActionInstance
 from robust.qe.box import Side
+from robust.show.console import show_table, table
 from robust.show.gantt import Bar, Chart, Lane, Mark, draw_chart
 from robust.show.made import summary
-from robust.show.text import percentages, print_advice, show_table, table
+from robust.show.text import percentages, print_advice
 
 _GUARANTEES = {
     Guarantee.DYNAMIC: "dynamically controllable: the plan succeeds while observations are inside",

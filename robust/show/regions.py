@@ -26,8 +26,9 @@ from robust.qe.inner import Factor
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
+from robust.show.console import show_table, table
 from robust.show.drawing import save
-from robust.show.text import percentage, print_advice, show_table, table
+from robust.show.text import percentage, print_advice
 
 MANY = 20
 """Pieces up to which a region is shown as a union by default."""
@@ -68,8 +69,8 @@ def tidied(region: Region) -> Region:
 def print_latex(out: Console, result: RegionResult) -> None:
     """A formula; what it is, if not the envelope, in a comment."""
     if not result.is_exact:
-        out.print(Text(f"% {_stopped(result)}: {result.meaning}"), soft_wrap=True)
-    out.print(Text(result.region.to_latex()), soft_wrap=True)
+        out.print(Text(f"% {_stopped(result)}: {result.meaning}"), soft_wrap=True, no_wrap=True)
+    out.print(Text(result.region.to_latex()), soft_wrap=True, no_wrap=True)
 
 
 def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:

@@ -18,9 +18,9 @@ from robust.probability.blame import Share
 from robust.probability.measure import Bounds
 from robust.probability.packing import Estimate
 from robust.probability.risk import RiskResult, RiskStatus
+from robust.show.console import show_table, table
 from robust.show.documents import Document, Ends, Noted, box_of, document
 from robust.show.probabilities import Range, bounds_text, decimal, places_for, range_of
-from robust.show.text import show_table, table
 
 # -- JSON --------------------------------------------------------------------------------------------------------------
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence, Set
 from fractions import Fraction
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
-from rich import box as borders
 from rich.console import Console
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -21,26 +17,12 @@ from robust.numbers import approximate, duration, end, plural, readable, readabl
 from robust.plan.model import Fluent, Parameter
 from robust.plan.simulate import TraceStep, Violation
 from robust.qe.box import Interval, Side
+from robust.show.console import show_table, table
 
 if TYPE_CHECKING:
     from robust.irr.quantities import Change
 
-_WIDE = 160
-"""Columns where the output is no terminal: nothing is to be cut, and lines are to stay readable."""
 _COLOURS = {Answer.PROVED: "green", Answer.REFUTED: "bold red", Answer.UNKNOWN: "yellow"}
-
-
-def console(stream: TextIO | None = None) -> Console:
-    """Where answers are printed: texts of users are never taken for markup."""
-    stream = stream or sys.stdout
-    width = None if stream.isatty() or os.environ.get("COLUMNS", "").isdigit() else _WIDE
-    return _Console(file=stream, width=width, markup=False, highlight=False, emoji=False)
-
-
-class _Console(Console):
-    def on_broken_pipe(self) -> None:
-        """Leave it to the caller, who knows the exit code; rich would end the process with its own."""
-        raise BrokenPipeError
 
 
 # -- check -----------------------------------------------------------------------------------------------------------
@@ -139,7 +121,7 @@ def print_counterexample(out: Console, found: Counterexample) -> None:
     if found.parameters:
         values = ", ".join(f"{name} = {readable(value)}" for name, value in found.parameters.items())
         out.print(Text(f"  parameters: {values}"), soft_wrap=True)
-    constant = _constant_fluents(found)
+    constant = found.simulation.constants
     rows = (
         _violation_cells(step) if isinstance(step, Violation) else _step_cells(step, constant)
         for step in _told(found, constant)
@@ -157,14 +139,7 @@ def _with_violations(found: Counterexample) -> Iterator[TraceStep | Violation]:
     yield from pending
 
 
-def _constant_fluents(found: Counterexample) -> set[Fluent]:
-    """Fluents that never change: distances and the like, which would hide the rest. What breaks is said with values."""
-    first, *later = found.simulation.trace
-    changing = {fluent for step in later for fluent in step.fluents}
-    return {fluent for fluent in first.fluents if fluent not in changing}
-
-
-def _told(found: Counterexample, left_out: set[Fluent]) -> Iterator[TraceStep | Violation]:
+def _told(found: Counterexample, left_out: Set[Fluent]) -> Iterator[TraceStep | Violation]:
     """What there is to tell: without steps that change nothing, and timed literals after all else."""
     steps = list(_with_violations(found))
     while isinstance(last := steps[-1], TraceStep) and not any(point.instance for point in last.points):
@@ -179,7 +154,7 @@ def _told(found: Counterexample, left_out: set[Fluent]) -> Iterator[TraceStep | 
             yield step
 
 
-def _step_cells(step: TraceStep, left_out: set[Fluent]) -> tuple[str, ...]:
+def _step_cells(step: TraceStep, left_out: Set[Fluent]) -> tuple[str, ...]:
     changes = [f"{'+' if value else '−'} {atom}" for atom, value in step.atoms_changed]
     fluents = [f"{fluent} = {readable(value)}" for fluent, value in step.fluents.items() if fluent not in left_out]
     points = (str(point) if point.time is None else f"@{readable(point.time)}" for point in step.points)
@@ -322,26 +297,3 @@ def _total(result: EnvelopeResult) -> str:
         return ""
     weighted = any(parameter.weight != 1 for parameter in result.parameters)
     return f": total {'weighted ' if weighted else ''}width {readable(result.bound)}"
-
-
-# -- shared ----------------------------------------------------------------------------------------------------------
-
-
-def table(columns: Sequence[str], rows: Iterable[Sequence[str | Text]] = (), *, right: Iterable[str] = ()) -> Table:
-    """A table, with numbers to the right."""
-    aligned = set(right)
-    found = Table(box=borders.SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="bold")
-    for column in columns:
-        found.add_column(column, justify="right" if column in aligned else "left", overflow="fold")
-    for row in rows:
-        found.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
-    return found
-
-
-def show_table(out: Console, shown: Table) -> None:
-    """Print a table without blanks at the ends of lines."""
-    with out.capture() as capture:
-        out.print(Padding(shown, (0, 0, 0, 2), expand=False))
-    for line in capture.get().splitlines():
-        out.file.write(f"{line.rstrip()}\n")
-    out.file.flush()

@@ -1,0 +1,127 @@
+"""Where answers are printed: colours if wanted, tables, and lines that stay readable where there is little room."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TextIO
+
+from rich import box as borders
+from rich.cells import cell_len
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Column, Table
+from rich.text import Text
+
+WIDE = 160
+"""Columns where the output is no terminal: nothing is to be cut, and lines are to stay readable."""
+NARROW = 80
+"""Columns below which lines are broken between words; else terminals do that, and copied lines stay whole."""
+_MARGIN = 2
+_COLORS: Mapping[str, Mapping[str, Any]] = {
+    "auto": {},  # where there is a terminal, and as NO_COLOR and FORCE_COLOR say
+    "always": {"force_terminal": True, "color_system": "standard", "no_color": False},
+    "never": {"color_system": None},
+}
+
+
+def console(stream: TextIO | None = None, color: str = "auto", width: int | None = None) -> Console:
+    """Where to print: texts of users are never taken for markup.
+
+    Args:
+        stream: standard output, if not given.
+        color: `auto`, `always` or `never`.
+        width: columns; if not given, those of the terminal or of the variable COLUMNS, else :data:`WIDE`.
+    """
+    stream = stream or sys.stdout
+    if width is None and not stream.isatty() and not os.environ.get("COLUMNS", "").isdigit():
+        width = WIDE
+    return _Console(file=stream, width=width, markup=False, highlight=False, emoji=False, **_COLORS[color])
+
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave it to the caller, who knows the exit code; rich would end the process with its own."""
+        raise BrokenPipeError
+
+    def print(self, *objects: Any, **how: Any) -> None:
+        """As by rich; lines that may be longer than the terminal are broken between words if it is narrow."""
+        if how.get("soft_wrap") and not how.get("no_wrap") and self.width < NARROW:
+            for one in objects:
+                for line in (one if isinstance(one, Text) else Text(str(one))).split("\n", allow_blank=True):
+                    self._print_broken(line)
+            return
+        super().print(*objects, **how)
+
+    def _print_broken(self, line: Text) -> None:
+        """A line, what follows in others a little further to the right."""
+        indent = len(line.plain) - len(line.plain.lstrip(" "))
+        parts = line[indent:].wrap(self, max(self.width - indent - _MARGIN, 10)) if line.plain.strip() else [Text()]
+        for index, part in enumerate(parts):
+            part.rstrip()
+            super().print(Text(" " * (indent + _MARGIN * (index > 0))).append_text(part), soft_wrap=True)
+
+
+# -- tables ------------------------------------------------------------------------------------------------------------
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[str | Text]] = (), *, right: Iterable[str] = ()) -> Table:
+    """A table, with numbers to the right."""
+    aligned = set(right)
+    found = Table(box=borders.SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="bold")
+    for column in columns:
+        found.add_column(column, justify="right" if column in aligned else "left", overflow="fold")
+    for row in rows:
+        found.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
+    return found
+
+
+def show_table(out: Console, shown: Table) -> None:
+    """Print a table without blanks at the ends of lines; row by row, if not even its words have room side by side."""
+    widths = _widths(shown, out.width - _MARGIN - 3 * (len(shown.columns) - 1))
+    if widths is None:
+        _show_rows(out, shown)
+        return
+    for column, width in zip(shown.columns, widths, strict=True):
+        column.width = width
+    with out.capture() as capture:
+        out.print(Padding(shown, (0, 0, 0, _MARGIN), expand=False))
+    for line in capture.get().splitlines():
+        out.file.write(f"{line.rstrip()}\n")
+    out.file.flush()
+
+
+def _widths(shown: Table, room: int) -> list[int] | None:
+    """Widths at which no word is cut; None if there are none. Long texts get what others leave."""
+    sizes = [_sizes(column) for column in shown.columns]
+    left = room - sum(least for least, _ in sizes)
+    if left < 0:
+        return None
+    found: list[int] = []
+    for least, most in sorted(sizes, key=lambda size: size[1] - size[0]):
+        found.append(least + min(most - least, left // (len(sizes) - len(found))))
+        left -= found[-1] - least
+    order = sorted(range(len(sizes)), key=lambda index: sizes[index][1] - sizes[index][0])
+    return [width for _, width in sorted(zip(order, found, strict=True))]
+
+
+def _sizes(column: Column) -> tuple[int, int]:
+    """The lengths of the longest word and of the longest line."""
+    lines = [line for cell in (column.header, *column.cells) for line in _plain(cell).split("\n")]
+    words = (cell_len(word) for line in lines for word in line.split(" "))
+    return max(words, default=0), max(map(cell_len, lines), default=0)
+
+
+def _plain(cell: object) -> str:
+    return cell.plain if isinstance(cell, Text) else str(cell)
+
+
+def _show_rows(out: Console, shown: Table) -> None:
+    """Each row as lines of a column's name and its value, the first one further to the left."""
+    for row in zip(*(column.cells for column in shown.columns), strict=True):
+        for index, (column, cell) in enumerate(zip(shown.columns, row, strict=True)):
+            if value := ", ".join(_plain(cell).split("\n")):
+                style = cell.style if isinstance(cell, Text) else ""
+                indent = " " * (_MARGIN if index == 0 else 2 * _MARGIN)
+                out.print(Text.assemble(indent, (f"{column.header}: ", "bold"), (value, style)), soft_wrap=True)
