@@ -1,6 +1,15 @@
-"""Sphinx configuration: Markdown pages with MyST, API pages from docstrings."""
+"""Sphinx configuration: Markdown pages with MyST, notebooks that are run, API pages from docstrings.
+
+The source directory is the whole checkout, so that a link from a page to any other file is the same in both places:
+`python -m sphinx -W -c docs -b html . build/docs`.
+"""
 
 from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
 import robust
 
@@ -8,16 +17,28 @@ project = "robust"
 author = "The robust developers"
 version = release = robust.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-myst_heading_anchors = 3
-source_suffix = {".md": "markdown"}
-exclude_patterns = ["build"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "reference"]
+root_doc = "docs/index"
+include_patterns = [
+    "README.md",
+    "ARCHITECTURE.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "benchmarks/RESULTS.md",
+    "benchmarks/domains/**.md",
+    "docs/**",
+]
+exclude_patterns = ["build", ".venv", ".git", "mutants", "robust", "tests", "proofs", "benchmarks/parts"]
+
+myst_heading_anchors = 4
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
 
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
 
 html_theme = "furo"
 html_title = f"robust {release}"
-
-# Links to files of the repository that are no pages of the manual.
-suppress_warnings = ["myst.xref_missing"]
+templates_path = ["templates"]
+html_additional_pages = {"index": "index.html"}

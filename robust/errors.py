@@ -69,6 +69,16 @@ def missing(what: str, extra: str) -> UnsupportedError:
     return UnsupportedError(f"found no {what}, expected it to be installed: pip install 'robust-plans[{extra}]'")
 
 
+_EXTRAS = {"matplotlib": "plots", "networkx": "plots", "dd": "bdd"}
+"""Packages that are imported where they are needed, and the extras that bring them."""
+
+
+def from_extra(error: ModuleNotFoundError) -> UnsupportedError | None:
+    """The error for a package that comes with an extra; None for any other module that was not found."""
+    package = (error.name or "").partition(".")[0]
+    return missing(package, _EXTRAS[package]) if package in _EXTRAS else None
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A suffix for an error message about an unknown name: the closest known names, or what is known at all."""
     from difflib import get_close_matches  # noqa: PLC0415 - only for messages

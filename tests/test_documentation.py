@@ -3,23 +3,40 @@
 `python -m tests.test_documentation [PAGE...]` writes anew what is shown where commands print something else by now.
 
 A `console` block is a session: lines that begin with `$ ` are commands (continued after a backslash), the others are
-what they print on standard output. A line `...` stands for any lines. Times are not compared.
+what they print on standard output. A line `...` stands for any lines. Times are not compared. Each block is run in a
+directory of its own; but a page that shows files (a line with the name in backquotes and a colon, then a block) is one
+session, in a directory with these files.
 """
 
+import importlib.util
 import os
 import re
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
 
-from robust.cli.build import Group
-from robust.cli.main import COMMANDS
+from robust.cli.build import Command
+from robust.cli.main import run_command
+from robust.options.declare import declared
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+def module_at(path: str):
+    """A module that is no part of a package."""
+    specification = importlib.util.spec_from_file_location(Path(path).stem, ROOT / path)
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+reference = module_at("docs/extensions/reference.py")
 MARK = "=== next command ==="
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "benchmarks").rglob("*.md")])
 IDS = [str(page.relative_to(ROOT)) for page in PAGES]
@@ -34,11 +51,12 @@ def read(name: str) -> str:
 
 @dataclass(frozen=True)
 class Session:
-    """A `console` block: commands with the lines that they are said to print."""
+    """A `console` block, or all of a page: commands with the lines that they are said to print."""
 
     page: Path
     line: int
     steps: tuple[tuple[str, tuple[str, ...]], ...]
+    files: tuple[tuple[str, str], ...] = ()
 
     def __str__(self) -> str:
         return f"{self.page.relative_to(ROOT)}:{self.line}"
@@ -51,7 +69,11 @@ def sessions() -> list[Session]:
 def sessions_of(page: Path) -> list[Session]:
     text = page.read_text(encoding="utf-8")
     blocks = re.finditer(r"^```console\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
-    return [Session(page, text.count("\n", 0, block.start()) + 1, steps_of(block[1])) for block in blocks]
+    found = [Session(page, text.count("\n", 0, block.start()) + 1, steps_of(block[1])) for block in blocks]
+    files = re.findall(r"^`([\w.]+)`:\n\n```\w*\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    if not files:
+        return found
+    return [Session(page, found[0].line, sum((each.steps for each in found), ()), tuple(files))]
 
 
 def steps_of(block: str) -> tuple[tuple[str, tuple[str, ...]], ...]:
@@ -68,6 +90,8 @@ def run(session: Session, directory: Path) -> list[str]:
     """What each command of the session prints, run in a directory that looks like the checkout."""
     for name in ("robust", "benchmarks"):
         (directory / name).symlink_to(ROOT / name)
+    for name, text in session.files:
+        (directory / name).write_text(text, encoding="utf-8")
     script = [f'robust() {{ "{sys.executable}" -m robust "$@"; }}', "shown=0"]
     for command, _ in session.steps:
         # `$?` is that of the command before, as in a terminal.
@@ -126,11 +150,24 @@ def rewritten(page: Path) -> str:
     return text
 
 
-def test_the_help_of_every_command_is_documented():
-    shown = {command for session in sessions_of(ROOT / "docs/commands.md") for command, _ in session.steps}
-    groups = {name: entry.load() for name, entry in COMMANDS.items() if isinstance(entry, Group)}
-    commands = ["", *COMMANDS, *(f"{name} {each}" for name, group in groups.items() for each in group)]
-    assert {" ".join(["robust", *command.split(), "--help"]) for command in commands} <= shown
+def test_every_command_has_its_section_and_its_options():
+    """The options themselves come from the code when the page is built; none are copied here."""
+    page = read("docs/commands.md")
+    for name in ["robust", *reference.commands()]:
+        assert f"\n## {name}\n" in page, name
+        assert f"\n```{{command}} {name}\n```\n" in page, name
+    assert "--help\n" not in page
+
+
+@pytest.mark.parametrize("name", [name for name, entry in reference.commands().items() if isinstance(entry, Command)])
+def test_the_reference_says_what_help_says(name):
+    """Names, values, help texts and defaults, of which help breaks the lines elsewhere."""
+    with redirect_stdout(StringIO()) as stream:
+        assert run_command([*name.split()[1:], "--help"]) == 0
+    squeezed = re.sub(r"[\s,/<>.|\[\]{}-]", "", stream.getvalue())
+    for option, one in declared(reference.commands()[name].load().options).items():
+        for text in (reference.typed(option, one), reference.told(one).removesuffix("(required)")):
+            assert re.sub(r"[\s,/<>.|\[\]{}-]", "", text.split(" [default")[0]) in squeezed, (name, text)
 
 
 def test_the_readme_shows_commands_with_their_output():

@@ -16,7 +16,7 @@ from robust import __version__
 from robust.cli.build import Command, Group, application, read
 from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Guard, carry_out
 from robust.cli.output import complain, drop_output, print_json
-from robust.errors import InputError, RobustError
+from robust.errors import InputError, RobustError, from_extra
 
 HELP = "Verify temporal plans: are they valid for every schedule, and how far may reality deviate?"
 
@@ -149,6 +149,8 @@ def _report_misuse(arguments: Sequence[str], error: Exception) -> int:
 
 
 def _report_internal(arguments: Sequence[str], error: Exception) -> int:
+    if isinstance(error, ModuleNotFoundError) and (known := from_extra(error)) is not None:
+        return _report(arguments, known, "unsupported")
     if "--verbose" in arguments:
         import logging
 

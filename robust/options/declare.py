@@ -13,10 +13,11 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from decimal import Decimal
 from fractions import Fraction
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, dataclass_transform
 
-from robust.errors import InputError, Location, did_you_mean
+from robust.errors import InputError, Location, did_you_mean, missing
 from robust.numbers import EXPECTED_NUMBER, parse_number, shorten
 
 if TYPE_CHECKING:
@@ -260,6 +261,8 @@ def names(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
 
 def plot_file(path: str | Path, place: Location) -> Path:
     """InputError unless a plot can be written to the path and its suffix names a format."""
+    if find_spec("matplotlib") is None:
+        raise missing("matplotlib, which draws", "plots")
     path = Path(path)
     if path.suffix.lower() not in PLOT_SUFFIXES:
         raise InputError(f"found {shorten(str(path))}, expected a name that ends in {', '.join(PLOT_SUFFIXES)}", place)

@@ -8,6 +8,7 @@ from math import prod
 from operator import and_, invert, or_
 from typing import Any, TypeAlias
 
+from robust.errors import from_extra
 from robust.pike_bridge.knowledge.diagrams import NOTHING, UNIT, Families
 from robust.pike_bridge.knowledge.interface import (
     Commitment,
@@ -38,7 +39,10 @@ def create_manager() -> Any:
     try:
         from dd import cudd as module  # noqa: PLC0415 - a binding that is not built everywhere
     except ImportError:
-        from dd import autoref as module  # noqa: PLC0415
+        try:
+            from dd import autoref as module  # noqa: PLC0415
+        except ModuleNotFoundError as error:
+            raise from_extra(error) or error from error
     manager = module.BDD()
     manager.configure(reordering=False)
     return manager

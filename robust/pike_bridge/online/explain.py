@@ -13,8 +13,6 @@ from enum import Enum
 from fractions import Fraction
 from itertools import pairwise, takewhile
 
-import networkx
-
 from robust.numbers import format_number
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import (
@@ -31,6 +29,7 @@ from robust.pike_bridge.model import (
     guard_text,
     may_produce,
     may_threaten,
+    reachable,
 )
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import OnlineSemantics, SemanticReasoner
@@ -48,7 +47,7 @@ class Wording:
     """Names the events of one plan, and tells its demands."""
 
     def __init__(self, progress: Progress) -> None:
-        self._before = networkx.DiGraph(progress.structure.before)
+        self._before = progress.structure.before
         """From each event to those that are earlier whenever it is executed."""
         self._plan = progress.plan
         self._network = progress.plan.network
@@ -102,7 +101,7 @@ class Wording:
         if len(dict(union)) < len(union):
             return None
         graph = self._order(lambda constraint: constraint.guard <= union)
-        later = {each: networkx.descendants(graph, each.target) | {each.target} for each in activities}
+        later = {each: reachable(graph, each.target) for each in activities}
         ordered = sorted(activities, key=lambda each: len(later[each]), reverse=True)
         return ordered if all(other.source in later[one] for one, other in pairwise(ordered)) else None
 
@@ -119,13 +118,12 @@ class Wording:
             and not self._after(each.event, until)
         ]
 
-    def _order(self, counts: Callable[[Constraint], bool] = lambda _: True) -> networkx.DiGraph:
-        """Which events the constraints that count put one before the other, or at the same time."""
-        graph = networkx.DiGraph()
-        graph.add_nodes_from(event.name for event in self._network.events)
+    def _order(self, counts: Callable[[Constraint], bool] = lambda _: True) -> dict[str, set[str]]:
+        """The events that the constraints that count put after each event, or at the same time."""
+        graph: dict[str, set[str]] = {event.name: set() for event in self._network.events}
         for constraint in self._network.temporal_constraints:
             if constraint.lower is not None and constraint.lower >= 0 and counts(constraint):
-                graph.add_edge(constraint.source, constraint.target)
+                graph[constraint.source].add(constraint.target)
         return graph
 
     def _causes(self, producers: Iterable[Effect], condition: Condition) -> str:
@@ -138,7 +136,7 @@ class Wording:
 
     def _after(self, event: str, other: str) -> bool:
         """Whether the plan puts an event later than another, whenever it has it."""
-        return event != other and networkx.has_path(self._before, event, other)
+        return event != other and other in reachable(self._before, event)
 
     def _name_ends_of_activities(self) -> None:
         ends: dict[str, list[str]] = {}
@@ -152,10 +150,11 @@ class Wording:
         """An event that is before all others, or after them, but for the initial state and the goal."""
         graph = self._order()
         inner = set(graph) - {INITIAL, GOAL}
-        if len(inner) < 2 or not networkx.is_directed_acyclic_graph(graph):
+        following = {event: set().union(*(reachable(graph, each) for each in graph[event])) for event in graph}
+        if len(inner) < 2 or any(event in following[event] for event in graph):
             return
         for event in inner:
-            before, after = networkx.ancestors(graph, event), networkx.descendants(graph, event)
+            before, after = {each for each in graph if event in following[each]}, following[event]
             if before <= {INITIAL} and after >= inner - {event}:
                 self._names.setdefault(event, f"the beginning ({event})")
             if after <= {GOAL} and before >= inner - {event}:

@@ -10,8 +10,6 @@ from fractions import Fraction
 from math import gcd, lcm
 from typing import TypeAlias
 
-import networkx
-
 from robust.errors import InputError, Location
 from robust.json_text import JsonTypes, Tagged, named
 from robust.numbers import shorten
@@ -332,15 +330,9 @@ class Structure:
                 yield each.source
 
     def _not_before(self) -> dict[str, tuple[str, ...]]:
-        graph = networkx.DiGraph(
-            (source, event) for event in self.guards for source in self._earlier(event, above=False)
-        )
-        graph.add_nodes_from(self.guards)
-        together = {event: each for each in networkx.strongly_connected_components(graph) for event in each}
-        return {
-            event: tuple(earlier for earlier in graph.predecessors(event) if earlier not in together[event])
-            for event in self.guards
-        }
+        earlier = {event: tuple(dict.fromkeys(self._earlier(event, above=False))) for event in self.guards}
+        known = {event: reachable(earlier, event) for event in self.guards}
+        return {event: tuple(each for each in earlier[event] if event not in known[each]) for event in self.guards}
 
 
 def _grid(plan: TeamPlan) -> Fraction:
