@@ -92,21 +92,30 @@ def run_command(arguments: Sequence[str]) -> int:
 
 def _run(arguments: list[str], guard: Guard) -> int:
     with guard.working():
-        found = None if "_ROBUST_COMPLETE" in os.environ else read(COMMANDS, arguments)
+        completing = "_ROBUST_COMPLETE" in os.environ
+        found = None if completing else read(COMMANDS, arguments)
     if found is not None:
         return carry_out(guard, *found)
     with guard.working():
         import typer
 
-        app = application(COMMANDS, arguments, HELP, f"robust {__version__}", partial(carry_out, guard))
+        words = _typed_so_far() if completing else arguments
+        app = application(COMMANDS, words, HELP, f"robust {__version__}", partial(carry_out, guard))
         wrong_usage: type[Exception] = typer.BadParameter.__mro__[2]  # there is no public name for it
     try:
         code = app(args=arguments, prog_name="robust", standalone_mode=False)
     except wrong_usage as error:
         return _report_misuse(arguments, error)
+    except SystemExit as end:  # how completion answers fish whether there is anything to complete
+        code = end.code
     if code == _INTERRUPTED:
         raise KeyboardInterrupt
     return code if isinstance(code, int) else 0
+
+
+def _typed_so_far() -> list[str]:
+    """The words after `robust` on the line that a shell wants completed: bash says them in one way, the others in another."""
+    return (os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")).split()[1:]
 
 
 # -- what goes wrong -------------------------------------------------------------------------------------------------
