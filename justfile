@@ -9,7 +9,8 @@ default:
 # make .venv with the locked versions of everything
 install:
     python3 -m venv .venv
-    {{python}} -m pip install -c constraints.txt -e '.[dev,docs]'
+    {{python}} -m pip install --require-hashes -r constraints.txt
+    {{python}} -m pip install --no-deps --no-build-isolation -e .
 
 # format the code
 format:
@@ -35,7 +36,7 @@ test-all *arguments:
 
 # how many small changes to the code the quick tests notice (an hour)
 mutants *arguments:
-    {{python}} -m pip install -c constraints.txt -e '.[dev,mutants]'
+    {{python}} -m pip install -e '.[dev,mutants]'
     {{python}} -m tests.mutants {{arguments}}
 
 # the scaling study
@@ -44,7 +45,11 @@ bench:
 
 # the documentation as HTML in build/docs
 docs:
-    {{python}} -m sphinx -W -b html docs build/docs
+    {{python}} -m sphinx -W -c docs -b html . build/docs
+
+# links of the documentation to other places
+links:
+    {{python}} -m sphinx -W -c docs -b linkcheck . build/links
 
 # what CI runs, in an environment of its own
 ci:

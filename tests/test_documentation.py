@@ -8,6 +8,7 @@ directory of its own; but a page that shows files (a line with the name in backq
 session, in a directory with these files.
 """
 
+import ast
 import importlib.util
 import os
 import re
@@ -203,22 +204,29 @@ def test_documented_parameter_file_is_read(name, tmp_path):
     assert [parameter.name for parameter in plan.parameters] == ["to_ridge", "to_crater", "endurance"]
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/api.md", "docs/choices.md", "docs/stnu.md"])
+PYTHON = ["README.md", "docs/api.md", "docs/choices.md", "docs/stnu.md", "docs/how-to/plan-with-choices.md"]
+
+
+@pytest.mark.parametrize("page", PYTHON)
 def test_documented_python_says_what_is_so(page, monkeypatch, tmp_path):
-    """Each line `expression  # Value` evaluates to something that is written like that value."""
+    """Each line `expression  # Value` evaluates to something that is written like that value; a guide goes on."""
     (tmp_path / "robust").symlink_to(ROOT / "robust")
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"^```python\n(.*?)^```$", read(page), re.MULTILINE | re.DOTALL)
     assert blocks
+    names: dict[str, object] = {}
     for block in blocks:
-        names: dict[str, object] = {}
-        for line in block.splitlines():
-            code, _, comment = line.partition("  # ")
+        if "how-to" not in page:
+            names = {}
+        lines = block.splitlines()
+        for statement in ast.parse(block).body:
+            code = ast.get_source_segment(block, statement)
+            _, _, comment = lines[statement.end_lineno - 1][statement.end_col_offset :].partition("  # ")
             if not comment:
                 exec(code, names)  # noqa: S102 - our own documentation
                 continue
             claimed = comment.split(":")[0].split(",")[0].strip()
-            assert str(eval(code, names)) == claimed, line  # noqa: S307 - our own documentation
+            assert str(eval(code, names)) == claimed, code  # noqa: S307 - our own documentation
 
 
 # -- links -----------------------------------------------------------------------------------------------------------
