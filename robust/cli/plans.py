@@ -271,7 +271,11 @@ def region(options: RegionCommand, run: Run) -> int:
 
 @action(CompareCommand)
 def compare(options: CompareCommand, run: Run) -> int:
-    """How much of the exact region does each box cover, and what breaks just outside each of its faces?"""
+    """How much of the exact region does each box cover, and what breaks just outside each of its faces?
+
+    The boxes are that of IRR, the widened one, and the widest one, which CCMMZ asks for, with and without the nominal
+    point. Many plans, CCMMZ against IRR: robust batch compare.
+    """
     from robust.api import searching_compare
     from robust.show import region_documents, regions
 
