@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult, RegionStatus
     from robust.qe.region import Region
+    from robust.show.exports import export
     from robust.sweeps.batch import Batch
     from robust.unified_planning.convert import from_unified_planning, to_unified_planning
 
@@ -66,6 +67,7 @@ _HOME = {
     "compare": "robust.api",
     "convert": "robust.execute.convert",
     "envelope": "robust.api",
+    "export": "robust.show.exports",
     "from_unified_planning": "robust.unified_planning.convert",
     "load_plan": "robust.api",
     "region": "robust.api",
@@ -109,6 +111,7 @@ __all__ = [
     "compare",
     "convert",
     "envelope",
+    "export",
     "from_unified_planning",
     "load_plan",
     "region",
