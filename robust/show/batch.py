@@ -236,7 +236,7 @@ class BatchDocument(Ran, tag_field="schema", tag="robust/batch/1"):
     plans: list[BatchPlan]
 
 
-class ComparedPlan(JsonObject):
+class ComparedPlan(JsonObject, kw_only=True):
     """
     Attributes:
         irr: the box of IRR; null if that is not done
@@ -253,7 +253,7 @@ class ComparedPlan(JsonObject):
     plan: str
     irr: Answered | None
     ccmmz: Answered | None
-    region: Answered | UnsetType | None
+    region: Answered | UnsetType | None = UNSET
     volume_ratio: Rational | None
     width_ratio: Rational | None
 

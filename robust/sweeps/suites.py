@@ -142,7 +142,7 @@ def _from_json(path: Path) -> list[Instance]:
 
 def _from_csv(path: Path) -> list[Instance]:
     """A head with the keys of JSON, and a line for each plan."""
-    rows = csv.DictReader(read_text(path).splitlines(), strict=True)
+    rows = csv.DictReader(read_text(path).split("\n"), strict=True)
     found = []
     try:
         for row in rows:
@@ -151,7 +151,7 @@ def _from_csv(path: Path) -> list[Instance]:
                 raise InputError(f"found more cells than the {len(rows.fieldnames or ())} of the head", place)
             found.append(_entry(row, place))
     except csv.Error as error:
-        raise InputError(f"found no CSV ({error})", Location(str(path), rows.line_num)) from None
+        raise InputError(f"found no CSV ({error})", Location(str(path), rows.reader.line_num)) from None
     if not found:
         raise InputError("found no plan, expected a head with domain,problem,plan and lines below", Location(str(path)))
     return found
