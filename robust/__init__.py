@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robust.api import check, compare, envelope, load_plan, region, risk, validate
+    from robust.api import batch, check, compare, envelope, load_plan, region, risk, validate
     from robust.errors import InputError, RobustError, SolverError, UnsupportedError
     from robust.execute.convert import Conversion, Mode, convert
     from robust.execute.validate import Verdict
@@ -28,12 +28,15 @@ if TYPE_CHECKING:
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult, RegionStatus
     from robust.qe.region import Region
+    from robust.show.exports import export
+    from robust.sweeps.batch import Batch
     from robust.unified_planning.convert import from_unified_planning, to_unified_planning
 
 __version__ = "0.1.0"
 
 _HOME = {
     "Answer": "robust.irr.check",
+    "Batch": "robust.sweeps.batch",
     "Bounds": "robust.probability.measure",
     "Box": "robust.qe.box",
     "CheckResult": "robust.irr.check",
@@ -59,10 +62,12 @@ _HOME = {
     "Step": "robust.irr.search",
     "UnsupportedError": "robust.errors",
     "Verdict": "robust.execute.validate",
+    "batch": "robust.api",
     "check": "robust.api",
     "compare": "robust.api",
     "convert": "robust.execute.convert",
     "envelope": "robust.api",
+    "export": "robust.show.exports",
     "from_unified_planning": "robust.unified_planning.convert",
     "load_plan": "robust.api",
     "region": "robust.api",
@@ -74,6 +79,7 @@ _HOME = {
 
 __all__ = [
     "Answer",
+    "Batch",
     "Bounds",
     "Box",
     "CheckResult",
@@ -100,10 +106,12 @@ __all__ = [
     "UnsupportedError",
     "Verdict",
     "__version__",
+    "batch",
     "check",
     "compare",
     "convert",
     "envelope",
+    "export",
     "from_unified_planning",
     "load_plan",
     "region",

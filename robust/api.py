@@ -7,13 +7,17 @@ What is not asked for is not imported.
 from __future__ import annotations
 
 import inspect
+import os
 import textwrap
 import time
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Protocol, TypeVar, cast
 
+from robust.errors import InputError, did_you_mean
+from robust.options.batch import BATCHES, BatchOptions
 from robust.options.declare import Number, Options, place_of, settings
 from robust.options.verbs import (
     CheckOptions,
@@ -41,6 +45,7 @@ if TYPE_CHECKING:
     from robust.probability.risk import RiskResult
     from robust.qe.compute import RegionResult, RegionSearch
     from robust.smt.export import Exporter
+    from robust.sweeps.batch import Batch
 
 Given = ParamSpec("Given")
 Taken = TypeVar("Taken", bound=Options)
@@ -569,3 +574,49 @@ def validate(
     if not isinstance(plan, TimedPlan):
         plan = read_plan(*read_source(plan, "<plan>"), options.plan_number)
     return validate(domain, problem, plan, epsilon=options.separation, tolerance=options.rounding)
+
+
+# -- many plans --------------------------------------------------------------------------------------------------------
+
+
+def run_batch(verb: str, suite: str | os.PathLike[str], options: BatchOptions) -> Batch:
+    """What :func:`batch` runs."""
+    from robust.sweeps import batch
+
+    return batch.run_batch(
+        verb,
+        options.asked,
+        Path(suite),
+        parameters=options.parameters,
+        limit=None if options.limit is None else float(options.limit),
+        timeout=None if options.timeout is None else float(options.timeout),
+        jobs=options.jobs,
+        cluster=options.cluster,
+        store=options.store,
+        on_result=options.on_result,
+    )
+
+
+def batch(verb: str, suite: str | os.PathLike[str], **given: Any) -> Batch:
+    """One question about many plans, each asked in a process of its own: `robust batch`.
+
+    Args:
+        verb: `check`, `envelope`, `region`, or `compare`: CCMMZ against IRR.
+        suite: a folder of plans with their problems and domains, or a list of them: lines of DOMAIN PROBLEM PLAN,
+            `.json` or `.csv`, see [docs/formats.md].
+        given: options by name, the fields of the classes in :mod:`robust.options.batch`: `jobs`, `cluster`, `store`,
+            `limit` (seconds for each plan), `timeout` (for all), `parameter`, `parameters`, `epsilon`, `encoding`,
+            `solver`, `tolerance`, `plan_number`, `on_result`; `method`, `beta` and `doubling` of an envelope,
+            `backend` of a region; `beta`, `doubling` and `region` of a comparison.
+
+    Returns:
+        A row for each plan; what is wrong with one is in its row. After Ctrl-C, or when time is out, what is there.
+
+    Raises:
+        InputError: wrong options, a suite that is empty or malformed, a store that is unusable, no such cluster.
+        UnsupportedError: if a cluster is wanted and Dask is not installed.
+    """
+    if verb not in BATCHES:
+        raise InputError(f"unknown verb {verb!r}{did_you_mean(verb, BATCHES)}")
+    with noticing_interrupts():
+        return run_batch(verb, suite, BATCHES[verb](**given))

@@ -24,7 +24,7 @@ COMMANDS: dict[str, Command | Group] = {
     "check": Command("Is a plan valid for every schedule it allows?", "robust.cli.plans:check"),
     "envelope": Command("How far may parameters deviate?", "robust.cli.plans:envelope"),
     "region": Command("All parameter values for which a plan is valid.", "robust.cli.plans:region"),
-    "compare": Command("The exact region beside the boxes of all methods.", "robust.cli.plans:compare"),
+    "compare": Command("The exact region beside all boxes: IRR, CCMMZ and exact ones.", "robust.cli.plans:compare"),
     "risk": Command("How likely does a plan succeed?", "robust.cli.risk:risk"),
     "repair": Command("The least change after which a plan is valid, or robust enough.", "robust.cli.repair:repair"),
     "validate": Command("Is a plan valid as it stands, at the times that it says?", "robust.cli.validate:validate"),
@@ -55,6 +55,15 @@ COMMANDS: dict[str, Command | Group] = {
             "check": Command("Are networks dynamically controllable, and if not, why?", "robust.cli.stnu:check"),
             "dispatch": Command("The minimal dispatchable network, and executions.", "robust.cli.stnu:dispatch"),
             "repair": Command("The least change that makes a network controllable.", "robust.cli.stnu:repair"),
+        },
+    ),
+    "batch": Group(
+        "One question about many plans of your own: a folder, or a list.",
+        {
+            "check": Command("Is each plan valid for every schedule it allows?", "robust.cli.batch:check"),
+            "envelope": Command("How far may the parameters of each deviate?", "robust.cli.batch:envelope"),
+            "region": Command("All parameter values for which each is valid.", "robust.cli.batch:region"),
+            "compare": Command("CCMMZ against IRR: who answers, how fast, which box.", "robust.cli.batch:compare"),
         },
     ),
     "bench": Group(

@@ -129,10 +129,11 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
     from robust.show.probabilities import greatest_text
 
     plan: ParametrizedPlan | None = None
+    exported: str | None = None
 
     def begin() -> Search[EnvelopeResult]:
         nonlocal plan
-        about_nominal = options.plot is not None or options.controllability is not None
+        about_nominal = not {options.plot, options.controllability, options.export} <= {None}
         plan = load(options, run, nominal_needed=options.from_nominal or about_nominal)
         run.display.say("encoding, then checking the nominal values")
         return searching_envelope(plan, options.changed(timeout=run.remaining, on_step=run.display.step))
@@ -143,6 +144,9 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
         report: ControllabilityReport | None = None,
     ) -> None:
         def tell(out: Console) -> None:
+            if exported is not None and options.output is None:
+                out.file.write(exported)
+                return
             quiet = options.quiet
             text.print_envelope(out, result, promise=_promise(options), quiet=quiet, counterexample=counterexample)
             if report is not None:
@@ -165,6 +169,12 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
         counterexample = _counterexample(options, run, plan)
     if plan is not None and options.controllability is not None and result.verified:
         report = _controllability(options, run, plan, result)
+    if plan is not None and options.export is not None and result.verified:
+        from robust.show.exports import export
+
+        exported = export(plan, result, options.export)
+        if options.output is not None:
+            atomic_write(options.output, exported, place_of("output"))
     show(result, counterexample, report)
     if options.plot is not None and result.verified:
         from robust.show.plots import plot_envelope
@@ -271,7 +281,11 @@ def region(options: RegionCommand, run: Run) -> int:
 
 @action(CompareCommand)
 def compare(options: CompareCommand, run: Run) -> int:
-    """How much of the exact region does each box cover, and what breaks just outside each of its faces?"""
+    """How much of the exact region does each box cover, and what breaks just outside each of its faces?
+
+    The boxes are that of IRR, the widened one, and the widest one, which CCMMZ asks for, with and without the nominal
+    point. Many plans, CCMMZ against IRR: robust batch compare.
+    """
     from robust.api import searching_compare
     from robust.show import region_documents, regions
 

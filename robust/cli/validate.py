@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import logging
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robust.cli.build import action
 from robust.cli.guard import UNDECIDED, Cause, GivenUpError
-from robust.errors import InputError, Location, RobustError
-from robust.numbers import plural, shorten
+from robust.errors import RobustError
+from robust.numbers import plural
 from robust.options.verbs import ValidateCommand
 
 if TYPE_CHECKING:
@@ -51,6 +50,7 @@ def validate(options: ValidateCommand, run: Run) -> int:
 
 def _judge_all(options: ValidateCommand, run: Run, judged: list[Judged]) -> None:
     from robust.show.validation import Judged
+    from robust.sweeps.suites import listed_files
 
     problems = _Problems()
     every: list[_Files] = []
@@ -58,7 +58,7 @@ def _judge_all(options: ValidateCommand, run: Run, judged: list[Judged]) -> None
         problems.read(options.domain, options.problem)  # what is wrong with these is said once
         every = [(options.domain, options.problem, plan) for plan in options.plans]
     elif options.suite is not None:
-        every = _listed(options.suite)
+        every = listed_files(options.suite)
     for number, (domain, problem, plan) in enumerate(every, start=1):
         doing = f"plan {number} of {len(every)}: {plan}"
         run.display.say(doing)
@@ -81,27 +81,6 @@ def _judged(options: ValidateCommand, domain: Domain, problem: Problem, plan: Pa
 
     timed = read_plan(*read_plan_text(plan), options.plan_number)
     return validate(domain, problem, timed, epsilon=options.separation, tolerance=options.rounding)
-
-
-def _listed(suite: Path) -> list[_Files]:
-    """The files on each line of a list, which are relative to it."""
-    from robust.plan.pddl.forms import read_text
-
-    found = []
-    for number, line in enumerate(read_text(suite).split("\n"), start=1):
-        place = Location(str(suite), number)
-        try:
-            words = shlex.split(line, comments=True)
-        except ValueError as error:
-            raise InputError(f"found {shorten(line)}, expected quotes in pairs ({error})", place) from None
-        if words and len(words) != 3:
-            raise InputError(f"found {plural(len(words), 'file')}, expected DOMAIN PROBLEM PLAN", place)
-        if words:
-            domain, problem, plan = (suite.parent / word for word in words)
-            found.append((domain, problem, plan))
-    if not found:
-        raise InputError("found no plan, expected lines of DOMAIN PROBLEM PLAN", Location(str(suite)))
-    return found
 
 
 class _Problems:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from robust.probability.measure import Bounds
     from robust.qe.box import Interval
     from robust.qe.polyhedron import Polyhedron
-from robust.options.declare import Number, argument, names, option, ordinal, place_of, plan_file, positive
+from robust.options.declare import Number, argument, names, option, ordinal, place_of, plan_file, positive, writable
 from robust.options.shared import (
     DRAWING,
     METHODS,
@@ -136,8 +136,30 @@ class EnvelopeOptions(Separation, Solving, Export):
         return self.method != "optimal" or self.contain_nominal
 
 
+EXPORTS = ("plansys2", "csv", "yaml")
+"""Files that other tools read."""
+
+
 class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
     """Of `robust envelope`."""
+
+    export: str | None = option(
+        None,
+        "print the result for other tools instead: by how many per cent actions may take longer, for PlanSys2's "
+        "executor; or parameters and intervals as CSV or YAML",
+        choices=EXPORTS,
+        rank=DRAWING,
+    )
+    output: Path | None = option(
+        None,
+        "for --export: write it here, and print the answer as usual",
+        "--output",
+        "-o",
+        metavar="FILE",
+        path=True,
+        read=lambda path, place: writable(path, place, "the export"),
+        rank=DRAWING,
+    )
 
     controllability: str | None = option(
         None,
@@ -145,6 +167,12 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
         "shrink the box to the part where they may, and find the widest box where they may",
         choices=("weak", "dynamic", "strong"),
     )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.output is not None and self.export is None:
+            raise InputError(f"found no --export, expected one of {', '.join(EXPORTS)}", place_of("output"))
+        if self.export is not None and self.output is None and self.json:
+            raise InputError("found it with --json, expected --output FILE, or one of the two", place_of("export"))
 
 
 class RegionOptions(Search):

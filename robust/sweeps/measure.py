@@ -28,13 +28,18 @@ Ends = tuple[str, str]
 COST = ("status", "seconds", "cpu_s", "memory_mb", "search_s", "message")
 """What all runs have in common."""
 
-_OPEN = " (open)"
+OPEN = " (open)"
+"""What such a text ends in where the interval has not its end."""
 _UNSUPPORTED = 4
 
 
-def measured(command: Sequence[str], *, limit: float | None = None) -> Ended:
-    """Run a process to the end, or to the limit in seconds; it ends with this one, and when this one is interrupted."""
-    return Processes().run(command, Deadline.after(limit))
+def measured(command: Sequence[str], *, limit: float | None = None, processes: Processes | None = None) -> Ended:
+    """Run a process to the end, or to the limit in seconds; it ends with this one, and when this one is interrupted.
+
+    Raises:
+        StoppedError: if `processes` are stopped.
+    """
+    return (processes or Processes()).run(command, Deadline.after(limit))
 
 
 def complaint(found: Ended) -> str:
@@ -158,7 +163,7 @@ def _envelope(answer: Mapping[str, Any], found: Ended) -> tuple[Ending, dict[str
         "solver_s": statistics.get("seconds"),
         "first_widening_s": first,
         "first_widening_wall_s": late,
-        "box": {name: ends_of(_interval(ends)) for name, ends in answer["parameters"].items()},
+        "box": {name: ends_of(interval_of(ends)) for name, ends in answer["parameters"].items()},
         "convergence": tuple((int(one["check"]), float(one["share"])) for one in answer.get("convergence") or ()),
     }
 
@@ -186,15 +191,16 @@ _READERS = {"envelope": _envelope, "region": _region, "check": _check}
 # -- boxes as exact text -----------------------------------------------------------------------------------------------
 
 
-def _interval(ends: Mapping[str, Any]) -> Interval:
+def interval_of(ends: Mapping[str, Any]) -> Interval:
+    """The interval that JSON says."""
     closed = {name: bool(ends.get(name, True)) for name in ("lower_closed", "upper_closed")}
     return Interval(parse_end(ends["lower"]), parse_end(ends["upper"]), **closed)
 
 
 def ends_of(interval: Interval) -> Ends:
     """The interval as text."""
-    lower = "-inf" if interval.lower is None else str(interval.lower) + ("" if interval.lower_closed else _OPEN)
-    upper = "inf" if interval.upper is None else str(interval.upper) + ("" if interval.upper_closed else _OPEN)
+    lower = "-inf" if interval.lower is None else str(interval.lower) + ("" if interval.lower_closed else OPEN)
+    upper = "inf" if interval.upper is None else str(interval.upper) + ("" if interval.upper_closed else OPEN)
     return lower, upper
 
 
@@ -202,7 +208,7 @@ def box_of(texts: Mapping[str, Ends]) -> Box:
     """The box of such texts."""
 
     def interval(lower: str, upper: str) -> Interval:
-        closed = {"lower_closed": not lower.endswith(_OPEN), "upper_closed": not upper.endswith(_OPEN)}
-        return Interval(parse_end(lower.removesuffix(_OPEN)), parse_end(upper.removesuffix(_OPEN)), **closed)
+        closed = {"lower_closed": not lower.endswith(OPEN), "upper_closed": not upper.endswith(OPEN)}
+        return Interval(parse_end(lower.removesuffix(OPEN)), parse_end(upper.removesuffix(OPEN)), **closed)
 
     return Box({name: interval(*ends) for name, ends in texts.items()})

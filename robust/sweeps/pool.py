@@ -1,4 +1,7 @@
-"""Where tasks are done: in this process, in a pool of processes (joblib, with loky), or on a Dask cluster.
+"""Where tasks are done: in this process, in threads or processes of its own, or on a Dask cluster.
+
+Threads are for work that waits for processes which it starts; everything else needs a pool of processes (joblib, with
+loky).
 
 A pool whose worker was killed (by a person, or by the system for want of memory) loses all tasks that were running,
 and does not say which one it was. Each of these is then done again alone, so that the next loss tells. A Dask scheduler
@@ -11,15 +14,18 @@ import json
 import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from typing import Any
 
 import robust
 from robust.codec import plain
 from robust.errors import InputError, missing
+from robust.processes import Processes
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 ATTEMPTS = 3
 """How often a task that runs alone may lose its worker before it is given up."""
@@ -37,7 +43,8 @@ class Task:
 
 
 Work = Callable[..., Any]
-"""Returns the record of a task; picklable, because other processes call it."""
+"""Returns the record of a task; picklable, because other processes call it. In threads, it is also given `processes`,
+by which it runs all that it starts."""
 Numbered = tuple[int, Task]
 
 
@@ -73,35 +80,78 @@ def attempt(work: Work, task: Task) -> Outcome:
         return Outcome(f"{type(error).__name__}: {lines[0]}", failed=True)
 
 
-def outcomes_of(tasks: Iterable[Numbered], work: Work, jobs: int, cluster: str | None) -> Outcomes:
-    """The outcomes as they arrive.
+def outcomes_of(
+    tasks: Iterable[Numbered],
+    work: Work,
+    jobs: int,
+    cluster: str | None,
+    *,
+    threads: bool = False,
+    deadline: Deadline = NEVER,
+) -> Outcomes:
+    """The outcomes as they arrive, of tasks here in `threads` or else in processes.
 
     Raises:
+        OutOfTimeError: when the deadline passes; what is running then is ended, but for a task in this process.
         UnsupportedError: if a cluster is wanted and Dask is not installed.
         InputError: if there is no scheduler, no worker, or one with another version of this package.
         ClusterLostError: if the scheduler does not answer any more.
     """
     if cluster is not None:
-        return _on_cluster(list(tasks), work, cluster)
-    return _one_by_one(tasks, work) if jobs == 1 else _in_processes(tasks, work, jobs)
+        return _on_cluster(list(tasks), work, cluster, deadline)
+    if threads:
+        return _in_threads(tasks, work, jobs, deadline)
+    return _one_by_one(tasks, work, deadline) if jobs == 1 else _in_processes(tasks, work, jobs, deadline)
 
 
-def _one_by_one(tasks: Iterable[Numbered], work: Work) -> Outcomes:
+def _one_by_one(tasks: Iterable[Numbered], work: Work, deadline: Deadline) -> Outcomes:
     for number, task in tasks:
+        deadline.enforce()
         yield number, attempt(work, task)
+
+
+def _in_threads(tasks: Iterable[Numbered], work: Work, jobs: int, deadline: Deadline) -> Outcomes:
+    """Whoever does not want more outcomes closes this generator, which ends what is running."""
+    processes, source = Processes(), iter(tasks)
+    running: dict[Future[Outcome], int] = {}
+    with ThreadPoolExecutor(jobs, "robust-sweep") as threads:
+        try:
+            while True:
+                while len(running) < jobs and (following := next(source, None)) is not None:
+                    number, task = following
+                    running[threads.submit(attempt, partial(work, processes=processes), task)] = number
+                if not running:
+                    return
+                for future in _some_done(running, deadline):
+                    yield running.pop(future), future.result()
+        finally:
+            processes.stop()
+
+
+def _some_done(running: Iterable[Future[Outcome]], deadline: Deadline) -> Iterable[Future[Outcome]]:
+    """Those that are done, once one is.
+
+    Raises:
+        OutOfTimeError: if the deadline passes before.
+    """
+    done = wait(running, timeout=deadline.remaining, return_when=FIRST_COMPLETED).done
+    if not done:
+        raise OutOfTimeError
+    return done
 
 
 # -- a pool of processes -----------------------------------------------------------------------------------------------
 
 
-def _in_processes(tasks: Iterable[Numbered], work: Work, jobs: int) -> Outcomes:
+def _in_processes(tasks: Iterable[Numbered], work: Work, jobs: int, deadline: Deadline) -> Outcomes:
     waiting = iter(tasks)
     suspects: deque[Numbered] = deque()
     lost: dict[int, int] = {}
     while True:
         alone = bool(suspects)
         killed: list[Numbered] = []
-        yield from _until_killed(iter([suspects.popleft()]) if alone else waiting, work, jobs, killed)
+        source = iter([suspects.popleft()]) if alone else waiting
+        yield from _until_killed(source, work, jobs, killed, deadline)
         for number, task in killed:
             lost[number] = lost.get(number, 0) + alone
             if lost[number] < ATTEMPTS:
@@ -112,7 +162,9 @@ def _in_processes(tasks: Iterable[Numbered], work: Work, jobs: int) -> Outcomes:
             return
 
 
-def _until_killed(source: Iterator[Numbered], work: Work, jobs: int, killed: list[Numbered]) -> Outcomes:
+def _until_killed(
+    source: Iterator[Numbered], work: Work, jobs: int, killed: list[Numbered], deadline: Deadline
+) -> Outcomes:
     """Outcomes until the source is empty or a worker was killed; then `killed` are the tasks without outcome."""
     # A worker that is ended leaves a semaphore behind; what keeps track of them would tell users about it.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
@@ -136,7 +188,7 @@ def _until_killed(source: Iterator[Numbered], work: Work, jobs: int, killed: lis
                     killed.append(following)
             if not running:
                 return
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            for future in _some_done(running, deadline):
                 number, task = running.pop(future)
                 try:
                     outcome = future.result()
@@ -151,7 +203,7 @@ def _until_killed(source: Iterator[Numbered], work: Work, jobs: int, killed: lis
 # -- a cluster ---------------------------------------------------------------------------------------------------------
 
 
-def _on_cluster(tasks: list[Numbered], work: Work, address: str) -> Outcomes:
+def _on_cluster(tasks: list[Numbered], work: Work, address: str, deadline: Deadline) -> Outcomes:
     try:
         distributed = import_module("distributed")  # an extra, and slow to import
     except ImportError:
@@ -162,10 +214,13 @@ def _on_cluster(tasks: list[Numbered], work: Work, address: str) -> Outcomes:
             for number, task in tasks
         }
         try:
-            for future in distributed.as_completed(list(futures), loop=client.loop):
+            arriving = distributed.as_completed(list(futures), loop=client.loop, timeout=deadline.remaining)
+            for future in arriving:
                 number = futures.pop(future)
                 yield number, _fetched(distributed, future, address)
                 future.release()  # or the cluster would compute it again when the worker that holds it dies
+        except TimeoutError:
+            raise OutOfTimeError from None
         finally:
             client.cancel(list(futures), force=True)
 

@@ -19,6 +19,7 @@ import msgspec
 import robust
 from robust.errors import InputError
 from robust.records import RecordFile, RecordFormat
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.sweeps.pool import ClusterLostError, Outcome, Task, Work, outcomes_of, text_of
 
 SCHEMA = "robust/sweep-store/3"
@@ -91,8 +92,8 @@ class Failure:
 class Sweep:
     """Records in the order of the tasks; `resumed` of them were in the store already.
 
-    `complete` is false where Ctrl-C or the loss of the cluster (`lost` says so) came before the last
-    task; failed tasks do not count as missing.
+    `complete` is false where Ctrl-C, the deadline (`timed_out`) or the loss of the cluster (`lost` says so) came before
+    the last task; failed tasks do not count as missing.
     """
 
     results: tuple[tuple[Task, Any], ...]
@@ -102,6 +103,7 @@ class Sweep:
     complete: bool
     store: Path | None
     lost: str | None = None
+    timed_out: bool = False
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -133,6 +135,8 @@ def run_sweep(
     describe: Callable[[Any], str] = lambda _: "done",
     on_result: Progress | None = None,
     settled: Callable[[Task, Sequence[Any]], Any | None] | None = None,
+    threads: bool = False,
+    deadline: Deadline = NEVER,
 ) -> Sweep:
     """Do `work` for every task, each once; records go through JSON, so that new and stored ones are alike.
 
@@ -149,9 +153,11 @@ def run_sweep(
         describe: some words about a record.
         on_result: called after each new record with the number done, the total and that line.
         settled: the record of a task that earlier records settle, before it is started here; None for the others.
+        threads: do the work here in threads, because all it does is to wait for processes; see :data:`Work`.
+        deadline: when to give up what is not done by then.
 
     Returns:
-        What there is, also after Ctrl-C, which ends what is running.
+        What there is, also after Ctrl-C, which ends what is running, as the deadline does.
 
     Raises:
         InputError: if `jobs` is not positive, the store is unusable, or the cluster cannot be reached.
@@ -163,7 +169,6 @@ def run_sweep(
         raise InputError(f"found both jobs {jobs} and cluster {cluster!r}, expected one of them")
     distinct = {key_of(work, task): task for task in tasks}
     failures: list[Failure] = []
-    lost: str | None = None
 
     def tell(line: str) -> None:
         if on_result is not None:
@@ -198,16 +203,17 @@ def run_sweep(
         done = {key: restored(value, record) for key, value in known.items()}
         keys = list(distinct)
         pending = [(number, key) for number, key in enumerate(keys) if key not in done]
-        complete = True
+        ended: BaseException | None = None
         try:
             if pending:
-                with closing(outcomes_of(begun(pending), work, jobs, cluster)) as outcomes:
+                source = outcomes_of(begun(pending), work, jobs, cluster, threads=threads, deadline=deadline)
+                with closing(source) as outcomes:
                     for number, outcome in outcomes:
                         take(keys[number], outcome)
-        except KeyboardInterrupt:
-            complete = False
-        except ClusterLostError as error:
-            lost = str(error)
-    complete = complete and len(done) + len(failures) == len(distinct)
+        except (KeyboardInterrupt, OutOfTimeError, ClusterLostError) as error:
+            ended = error
+    lost = str(ended) if isinstance(ended, ClusterLostError) else None
+    timed_out = isinstance(ended, OutOfTimeError)
+    complete = ended is None and len(done) + len(failures) == len(distinct)
     results = tuple((distinct[key], done[key]) for key in keys if key in done)
-    return Sweep(results, tuple(failures), len(distinct), len(known), complete, store, lost)
+    return Sweep(results, tuple(failures), len(distinct), len(known), complete, store, lost, timed_out)

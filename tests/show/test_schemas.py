@@ -11,6 +11,7 @@ import pytest
 
 from robust.codec import schema_of
 from robust.show import (
+    batch,
     documents,
     made,
     pike,
@@ -25,7 +26,7 @@ from robust.show import (
 )
 from robust.show.schemas import FILES, schema
 
-MODULES = (documents, made, pike, pike_envelopes, pike_plans, region_documents, repairs, risk, stnu, validation)
+MODULES = (batch, documents, made, pike, pike_envelopes, pike_plans, region_documents, repairs, risk, stnu, validation)
 DOCUMENTS = {one.__struct_config__.tag: one for module in MODULES for one in module.DOCUMENTS}
 
 

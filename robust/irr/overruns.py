@@ -1,0 +1,208 @@
+"""By how much each action may exceed its planned duration, as far as an envelope proves it.
+
+A box is a product: each parameter may have any of its values, whatever the others have. So if no parameter of the
+duration of an instance is used for anything else, each instance may take any duration up to what the box allows it,
+whatever the others take. If an executor knows one share per action, then the least of its instances holds for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from robust.encode.effects import Writes
+from robust.encode.network import duration_rules
+from robust.plan.model import (
+    ActionInstance,
+    Condition,
+    Expression,
+    ParameterReference,
+    ParametrizedPlan,
+    comparisons,
+    fluents_in,
+)
+from robust.plan.polynomial import Polynomial
+from robust.qe.box import Box
+
+Limit = Polynomial[Any]
+"""Over parameters only."""
+
+FIXED = "its duration is no parameter"
+
+
+@dataclass(frozen=True, slots=True)
+class Overrun:
+    """The greatest duration of an instance: as planned, and as proved.
+
+    Attributes:
+        planned: at the nominal values; None if nothing limits it, and then no share of it is proved.
+        proved: None: any.
+        closed: whether that duration itself is proved, or only all shorter ones.
+        reason: why no more than the planned duration is proved, where that is not the box.
+        parameters: what the duration depends on.
+    """
+
+    instance: ActionInstance
+    planned: Fraction | None
+    proved: Fraction | None
+    closed: bool = True
+    reason: str | None = None
+    parameters: tuple[str, ...] = ()
+
+    @property
+    def percent(self) -> Fraction | None:
+        """By how much it may exceed the planned one, in per cent; None if by any, or if that is some share of 0."""
+        if self.proved is None or self.planned == 0:
+            return None
+        if self.planned is None:
+            return Fraction(0)
+        return (self.proved - self.planned) / self.planned * 100
+
+
+@dataclass(frozen=True, slots=True)
+class ActionOverrun:
+    """Of all instances of an action: the least share, or None if none of them limits it.
+
+    `decisive` is the instance whose share that is, and `closed` whether the share itself is proved.
+    """
+
+    action: str
+    overruns: tuple[Overrun, ...]
+    percent: Fraction | None
+    closed: bool
+    decisive: Overrun | None
+
+
+def action_overruns(plan: ParametrizedPlan, box: Box) -> tuple[ActionOverrun, ...]:
+    """For each durative action of the plan, in the order of their first instances."""
+    by_action: dict[str, list[Overrun]] = {}
+    for one in overruns(plan, box):
+        by_action.setdefault(one.instance.action, []).append(one)
+    return tuple(_of_action(action, tuple(found)) for action, found in by_action.items())
+
+
+def _of_action(action: str, found: tuple[Overrun, ...]) -> ActionOverrun:
+    known = [(one.percent, one.closed, one) for one in found if one.percent is not None]
+    if known:
+        percent, closed, decisive = min(known, key=lambda each: (each[0], each[1]))
+        return ActionOverrun(action, found, percent, closed, decisive)
+    # Any share of a planned duration of 0 is 0.
+    empty = next((one for one in found if one.proved is not None), None)
+    return ActionOverrun(action, found, None if empty is None else Fraction(0), True, empty)
+
+
+def overruns(plan: ParametrizedPlan, box: Box) -> Iterator[Overrun]:
+    """For each durative instance; the box is one of values for which the plan is valid."""
+    limits = _limits(plan)
+    uses = {parameter.name: _uses(plan, parameter.name) for parameter in plan.parameters}
+    for instance in plan.instances:
+        if instance.durative:
+            yield _overrun(plan, box, instance, limits[instance.identifier], uses)
+
+
+def _overrun(
+    plan: ParametrizedPlan, box: Box, instance: ActionInstance, limits: list[Limit], uses: Mapping[str, set[str]]
+) -> Overrun:
+    nominal = {ParameterReference(name): value for name, value in plan.nominal.items()}
+    planned = min((limit.evaluate(nominal) for limit in limits), default=None)
+    if planned is None:
+        return Overrun(instance, None, Fraction(0), reason="nothing says how long it takes")
+    constants = [limit.constant_term for limit in limits if limit.is_constant]
+    moving = list(dict.fromkeys(limit for limit in limits if not limit.is_constant))
+    names = tuple(sorted({reference.name for limit in moving for reference in limit.variables}))
+
+    def fixed(reason: str) -> Overrun:
+        return Overrun(instance, planned, planned, reason=reason, parameters=names)
+
+    if not moving:
+        return fixed(FIXED)
+    if len(moving) > 1 or not moving[0].is_linear:
+        return fixed("its duration is not one sum of parameters")
+    for name in names:
+        if others := sorted(uses[name] - {_duration(instance)}):
+            return fixed(f"parameter {name} also stands for {' and '.join(others)}, and is proved only for all at once")
+    proved, closed = _greatest(moving[0], box)
+    least = min(constants, default=None)
+    if least is not None and (proved is None or least < proved):
+        proved, closed = least, True
+    return Overrun(instance, planned, proved, closed, None, names)
+
+
+def _greatest(limit: Limit, box: Box) -> tuple[Fraction | None, bool]:
+    """The supremum of a sum over a box, None if infinite, and whether it is reached."""
+    total, reached = limit.constant_term, True
+    for reference, coefficient in limit.coefficients():
+        interval = box[reference.name]
+        end, closed = (
+            (interval.upper, interval.upper_closed) if coefficient > 0 else (interval.lower, interval.lower_closed)
+        )
+        if end is None:
+            return None, False
+        total += coefficient * end
+        reached = reached and closed
+    return total, reached
+
+
+def _limits(plan: ParametrizedPlan) -> dict[str, list[Limit]]:
+    """What the network, and the domain without regard to the state, say a duration is at most; by instance."""
+    found: dict[str, list[Limit]] = {instance.identifier: [] for instance in plan.instances}
+    ends = {(one.start, one.end): one.identifier for one in plan.instances if one.durative}
+    for item in plan.constraints:
+        if (item.source, item.target) in ends and item.upper is not None:
+            found[ends[item.source, item.target]].append(item.upper)
+        if (item.target, item.source) in ends and item.lower is not None:
+            found[ends[item.target, item.source]].append(-item.lower)
+    for rule in duration_rules(plan, Writes(plan)):
+        for bound in rule.bounds:
+            if (bound.source, bound.target) == (rule.instance.end, rule.instance.start):
+                found[rule.instance.identifier].append(-bound.weight)
+    return found
+
+
+# -- what parameters stand for -----------------------------------------------------------------------------------------
+
+
+def _duration(instance: ActionInstance) -> str:
+    return f"the duration of {instance.identifier}"
+
+
+def _uses(plan: ParametrizedPlan, name: str) -> set[str]:
+    """What changes with a parameter, in words: durations, other statements of the network, conditions and effects."""
+    reference = ParameterReference(name)
+    ends = {frozenset((one.start, one.end)): one for one in plan.instances if one.durative}
+    found = set()
+    for item in plan.constraints:
+        if any(bound is not None and reference in bound.variables for bound in (item.lower, item.upper)):
+            instance = ends.get(frozenset((item.source, item.target)))
+            found.add(f"`{item}`" if instance is None else _duration(instance))
+    fluents = {fluent for fluent, value in plan.initial_fluents.items() if reference in value.variables}
+
+    def uses(expressions: Iterable[Expression]) -> bool:
+        return any(reference in one.variables or not fluents.isdisjoint(fluents_in(one)) for one in expressions)
+
+    for instance in plan.instances:
+        if uses(one.condition.expression for one in instance.durations):
+            found.add(_duration(instance))
+        if uses(_of_conditions(one.condition for one in instance.conditions)) or uses(_of_effects(instance)):
+            found.add(f"what {instance.identifier} reads or writes")
+    if uses(_of_conditions(one.condition for one in plan.goal)):
+        found.add("the goal")
+    return found
+
+
+def _of_conditions(conditions: Iterable[Condition]) -> Iterator[Expression]:
+    return (one.expression for condition in conditions for one in comparisons(condition))
+
+
+def _of_effects(instance: ActionInstance) -> Iterator[Expression]:
+    for effect in instance.numeric_effects:
+        yield effect.expression
+        yield Polynomial.variable(effect.fluent)
+        yield from _of_conditions((effect.condition,))
+    for atom in instance.atom_effects:
+        yield from _of_conditions((atom.condition,))
+    for continuous in instance.continuous_effects:
+        yield continuous.rate
+        yield Polynomial.variable(continuous.fluent)

@@ -1,0 +1,402 @@
+"""What came of many plans: a table for people, JSON, and CSV."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from io import StringIO
+from statistics import median
+from typing import Annotated, Any
+
+from msgspec import UNSET, UnsetType
+from rich.console import Console
+from rich.text import Text
+
+from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.numbers import duration, interval_text, plural
+from robust.qe.region import Region
+from robust.show.documents import Document, Ends, box_of, document
+from robust.show.regions import in_form, region_lines
+from robust.show.text import show_table, table
+from robust.sweeps import measure
+from robust.sweeps.batch import CCMMZ, IRR, REGION, Batch, BatchRow, PlanRun, Solved
+
+NAMES = {IRR: "IRR", CCMMZ: "CCMMZ", REGION: "region"}
+"""What is compared, as people call it."""
+STYLES = {"proved": "green", "complete": "green", "refuted": "bold red", "invalid": "bold red"}
+"""Colours of verdicts and endings; of the others yellow."""
+RATIOS = ("volume IRR/CCMMZ", "width IRR/CCMMZ")
+"""Headings: of boxes, and of the sums of their widths."""
+FIRST = 3
+"""Lines of an answer that tables show."""
+_NOTHING = "–"
+
+
+# -- answers as text ---------------------------------------------------------------------------------------------------
+
+
+def answer_lines(run: PlanRun) -> list[str]:
+    """The box or the region of an answer, or the line that it has instead."""
+    if run.message is not None:
+        return [run.message]
+    if run.box is not None:
+        return [f"{name} ∈ {text}" for name, text in box_texts(run).items()] or ["no parameters"]
+    if run.region is not None:
+        return list(region_lines(in_form(Region.from_dict(run.region), None), exact=True))
+    return []
+
+
+def box_texts(run: PlanRun) -> dict[str, str]:
+    """Intervals for people, by parameter."""
+    intervals = measure.box_of(run.box or {}).intervals
+    return {name: interval_text(interval) for name, interval in intervals.items()}
+
+
+def first_lines(run: PlanRun) -> str:
+    """As many lines as fit into a table."""
+    lines = answer_lines(run)
+    more = [] if len(lines) <= FIRST else [f"… and {plural(len(lines) - FIRST, 'more line')}"]
+    return "\n".join([*lines[:FIRST], *more])
+
+
+def ratio(value: Fraction | None) -> str:
+    """A share in per cent."""
+    return _NOTHING if value is None else f"{float(value) * 100:.3g} %"
+
+
+def _seconds(run: PlanRun | None) -> str:
+    return _NOTHING if run is None else f"{run.seconds:.2f}"
+
+
+# -- for people --------------------------------------------------------------------------------------------------------
+
+
+def print_batch(out: Console, found: Batch, *, quiet: bool) -> None:
+    """A line for each plan, and unless `quiet` what they come to."""
+    compared = found.verb == "compare"
+    (_print_compared if compared else _print_answers)(out, found)
+    if not quiet:
+        out.print()
+        for line in summary_lines(found):
+            out.print(Text(line), soft_wrap=True)
+
+
+def _print_answers(out: Console, found: Batch) -> None:
+    columns = ("plan", "answer", "seconds", "what it says")
+    rows: list[Sequence[str | Text]] = []
+    for row in found.rows:
+        (run,) = row.runs.values()
+        rows.append((row.instance.name, _word(run), _seconds(run), first_lines(run)))
+    show_table(out, table(columns, rows, right=("seconds",)))
+
+
+def _print_compared(out: Console, found: Batch) -> None:
+    names = [one.name for one in found.asked]
+    timed = [word for name in names for word in (NAMES[name], f"{NAMES[name]}, s")]
+    rows: list[Sequence[str | Text]] = []
+    for row in found.rows:
+        cells = [cell for name in names for cell in (_word(row.runs.get(name)), _seconds(row.runs.get(name)))]
+        rows.append((row.instance.name, *cells, ratio(row.volume_ratio), ratio(row.width_ratio)))
+    show_table(out, table(("plan", *timed, *RATIOS), rows, right=(*timed[1::2], *RATIOS)))
+    for row in found.rows:
+        for message in dict.fromkeys(run.message for run in row.runs.values() if run.message is not None):
+            out.print(Text(f"{row.instance.name}: {message}"), soft_wrap=True)
+
+
+def _word(run: PlanRun | None) -> Text:
+    return Text(_NOTHING) if run is None else Text(run.status, style=STYLES.get(run.status, "yellow"))
+
+
+def summary_lines(found: Batch) -> list[str]:
+    """How many ended how, what is compared, and what is missing."""
+    lines = []
+    if found.verb == "compare":
+        lines += [_solved_line(found, one.name) for one in found.asked]
+        lines += _both_lines(found)
+    else:
+        counts = Counter(run.status for row in found.rows for run in row.runs.values())
+        said = ", ".join(f"{count} {word}" for word, count in counts.most_common())
+        lines.append(
+            f"{len(found.rows)} of {plural(found.total, 'plan')}: {said or 'none'}; {duration(found.seconds)}."
+        )
+    return [*lines, *found.notes]
+
+
+def _solved_line(found: Batch, name: str) -> str:
+    solved, total = found.solved(name), found.total
+    middle = "" if solved.median_s is None else f", median {duration(solved.median_s)}"
+    alone = f"; {solved.alone} of them alone" if solved.alone else ""
+    return f"{NAMES[name]} answers {solved.plans} of {total} in {duration(solved.seconds)}{middle}{alone}."
+
+
+def _both_lines(found: Batch) -> list[str]:
+    """Of plans that both answer: times, and volumes."""
+    both = [row for row in found.rows if all(name in row.runs and row.runs[name].solved for name in (IRR, CCMMZ))]
+    if not both:
+        return []
+    irr, ccmmz = (sum(row.runs[name].seconds for row in both) for name in (IRR, CCMMZ))
+    lines = [f"The {plural(len(both), 'plan')} that both answer: IRR {duration(irr)}, CCMMZ {duration(ccmmz)}."]
+    shares = volume_shares(found)
+    if shares:
+        least, most = shares[0], shares[-1]
+        lines.append(
+            f"Volume of IRR's box as a share of CCMMZ's, of {plural(len(shares), 'plan')}: median "
+            f"{ratio(median(shares))}, least {ratio(least)}, most {ratio(most)}."
+        )
+    return lines
+
+
+def volume_shares(found: Batch) -> list[Fraction]:
+    """Those that are known, in ascending order."""
+    return sorted(share for row in found.rows if (share := row.volume_ratio) is not None)
+
+
+# -- JSON --------------------------------------------------------------------------------------------------------------
+
+Status = Annotated[
+    str,
+    one_of("proved", "refuted", "unknown", "complete", "timeout", "interrupted", "invalid", "error", "unsupported"),
+]
+BatchEnded = Annotated[str, one_of("complete", "timeout", "interrupted", "lost")]
+
+
+class Answered(JsonObject):
+    """what a process of its own answered
+
+    Attributes:
+        status: the verdict of a check, how a search ended, or that there is no answer
+        exit_code: of `robust` for this plan
+        seconds: of the whole process
+        cpu_s: the same on processors
+        memory_mb: the most that the process had in memory
+        search_s: of the search in it
+        first_widening_s: when the box was more than a point, since the search began
+        message: what breaks, or what is wrong
+        box: values for all of which the plan is valid; null where none was found or asked for
+        region: as of `robust region --json`; null where it is not complete or was not asked for
+    """
+
+    status: Status
+    exit_code: Annotated[int, one_of(0, 1, 2, 3, 4)]
+    seconds: Seconds
+    cpu_s: Seconds
+    memory_mb: Seconds
+    search_s: Seconds | None
+    first_widening_s: Seconds | None
+    message: str | None
+    box: dict[str, Ends] | None
+    region: dict[str, Any] | None
+
+
+class BatchPlan(JsonObject):
+    """
+    Attributes:
+        instance: its name in the suite
+        domain: relative to the folder of the suite, as the other files
+    """
+
+    instance: str
+    domain: str
+    problem: str
+    plan: str
+    answer: Answered
+
+
+class Ran(JsonObject, kw_only=True):
+    """a batch, as far as it got
+
+    Attributes:
+        suite: the folder or list
+        status: timeout: of all plans; lost: the cluster went away
+        total: plans of the suite; of those that are not in `plans` nothing is known
+        exit_code: 1 if a plan is refuted; else 2 if one cannot be read; else 4 if one is unsupported; else 3 if one is
+            undecided or missing; else 0
+        notes: what was resumed, and what is missing and how to get it
+    """
+
+    suite: str
+    status: BatchEnded
+    total: Count
+    exit_code: Annotated[int, one_of(0, 1, 2, 3, 4)]
+    seconds: Seconds
+    notes: list[str]
+
+
+class BatchDocument(Ran, tag_field="schema", tag="robust/batch/1"):
+    """robust batch check|envelope|region --json: one question about many plans
+
+    Attributes:
+        counts: how many plans by status
+    """
+
+    verb: Annotated[str, one_of("check", "envelope", "region")]
+    counts: dict[str, Count]
+    plans: list[BatchPlan]
+
+
+class ComparedPlan(JsonObject, kw_only=True):
+    """
+    Attributes:
+        irr: the box of IRR; null if that is not done
+        ccmmz: the box of greatest total width, which CCMMZ asks for
+        region: the exact region, where it was asked for
+        volume_ratio: the volume of IRR's box as a share of that of CCMMZ's, over the parameters that are not single
+            values in both; null unless both are complete and have finite volumes
+        width_ratio: the same of total widths
+    """
+
+    instance: str
+    domain: str
+    problem: str
+    plan: str
+    irr: Answered | None
+    ccmmz: Answered | None
+    region: Answered | UnsetType | None = UNSET
+    volume_ratio: Rational | None
+    width_ratio: Rational | None
+
+
+class Shares(JsonObject):
+    """
+    Attributes:
+        plans: of how many the share is known
+    """
+
+    plans: Count
+    least: Rational | None
+    median: Rational | None
+    most: Rational | None
+
+
+class SolvedPlans(JsonObject):
+    """
+    Attributes:
+        plans: how many are answered
+        seconds: for all of these
+        alone: how many that nothing else answers
+    """
+
+    plans: Count
+    seconds: Seconds
+    median_s: Seconds | None
+    alone: Count
+
+
+class BatchCompareDocument(Ran, tag_field="schema", tag="robust/batch-compare/1"):
+    """robust batch compare --json: CCMMZ against IRR on many plans
+
+    Attributes:
+        solved: by what was asked
+        volume_ratio: over all plans
+    """
+
+    solved: dict[str, SolvedPlans]
+    volume_ratio: Shares
+    plans: list[ComparedPlan]
+
+
+def batch(found: Batch) -> Document:
+    """What `--json` prints."""
+    common = {"status": found.status, "exit_code": found.exit_code, "notes": list(found.notes)}
+    if found.verb != "compare":
+        runs = [(row, run) for row in found.rows for run in row.runs.values()]
+        counts = Counter(run.status for _, run in runs)
+        plans = [like(BatchPlan, row.instance, instance=row.instance.name, answer=_answered(run)) for row, run in runs]
+        return document(like(BatchDocument, found, **common, counts=dict(counts), plans=plans))
+    shares = volume_shares(found)
+    return document(
+        like(
+            BatchCompareDocument,
+            found,
+            **common,
+            solved={one.name: _solved(found.solved(one.name)) for one in found.asked},
+            volume_ratio=Shares(
+                plans=len(shares),
+                least=shares[0] if shares else None,
+                median=median(shares) if shares else None,
+                most=shares[-1] if shares else None,
+            ),
+            plans=[_compared(found, row) for row in found.rows],
+        )
+    )
+
+
+def _solved(found: Solved) -> SolvedPlans:
+    return like(SolvedPlans, found)
+
+
+def _answered(run: PlanRun) -> Answered:
+    return like(Answered, run, box=None if run.box is None else box_of(measure.box_of(run.box)))
+
+
+def _compared(found: Batch, row: BatchRow) -> ComparedPlan:
+    runs = {one.name: _answered(row.runs[one.name]) if one.name in row.runs else None for one in found.asked}
+    return like(
+        ComparedPlan,
+        row.instance,
+        instance=row.instance.name,
+        irr=runs[IRR],
+        ccmmz=runs[CCMMZ],
+        region=runs.get(REGION) if REGION in runs else UNSET,
+        volume_ratio=row.volume_ratio,
+        width_ratio=row.width_ratio,
+    )
+
+
+# -- CSV ---------------------------------------------------------------------------------------------------------------
+
+Column = Callable[[PlanRun], object]
+
+
+def exact_box(run: PlanRun) -> str | None:
+    """The box in one cell, exactly: `a [1/3, 7/2); b [0, inf)`."""
+    if run.box is None:
+        return None
+    return "; ".join(f"{name} {_exact(lower, upper)}" for name, (lower, upper) in run.box.items())
+
+
+def _exact(lower: str, upper: str) -> str:
+    opening = "(" if lower.endswith(measure.OPEN) or lower == "-inf" else "["
+    closing = ")" if upper.endswith(measure.OPEN) or upper == "inf" else "]"
+    return f"{opening}{lower.removesuffix(measure.OPEN)}, {upper.removesuffix(measure.OPEN)}{closing}"
+
+
+_RUN: Mapping[str, Column] = {
+    "status": lambda run: run.status,
+    "exit_code": lambda run: run.exit_code,
+    "seconds": lambda run: run.seconds,
+    "cpu_s": lambda run: run.cpu_s,
+    "memory_mb": lambda run: run.memory_mb,
+    "search_s": lambda run: run.search_s,
+    "message": lambda run: run.message,
+    "box": exact_box,
+    "polyhedra": lambda run: None if run.region is None else len(Region.from_dict(run.region).pieces),
+}
+"""What is said of each answer."""
+
+
+def csv_text(found: Batch) -> str:
+    """A head, and a line for each plan; of a comparison, columns are those of each answer with its name before them."""
+    compared = found.verb == "compare"
+    names = [one.name for one in found.asked]
+    head = ["instance", "domain", "problem", "plan"]
+    head += [f"{name}_{column}" if compared else column for name in names for column in _RUN]
+    head += ["volume_ratio", "width_ratio"] if compared else []
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    for row in found.rows:
+        one = row.instance
+        cells: list[object] = [one.name, one.domain, one.problem, one.plan]
+        for name in names:
+            run = row.runs.get(name)
+            cells += [None if run is None else value(run) for value in _RUN.values()]
+        cells += [row.volume_ratio, row.width_ratio] if compared else []
+        writer.writerow(["" if cell is None else cell for cell in cells])
+    return text.getvalue()
+
+
+DOCUMENTS: tuple[type[JsonObject], ...] = (BatchDocument, BatchCompareDocument)
+"""As in :mod:`robust.show.documents`."""

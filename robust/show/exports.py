@@ -1,0 +1,264 @@
+"""Envelopes for other tools: what PlanSys2's executor needs to know, CSV, and YAML."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from decimal import Decimal
+from fractions import Fraction
+from io import StringIO
+from typing import Any
+
+from robust import __version__
+from robust.errors import InputError, UnsupportedError
+from robust.irr.overruns import FIXED, ActionOverrun, Overrun, action_overruns, overruns
+from robust.irr.search import EnvelopeResult
+from robust.numbers import readable
+from robust.options.verbs import EXPORTS
+from robust.plan.model import ParametrizedPlan
+from robust.show import documents
+from robust.show.text import percentage
+
+_UNIT = Fraction(1, 10**6)
+_MOST = Fraction(10**12)
+"""Of percentages: what is proved of more is proved of this."""
+COLUMNS = (
+    "name", "action", "nominal", "lower", "upper", "lower_closed", "upper_closed",
+    "stopped_below", "stopped_above", "percent_below", "percent_above",
+)  # fmt: skip
+"""Of each parameter; numbers are exact, an end that is none is inf or -inf, and `action` is whose duration it is."""
+_PLAIN_KEY = re.compile(r"[a-z][a-z0-9_-]*")
+_WORDS = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null"})
+"""What YAML reads as something else than a text."""
+
+
+def export(plan: ParametrizedPlan, result: EnvelopeResult, form: str) -> str:
+    """An envelope as a file for other tools.
+
+    Args:
+        plan: the plan that the envelope is of.
+        result: what :func:`robust.envelope` found.
+        form: `plansys2`: the parameters of PlanSys2's executor, with the percentage by which each action may exceed its
+            planned duration; `csv`: a line for each parameter; `yaml`: both as one document.
+
+    Raises:
+        InputError: for another form, or an envelope that is not verified: nothing is proved then.
+        UnsupportedError: if PlanSys2 has no place for an action.
+    """
+    if form not in EXPORTS:
+        raise InputError(f"unknown form {form!r}, expected {', '.join(EXPORTS)}")
+    if not result.verified:
+        raise InputError(f"found an envelope that is {result.status.value}, expected a verified one to export")
+    return {"plansys2": plansys2, "csv": csv_rows, "yaml": yaml_document}[form](plan, result)
+
+
+# -- percentages -------------------------------------------------------------------------------------------------------
+
+
+def percentage_text(percent: Fraction, *, closed: bool) -> str:
+    """A decimal that is not above what is proved, and below it where that is not `closed`; nor is its nearest double.
+
+    It is at most 1e-6 below, but for percentages beyond 1e12.
+    """
+    steps = math.floor(min(percent, _MOST) / _UNIT)
+    if not closed and steps * _UNIT == percent:
+        steps -= 1
+    value = Decimal(steps) / 10**6
+    double = float(value)
+    if Fraction(double) > percent or (not closed and Fraction(double) == percent):
+        value = Decimal(repr(math.nextafter(double, -math.inf)))
+    text = format(value, "f")
+    whole, _, digits = text.partition(".")
+    return f"{whole}.{digits.rstrip('0') or '0'}"
+
+
+# -- PlanSys2 ----------------------------------------------------------------------------------------------------------
+
+
+def plansys2(plan: ParametrizedPlan, result: EnvelopeResult) -> str:
+    """`action_timeouts` of PlanSys2's executor, in its YAML, with what is proved in comments."""
+    found = action_overruns(plan, result.box)
+    listed = [one for one in found if one.percent is not None]
+    for one in listed:
+        if one.action == "actions":
+            raise UnsupportedError("found an action named 'actions', expected another name: PlanSys2 needs it itself")
+    lines = [*_obligation(result), ""]
+    for one in found:
+        if one.percent is None:
+            lines += [f"# {one.action}: left out, which is no limit; any longer duration is proved as well."]
+            lines += _instances(one)
+    lines += ["executor:", "  ros__parameters:", "    action_timeouts:"]
+    lines += ["      actions:" if listed else "      actions: []", *(f"        - {_key(one.action)}" for one in listed)]
+    for one in listed:
+        lines += [f"      # {line}" for line in _explained(one)]
+        text = percentage_text(one.percent or Fraction(0), closed=one.closed)
+        lines += [f"      {_key(one.action)}:", f"        duration_overrun_percentage: {text}"]
+    return "\n".join(lines) + "\n"
+
+
+def _obligation(result: EnvelopeResult) -> list[str]:
+    """What is claimed, and under which conditions."""
+    lines = [
+        f"Written by robust {__version__}: by how much actions may exceed their planned durations, proved.",
+        "Proof obligation: the plan is valid for every duration of every action from the planned one to the limit",
+        "that its percentage gives, all of them at once and independently. The envelope is a product of intervals, so",
+        "each instance of an action may take any duration in its own. PlanSys2 knows one percentage for each action:",
+        "the least of its instances, which is at most what is proved for each. Rounded down, never up.",
+        "Presupposed: durations as in this plan, time points within its network (the executor does not check that",
+        "either), and no action shorter than the interval below says: PlanSys2 has no limit for that.",
+    ]
+    if result.status.value != "complete":
+        lines.append(f"The search was {result.status.value}: what is here is proved, but more may be possible.")
+    return [f"# {line}" for line in lines]
+
+
+def _explained(one: ActionOverrun) -> Iterator[str]:
+    """Above an action: the exact percentage, why, and its instances."""
+    percent, decisive = one.percent, one.decisive
+    if percent is None or decisive is None:
+        return
+    exact = f"{percent} %" if one.closed else f"less than {percent} %"
+    of = (
+        ""
+        if len(one.overruns) == 1
+        else f", the least of {len(one.overruns)} instances: {decisive.instance.identifier}"
+    )
+    yield _line(f"{one.action}: exactly {exact}{of}")
+    if decisive.reason == FIXED:
+        yield _line(f"for more: --parameter duration:{one.action}")
+    yield from (line.removeprefix("# ") for line in _instances(one))
+
+
+def _instances(one: ActionOverrun) -> list[str]:
+    return [f"#   {_line(_instance(each))}" for each in one.overruns]
+
+
+def _instance(one: Overrun) -> str:
+    """`n0 (move dock shelf): planned 20, proved up to 24 (20 %)`."""
+    planned = "no planned duration" if one.planned is None else f"planned {readable(one.planned)}"
+    if one.proved is None:
+        proved = "any longer one is proved"
+    elif one.reason is not None:
+        proved = f"nothing more: {one.reason}"
+    else:
+        limit = "up to" if one.closed else "below"
+        share = "" if one.percent is None else f" ({percentage(one.percent)})"
+        proved = f"proved {limit} {readable(one.proved)}{share}"
+    return f"{one.instance.identifier} {one.instance}: {planned}, {proved}"
+
+
+def _line(text: str) -> str:
+    """In one line, whatever names contain: a comment must not end early."""
+    return "".join(character if character.isprintable() else " " for character in text)
+
+
+def _key(name: str) -> str:
+    return name if _PLAIN_KEY.fullmatch(name) and name not in _WORDS else quoted(name)
+
+
+# -- CSV and YAML ------------------------------------------------------------------------------------------------------
+
+
+def _parameters(plan: ParametrizedPlan, result: EnvelopeResult) -> list[dict[str, Any]]:
+    """What is said of each parameter, by the names of the columns."""
+    within = documents.envelope(result, None, None, controllability=False)["parameters"]
+    actions: dict[str, list[str]] = {}
+    for one in overruns(plan, result.box):
+        for name in one.parameters:
+            actions.setdefault(name, []).append(f"{one.instance.identifier} {one.instance}")
+    return [
+        {
+            column: {"name": name, "action": "; ".join(actions.get(name, [])) or None, **facts}[column]
+            for column in COLUMNS
+        }
+        for name, facts in within.items()
+    ]
+
+
+def csv_rows(plan: ParametrizedPlan, result: EnvelopeResult) -> str:
+    """A line for each parameter, and a head."""
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for row in _parameters(plan, result):
+        writer.writerow([_cell(row[column]) for column in COLUMNS])
+    return text.getvalue()
+
+
+def _cell(value: object) -> object:
+    if value is None:
+        return ""
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def yaml_document(plan: ParametrizedPlan, result: EnvelopeResult) -> str:
+    """The parameters with their intervals, and the percentages of the actions."""
+    actions = [
+        {
+            "action": one.action,
+            "overrun_percentage": None if one.percent is None else str(one.percent),
+            "overrun_percentage_closed": one.closed,
+            "instances": [_instance(each) for each in one.overruns],
+        }
+        for one in action_overruns(plan, result.box)
+    ]
+    answer = {
+        "schema": "robust/envelope-export/1",
+        "robust": __version__,
+        "status": result.status.value,
+        "method": result.method,
+        "parameters": _parameters(plan, result),
+        "actions": actions,
+    }
+    return "\n".join(yaml_lines(answer)) + "\n"
+
+
+def yaml_lines(value: Mapping[str, Any] | Sequence[Any]) -> Iterator[str]:
+    """Dictionaries, lists, texts, truth values and null as YAML, in blocks; texts are always quoted."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            if isinstance(inner, Mapping | list) and inner:
+                yield f"{_key(key)}:"
+                yield from (f"  {line}" for line in yaml_lines(inner))
+            else:
+                yield f"{_key(key)}: {_scalar(inner)}"
+        return
+    for inner in value:
+        if isinstance(inner, Mapping | list) and inner:
+            first, *others = yaml_lines(inner)
+            yield f"- {first}"
+            yield from (f"  {line}" for line in others)
+        else:
+            yield f"- {_scalar(inner)}"
+
+
+def _scalar(value: object) -> str:
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return str(value).lower()
+        case str():
+            return quoted(value)
+        case []:
+            return "[]"
+        case {}:
+            return "{}"
+        case _:
+            raise TypeError(f"found {type(value).__name__}, expected a text, a truth value or nothing")
+
+
+def quoted(text: str) -> str:
+    """A text in double quotes, in one line."""
+    return f'"{"".join(map(_escaped, text))}"'
+
+
+def _escaped(character: str) -> str:
+    if character in {'"', "\\"}:
+        return f"\\{character}"
+    if character.isprintable():
+        return character
+    code = ord(character)
+    return f"\\u{code:04x}" if code < 2**16 else f"\\U{code:08x}"

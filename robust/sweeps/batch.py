@@ -1,0 +1,442 @@
+"""One question about many plans: each is a process of its own, as somebody types it, with a time limit of its own.
+
+Tasks carry the texts of the files, so that workers of a cluster need none of them, and so that a store tells a plan
+that has changed from the one of before.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import prod
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from robust.errors import InputError, RobustError
+from robust.plan.pddl.forms import read_text
+from robust.processes import Ended, Processes
+from robust.qe.box import Interval
+from robust.smt.limits import Deadline
+from robust.sweeps.measure import COMMAND, Ends, box_of, complaint, ends_of, interval_of, measured
+from robust.sweeps.pool import Task
+from robust.sweeps.suites import Instance, Suite, read_suite
+from robust.sweeps.sweep import Progress, Sweep, run_sweep
+
+BAD, UNDECIDED, UNSUPPORTED = 2, 3, 4
+"""Exit codes of a single plan, beside 0 and 1."""
+GRACE = 5.0
+"""Seconds beyond the limit of a plan after which its process is killed: until then it answers with what it knows."""
+IRR, CCMMZ, REGION = "irr", "ccmmz", "region"
+"""What is compared: IRR's box; the box of greatest total width, which CCMMZ asks for; the exact region, which CCMMZ
+computes by eliminating time points."""
+
+Named = tuple[str, str]
+"""A file as people call it, and its text."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A way to ask about a plan: its name, and the verb and options of the command line."""
+
+    name: str
+    verb: str
+    options: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PlanTexts:
+    """What is known of a plan; `parameters` are those of a TOML file."""
+
+    domain: Named
+    problem: Named
+    plan: Named
+    parameters: Named | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRun:
+    """What a process answered about a plan, and what it cost.
+
+    Attributes:
+        status: the verdict of a check, how a search ended, or `error` or `unsupported`; a process that did not answer
+            within its limit is a `timeout`.
+        exit_code: of the command line.
+        seconds: wall time of the whole process.
+        cpu_s: processor time of the whole process.
+        memory_mb: the most that it had in memory.
+        search_s: of the search alone.
+        first_widening_s: when the search had a box that is more than a point.
+        message: one line that says what breaks, or what is wrong.
+        box: the envelope, as exact text, where it is sound.
+        region: the exact region, as JSON, where it is complete.
+    """
+
+    status: str
+    exit_code: int
+    seconds: float = 0.0
+    cpu_s: float = 0.0
+    memory_mb: float = 0.0
+    search_s: float | None = None
+    first_widening_s: float | None = None
+    message: str | None = None
+    box: dict[str, Ends] | None = None
+    region: dict[str, Any] | None = None
+
+    @property
+    def solved(self) -> bool:
+        """Whether the question is answered."""
+        return self.exit_code in {0, 1}
+
+
+@dataclass(frozen=True)
+class BatchRow:
+    """A plan, and what was answered, by the names of what was asked; what is not done is not there."""
+
+    instance: Instance
+    runs: Mapping[str, PlanRun]
+
+    @property
+    def exit_code(self) -> int:
+        return worst(run.exit_code for run in self.runs.values())
+
+    @property
+    def volume_ratio(self) -> Fraction | None:
+        """Volume of IRR's box as a share of that of CCMMZ's."""
+        boxes = self._boxes
+        return None if boxes is None else volume_ratio(*boxes)
+
+    @property
+    def width_ratio(self) -> Fraction | None:
+        """Total width of IRR's box as a share of that of CCMMZ's; None if one is infinite, or that is a point."""
+        if self._boxes is None:
+            return None
+        irr, ccmmz = (_total(box.values()) for box in self._boxes)
+        return None if irr is None or not ccmmz else irr / ccmmz
+
+    @property
+    def _boxes(self) -> tuple[Mapping[str, Interval], Mapping[str, Interval]] | None:
+        """Those of IRR and CCMMZ, if both are complete."""
+        irr, ccmmz = (self.runs.get(name) for name in (IRR, CCMMZ))
+        if irr is None or ccmmz is None or irr.exit_code or ccmmz.exit_code:
+            return None
+        first, second = (box_of(run.box or {}).intervals for run in (irr, ccmmz))
+        return first, second
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """Of one way to ask: how many plans it answers, in which time, and how many that the others do not."""
+
+    plans: int
+    seconds: float
+    median_s: float | None
+    alone: int
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What came of a batch, as far as it got.
+
+    Attributes:
+        verb: `check`, `envelope`, `region` or `compare`.
+        suite: where the plans are from.
+        asked: what was asked about each.
+        rows: of the plans about which something is known, in the order of the suite.
+        total: how many plans there are.
+        status: `complete`, or `timeout`, `interrupted` or `lost` (the cluster) if something ended it before.
+        notes: what was resumed, and what is missing and how to get it.
+        seconds: wall time of all.
+    """
+
+    verb: str
+    suite: str
+    asked: tuple[Asked, ...]
+    rows: tuple[BatchRow, ...]
+    total: int
+    status: str
+    notes: tuple[str, ...]
+    seconds: float
+
+    @property
+    def exit_code(self) -> int:
+        """1 if a plan is refuted; else 2 if one cannot be read; else 4 if one is unsupported; else 3 if one is open."""
+        codes = [row.exit_code for row in self.rows]
+        return worst([*codes, 0 if self.status == "complete" else UNDECIDED])
+
+    def runs(self, name: str) -> list[PlanRun]:
+        """What was answered to one question."""
+        return [row.runs[name] for row in self.rows if name in row.runs]
+
+    def solved(self, name: str) -> Solved:
+        """Of one question."""
+        answered = [row for row in self.rows if name in row.runs and row.runs[name].solved]
+        seconds = [row.runs[name].seconds for row in answered]
+        alone = [row for row in answered if not any(run.solved for other, run in row.runs.items() if other != name)]
+        return Solved(len(answered), sum(seconds), median(seconds) if seconds else None, len(alone))
+
+
+def worst(codes: Iterable[int]) -> int:
+    """The exit code of several: a refutation is certain whatever the others are; then what cannot be read at all."""
+    found = set(codes)
+    return next((code for code in (1, BAD, UNSUPPORTED, UNDECIDED) if code in found), 0)
+
+
+def volume_ratio(box: Mapping[str, Interval], other: Mapping[str, Interval]) -> Fraction | None:
+    """The volume of a box as a share of another's, over the parameters that are not single values in both.
+
+    None if one of them is infinite, if the other has no volume, or if both are points.
+    """
+    names = [name for name in other if name in box and any(one[name].width != 0 for one in (box, other))]
+    own, others = (_volume(one[name].width for name in names) for one in (box, other))
+    return None if len(box) != len(other) or not names or own is None or not others else own / others
+
+
+def _volume(widths: Iterable[Fraction | None]) -> Fraction | None:
+    """The product; None if one is infinite."""
+    known = list(widths)
+    finite = [width for width in known if width is not None]
+    return prod(finite, start=Fraction(1)) if len(finite) == len(known) else None
+
+
+def _total(intervals: Iterable[Interval]) -> Fraction | None:
+    widths = [interval.width for interval in intervals]
+    finite = [width for width in widths if width is not None]
+    return sum(finite, Fraction(0)) if len(finite) == len(widths) else None
+
+
+# -- a batch -----------------------------------------------------------------------------------------------------------
+
+
+def run_batch(
+    verb: str,
+    questions: Sequence[tuple[str, str, tuple[str, ...]]],
+    path: Path,
+    *,
+    parameters: Path | None = None,
+    limit: float | None = None,
+    timeout: float | None = None,
+    jobs: int = 1,
+    cluster: str | None = None,
+    store: Path | None = None,
+    on_result: Progress | None = None,
+) -> Batch:
+    """Ask about all plans of a suite.
+
+    Args:
+        verb: what the batch is called.
+        questions: what is asked about each plan: a name, a verb, and options as they are typed.
+        path: the suite.
+        parameters: more parameters, for all plans instead of those in files beside them.
+        limit: seconds for each plan and question.
+        timeout: seconds for all.
+        jobs: processes at a time on this machine.
+        cluster: the address of a Dask scheduler whose workers run the processes instead.
+        store: a file that keeps answers as they arrive, and from which a later run resumes.
+        on_result: called after each answer.
+
+    Raises:
+        InputError: a suite that is malformed or empty, a store that is unusable, or a cluster that cannot be reached.
+        UnsupportedError: if a cluster is wanted and Dask is not installed.
+    """
+    began, deadline = time.perf_counter(), Deadline.after(timeout)
+    asked = tuple(Asked(*one) for one in questions)
+    suite = read_suite(path)
+    given = None if parameters is None else (parameters.name, read_text(parameters))
+    texts: dict[str, PlanTexts] = {}
+    troubles: dict[str, PlanRun] = {}
+    reading = _Reading(suite, given)
+    for one in suite.instances:
+        try:
+            texts[one.name] = reading.texts(one)
+        except InputError as error:
+            troubles[one.name] = PlanRun("error", BAD, message=reading.shown(error))
+    tasks = [
+        Task(f"{one.name}: {each.name}" if len(asked) > 1 else one.name, (one.name, texts[one.name], each, limit))
+        for one in suite.instances
+        if one.name in texts
+        for each in asked
+    ]
+    sweep = run_sweep(
+        tasks,
+        run_plan,
+        record=PlanRun,
+        store=store,
+        jobs=jobs,
+        cluster=cluster,
+        describe=_line,
+        on_result=on_result,
+        threads=True,
+        deadline=deadline,
+    )
+    known = {(task.given[0], task.given[2].name): run for task, run in sweep.results}
+    failed = {failure.task: PlanRun("error", UNDECIDED, message=failure.reason) for failure in sweep.failures}
+    rows = []
+    for one in suite.instances:
+        trouble = troubles.get(one.name)
+        runs = {}
+        for each in asked:
+            label = f"{one.name}: {each.name}" if len(asked) > 1 else one.name
+            found = trouble or known.get((one.name, each.name)) or failed.get(label)
+            if found is not None:
+                runs[each.name] = found
+        if runs:
+            rows.append(BatchRow(one, runs))
+    seconds = time.perf_counter() - began
+    return Batch(verb, str(path), asked, tuple(rows), len(suite.instances), _ended(sweep), sweep.notes, seconds)
+
+
+def _ended(sweep: Sweep) -> str:
+    if sweep.complete:
+        return "complete"
+    if sweep.lost is not None:
+        return "lost"
+    return "timeout" if sweep.timed_out else "interrupted"
+
+
+def _line(run: PlanRun) -> str:
+    said = f": {run.message}" if run.message else ""
+    return f"{run.status}{said}, {run.seconds:.2f} s"
+
+
+class _Reading:
+    """Reads the files of a suite; domains and problems of several plans once."""
+
+    def __init__(self, suite: Suite, parameters: Named | None) -> None:
+        self._folder = suite.folder
+        self._parameters = parameters
+        self._read: dict[str, str] = {}
+
+    def texts(self, one: Instance) -> PlanTexts:
+        """InputError if a file cannot be read, or is not known."""
+        if one.trouble is not None:
+            raise InputError(one.trouble)
+        beside = Path(one.plan).with_suffix(".toml")
+        parameters = self._parameters
+        if parameters is None and (self._folder / beside).is_file():
+            parameters = self._named(str(beside))
+        return PlanTexts(self._named(one.domain), self._named(one.problem), self._plan(one.plan), parameters)
+
+    def shown(self, error: RobustError) -> str:
+        """An error about a file of the suite, as the suite calls it."""
+        return str(error).replace(f"{self._folder}{os.sep}", "")
+
+    def _named(self, name: str) -> Named:
+        if name not in self._read:
+            self._read[name] = read_text(self._folder / name)
+        return name, self._read[name]
+
+    def _plan(self, name: str) -> Named:
+        return name, read_text(self._folder / name)
+
+
+# -- one plan ----------------------------------------------------------------------------------------------------------
+
+
+def run_plan(
+    _name: str, texts: PlanTexts, asked: Asked, limit: float | None, *, processes: Processes | None = None
+) -> PlanRun:
+    """Ask about one plan, in a process that is killed a little after the limit."""
+    with tempfile.TemporaryDirectory(prefix="robust-batch-") as folder:
+        called: dict[str, str] = {}
+        files = []
+        for place, (name, text) in enumerate((texts.domain, texts.problem, texts.plan)):
+            path = Path(folder, str(place), Path(name).name)
+            path.parent.mkdir()
+            path.write_text(text, encoding="utf-8")
+            called[str(path)] = name
+            files.append(str(path))
+        options = [*asked.options, "--json"]
+        if texts.parameters is not None:
+            beside = Path(files[-1]).with_suffix(".toml")
+            beside.write_text(texts.parameters[1], encoding="utf-8")
+            called[str(beside)] = texts.parameters[0]
+        if limit is not None:
+            options += ["--timeout", str(limit)]
+        killed = None if limit is None else limit + GRACE
+        found = measured([*COMMAND, asked.verb, *files, *options], limit=killed, processes=processes)
+    return _with_names(_read_run(asked.verb, found), called)
+
+
+def _with_names(run: PlanRun, called: Mapping[str, str]) -> PlanRun:
+    """With the names that people know for files."""
+    message = run.message
+    for path, name in called.items():
+        message = None if message is None else message.replace(path, name)
+    return replace(run, message=message)
+
+
+def _read_run(verb: str, found: Ended) -> PlanRun:
+    """What a process answered, or why that is no answer.
+
+    Raises:
+        RobustError: if there is none, because something killed the process; so that a later run tries again.
+    """
+    cost: dict[str, Any] = {
+        "seconds": round(found.seconds, 4),
+        "cpu_s": round(found.cpu_s, 4),
+        "memory_mb": round(found.memory_mb, 1),
+    }
+    if found.timed_out:
+        return PlanRun("timeout", UNDECIDED, **cost, message="no answer within the limit")
+    if not found.stdout.strip():
+        raise RobustError(complaint(found))
+    try:
+        answer = json.loads(found.stdout)
+        if "error" in answer:
+            return _refused(answer["error"], found.exit_code, cost)
+        return _READERS[verb](answer, found.exit_code, cost)
+    except (ValueError, KeyError, TypeError, AttributeError, RobustError) as error:
+        message = f"the answer is not that of `robust {verb} --json` ({type(error).__name__}: {error})"
+        return PlanRun("error", UNDECIDED, **cost, message=message)
+
+
+Json = Mapping[str, Any]
+
+
+def _refused(error: Json, code: int, cost: Json) -> PlanRun:
+    place = ":".join(str(error[key]) for key in ("file", "line", "column") if error[key] is not None)
+    message = f"{place}: {error['message']}" if place else error["message"]
+    kind = error["kind"]
+    status = kind if kind in {"timeout", "interrupted", "unsupported"} else "error"
+    return PlanRun(status, code, **cost, message=message)
+
+
+def _check(answer: Json, code: int, cost: Json) -> PlanRun:
+    example = answer["counterexample"]
+    message = answer["reason"]
+    if example is not None:
+        violation = next((one for one in example["violations"] if one["obligation"] == example["obligation"]), None)
+        message = example["obligation"] + (f": {violation['detail']}" if violation is not None else "")
+    return PlanRun(answer["verdict"], code, **cost, search_s=answer["seconds"], message=message)
+
+
+def _envelope(answer: Json, code: int, cost: Json) -> PlanRun:
+    box = {name: ends_of(interval_of(ends)) for name, ends in answer["parameters"].items()}
+    return PlanRun(
+        answer["status"],
+        code,
+        **cost,
+        search_s=answer["seconds"],
+        first_widening_s=answer["first_widening_s"],
+        message=answer["reason"],
+        box=box if answer["verified"] else None,
+    )
+
+
+def _region(answer: Json, code: int, cost: Json) -> PlanRun:
+    region = dict(answer) if answer["status"] == "complete" else None
+    status, message = answer["status"], answer.get("reason")
+    return PlanRun(status, code, **cost, search_s=answer["seconds"], message=message, region=region)
+
+
+_READERS: Mapping[str, Callable[[Json, int, Json], PlanRun]] = {
+    "check": _check,
+    "envelope": _envelope,
+    "region": _region,
+}

@@ -1,0 +1,237 @@
+"""Envelopes for other tools: numbers are rounded to the safe side, files are read as what they say."""
+
+import csv
+import json
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from fractions import Fraction
+from io import StringIO
+from pathlib import Path
+
+import pytest
+
+import robust
+from robust.errors import InputError, UnsupportedError
+from robust.irr.overruns import action_overruns
+from robust.show.exports import COLUMNS, export, percentage_text, quoted, yaml_lines
+
+ROOT = Path(__file__).parents[2]
+NAVIGATION = ROOT / "robust" / "examples" / "two_sample_navigation"
+FILES = [str(NAVIGATION / name) for name in ("domain.pddl", "problem.pddl", "plan.stn")]
+OPTIONS = ["--parameter", "duration:drive_3", "--parameter", "duration:take-sample"]
+TRICKY = [
+    "",
+    "plain",
+    'a "b" \\ c',
+    "line\nbreak",
+    "tab\t: # [x]",
+    "≥ é 😀",
+    "\x85\u2028\x00",
+    "yes",
+    "1",
+    "- x",
+    "{a: b}",
+]
+
+
+@pytest.fixture(scope="module")
+def solved():
+    plan = robust.load_plan(*FILES, parameters=OPTIONS[1::2])
+    return plan, robust.envelope(plan)
+
+
+# -- percentages -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("percent", "closed", "text"),
+    [
+        ("20", True, "20.0"),
+        ("20", False, "19.999999"),
+        ("100/3", True, "33.333333"),
+        ("100/3", False, "33.333333"),
+        ("0", True, "0.0"),
+        ("1/2000000", True, "0.0"),
+        ("1e12", True, "1000000000000.0"),
+        ("1e300", True, "1000000000000.0"),
+    ],
+)
+def test_percentages_are_rounded_down(percent, closed, text):
+    assert percentage_text(Fraction(percent), closed=closed) == text
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_no_double_is_above_what_is_proved(closed):
+    for numerator in range(1, 3000):
+        for denominator in (1, 3, 7, 10, 100, 1000):
+            percent = Fraction(numerator, denominator)
+            text = percentage_text(percent, closed=closed)
+            assert re.fullmatch(r"[0-9]+\.[0-9]+", text)
+            for read in (Fraction(text), Fraction(float(text))):
+                assert read <= percent if closed else read < percent
+                assert percent - read <= Fraction(2, 10**6)
+
+
+# -- PlanSys2 ----------------------------------------------------------------------------------------------------------
+
+
+def parameters_of(text):
+    """What a ROS 2 node reads, without a library: blocks of keys, and one list."""
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    assert lines[:3] == ["executor:", "  ros__parameters:", "    action_timeouts:"]
+    listed = [line.removeprefix("        - ") for line in lines if line.startswith("        - ")]
+    assert lines[3] == ("      actions:" if listed else "      actions: []")
+    blocks = lines[4 + len(listed) :]
+    assert len(blocks) == 2 * len(listed)
+    found = {}
+    for head, value in zip(blocks[::2], blocks[1::2], strict=True):
+        name, text = (
+            re.fullmatch(r" {6}(\S+):", head)[1],
+            re.fullmatch(r" {8}duration_overrun_percentage: (\S+)", value)[1],
+        )
+        found[name] = text
+    assert list(found) == listed
+    return found
+
+
+def test_what_plansys2_reads(solved):
+    plan, found = solved
+    text = export(plan, found, "plansys2")
+    read = parameters_of(text)
+    proved = {one.action: one.percent for one in action_overruns(plan, found.box)}
+    assert set(read) == set(proved) == {"drive", "take-sample"}
+    for action, percent in proved.items():
+        assert 0 <= percent - Fraction(read[action]) <= Fraction(1, 10**6)
+        assert f"# {action}: exactly {percent} %, the least of" in text
+    values = {}
+    for one in action_overruns(plan, found.box):
+        for each in one.overruns:
+            values[each.parameters[0]] = each.planned * (1 + Fraction(read[one.action]) / 100)
+    assert robust.check(plan, at=values).answer.value == "proved"
+
+
+def test_a_yaml_library_reads_the_same(solved):
+    yaml = pytest.importorskip("yaml")
+    text = export(*solved, "plansys2")
+    timeouts = yaml.safe_load(text)["executor"]["ros__parameters"]["action_timeouts"]
+    expected = {name: {"duration_overrun_percentage": float(value)} for name, value in parameters_of(text).items()}
+    assert timeouts == {"actions": list(expected), **expected}
+    document = yaml.safe_load(export(*solved, "yaml"))
+    assert [one["name"] for one in document["parameters"]] == [one.name for one in solved[0].parameters]
+    assert document["actions"][0]["action"] == "drive"
+    for value in TRICKY:
+        assert yaml.safe_load(quoted(value)) == value
+    nested = {"texts": TRICKY, "empty": [], "inner": [{"a": None, "b": [True, False]}, ["x"], {}]}
+    assert yaml.safe_load("\n".join(yaml_lines(nested))) == nested
+
+
+def test_texts_are_quoted_in_one_line():
+    for value in TRICKY:
+        text = quoted(value)
+        assert text.isprintable()
+        if value.isascii():
+            assert json.loads(text) == value
+
+
+def test_names_that_yaml_reads_otherwise(solved):
+    plan, found = solved
+    instances = tuple(replace(one, action={"drive": "no"}.get(one.action, one.action)) for one in plan.instances)
+    text = export(replace(plan, instances=instances), found, "plansys2")
+    assert '        - "no"\n' in text
+    assert '      "no":\n' in text
+    instances = tuple(replace(one, action="actions") for one in plan.instances)
+    with pytest.raises(UnsupportedError, match="named 'actions'"):
+        export(replace(plan, instances=instances), found, "plansys2")
+
+
+def test_names_do_not_end_comments(solved):
+    plan, found = solved
+    instances = tuple(replace(one, arguments=("a\nexecutor: 1",)) for one in plan.instances)
+    parameters_of(export(replace(plan, instances=instances), found, "plansys2"))
+
+
+def test_nothing_limits_an_action(tmp_path):
+    for name, text in {
+        "d.pddl": """(define (domain d) (:requirements :durative-actions :duration-inequalities) (:predicates (done))
+(:durative-action wait :parameters () :duration (>= ?duration 0) :condition () :effect (at end (done))))""",
+        "p.pddl": "(define (problem p) (:domain d) (:init) (:goal (done)))",
+        "x.stn": "parameter a default 1;\ndurative-action instance w : (wait);\nc: w.end - w.start in [a, a];\n",
+    }.items():
+        (tmp_path / name).write_text(text)
+    plan = robust.load_plan(*(tmp_path / name for name in ("d.pddl", "p.pddl", "x.stn")))
+    text = export(plan, robust.envelope(plan), "plansys2")
+    assert parameters_of(text) == {}
+    assert "# wait: left out, which is no limit; any longer duration is proved as well." in text
+
+
+# -- CSV ---------------------------------------------------------------------------------------------------------------
+
+
+def test_csv(solved):
+    plan, found = solved
+    head, *rows = csv.reader(StringIO(export(plan, found, "csv")))
+    assert tuple(head) == COLUMNS
+    assert [row[0] for row in rows] == [one.name for one in plan.parameters]
+    for row in (dict(zip(head, each, strict=True)) for each in rows):
+        interval = found.box[row["name"]]
+        assert (Fraction(row["lower"]), Fraction(row["upper"])) == (interval.lower, interval.upper)
+        assert row["upper_closed"] == "true"
+        nominal = Fraction(row["nominal"])
+        assert (Fraction(row["upper"]) - nominal) / nominal * 100 == Fraction(row["percent_above"])
+        assert row["stopped_above"]
+        assert row["action"]
+
+
+# -- the command -------------------------------------------------------------------------------------------------------
+
+
+def command(*words):
+    return subprocess.run(
+        [sys.executable, "-m", "robust", "envelope", *words], capture_output=True, text=True, check=False, cwd=ROOT
+    )
+
+
+def test_to_stdout_or_to_a_file(tmp_path, solved):
+    printed = command(*FILES, *OPTIONS, "--export", "plansys2")
+    assert (printed.returncode, printed.stdout) == (0, export(*solved, "plansys2"))
+    path = tmp_path / "timeouts.yaml"
+    written = command(*FILES, *OPTIONS, "--export", "plansys2", "-o", str(path), "--json")
+    assert json.loads(written.stdout)["status"] == "complete"
+    assert path.read_text() == printed.stdout
+
+
+def test_nothing_is_exported_of_an_invalid_plan(tmp_path):
+    invalid = [*FILES[:2], str(NAVIGATION / "plan-flexible-wait.stn")]
+    path = tmp_path / "timeouts.yaml"
+    found = command(*invalid, "--export", "plansys2", "-o", str(path))
+    assert found.returncode == 1
+    assert not path.exists()
+    plan = robust.load_plan(*invalid)
+    with pytest.raises(InputError, match="found an envelope that is invalid, expected a verified one"):
+        export(plan, robust.envelope(plan), "csv")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["-o", "x.yaml"], "--output: found no --export, expected one of plansys2, csv, yaml"),
+        (["--export", "csv", "--json"], "--export: found it with --json, expected --output FILE, or one of the two"),
+        (
+            ["--export", "csv", "-o", "none/x.csv"],
+            "--output: found no directory 'none', expected one to write the export to",
+        ),
+        (["--export", "xml"], "Invalid value for '--export'"),
+    ],
+)
+def test_wrong_options(words, message):
+    found = command(*FILES, *words)
+    assert found.returncode == 2
+    assert message in found.stderr
+    assert found.stderr.count("\n") == 1
+
+
+def test_unknown_forms(solved):
+    with pytest.raises(InputError, match="unknown form 'xml', expected plansys2, csv, yaml"):
+        export(*solved, "xml")
