@@ -85,7 +85,7 @@ def typed(words: list[Tree]) -> list[tuple[str, list[str]]]:
     return found + [(name, ["object"]) for name in names]
 
 
-def words_of(tree: Tree, least: int = 1, most: int | None = None) -> list[Tree]:
+def words_of(tree: Tree, least: int, most: int | None = None) -> list[Tree]:
     """A form with as many operands as that."""
     need(type(tree) is list and tree and type(tree[0]) is str, f"found {tree!r}, expected a form")
     need(least < len(tree) and (most is None or len(tree) <= most + 1), f"found {tree[0]} with other operands")
@@ -140,7 +140,8 @@ class Model:
         need(parts[":domain"] == parts["domain"], "the problem is of another domain")
         need(len(parts[":goal"]) == 1, "expected one goal")
         for name, kinds in typed(parts.get(":types", [])):
-            self.parents.setdefault(name, set()).update(kinds if name != "object" else ())
+            need(name != "object" or kinds == ["object"], "found a type above 'object'")
+            self.parents.setdefault(name, set()).update(kinds)
             for kind in kinds:
                 self.parents.setdefault(kind, set())
         for name, kinds in typed([*parts.get(":constants", []), *parts.get(":objects", [])]):
@@ -344,7 +345,7 @@ STATEMENT = re.compile(
     (?P<kind>durative-action|action)\s+instance\s+(?P<instance>{IDENTIFIER})\s*:\s*\((?P<call>[A-Za-z0-9_\s-]*)\) |
     c\s*:\s*(?P<target>{POINT})\s*-\s*(?P<source>{POINT})\s*in\s*\[\s*(?P<low>{BOUND})\s*,\s*(?P<high>{BOUND})\s*\]
     )\s*;\s*""",
-    re.VERBOSE | re.ASCII,
+    re.VERBOSE,
 )
 
 
@@ -502,7 +503,7 @@ class Ground:
     def durations(self, name: str, tree: Tree, scope: Scope, ends: tuple[int, int], point: int) -> None:
         for head, rest, inner in self.spread(tree, scope):
             if head == "at":
-                need(len(rest) == 2 and rest[0] in ("start", "end") and point == ends[0], f"{name}: a duration's time")
+                need(len(rest) == 2 and rest[0] in ("start", "end"), f"{name}: a duration's time")
                 self.durations(name, rest[1], inner, ends, ends[rest[0] == "end"])
             else:
                 need(head in COMPARISONS and rest[:1] == ["?duration"], f"found a malformed duration in {name}")

@@ -37,7 +37,7 @@ from tests.certify.tools import Checker
 ACCEPTED = Path(__file__).with_name("mutants_accepted.txt")
 MODULES = ("reader", "formulas", "proofs", "claims", "choices", "__main__")
 ASKED = {
-    "reader": ("reading", "wrong", "forged plan", "oracle", "honest"),
+    "reader": ("texts", "reading", "wrong", "forged plan", "oracle", "honest"),
     "formulas": ("reading", "free", "forged", "oracle", "honest"),
     "proofs": ("small", "forged", "leaves of plan", "leaves of network", "honest two"),
     "claims": ("within", "small", "forged plan", "leaves of plan", "honest", "demanded"),
