@@ -20,7 +20,8 @@ DOMAIN = """(define (domain Rich) ; Comments (end with the line
   - object box - crate)
  (:constants Depot - place)
  (:synth-parameters ?limit)
- (:predicates (at ?v - vehicle ?p - place) (in ?c - crate ?w - (either vehicle place)) (busy) (big ?c))
+ (:predicates (at ?v - vehicle ?p - place) (in ?c - crate ?w - (either vehicle place)) (busy) (big ?c) (z)
+  (in_place ?c))
  (:functions (fuel ?v - vehicle) (level) (rate) - number (cost) - number)
  (:durative-action move
   :parameters (?v - vehicle ?from ?to - place)
@@ -33,21 +34,23 @@ DOMAIN = """(define (domain Rich) ; Comments (end with the line
    (at start (not (at ?v ?from))) (at end (and (at ?v ?to) (scale-down (level) 2)))
    (decrease (fuel ?v) (* #t (rate))) (increase (cost) (* 0.5 #t))
    (forall (?c - box) (when (at start (in ?c ?v)) (at start (not (big ?c)))))
-   (at end (when (> level -3) (forall (?p ?q - place) (when (not (= ?p ?q)) (assign (cost)
+   (at end (when (> (- level 1) -3) (forall (?p ?q - place) (when (not (= ?p ?q)) (assign (cost)
      (- (* 2 level ?duration))))))))
  )
  (:action mark
   :parameters (?c - (either box place) ?d)
   :synth-parameters ?much
   :precondition (and (or (busy) (< 1 ?much)) (exists (?v - truck) (in ?c ?v)) () (= ?c ?d))
-  :effect (and (when (busy) (decrease level (/ 1 3))) (not (busy)) (scale-up (rate) 3) ())))
+  :effect (and (when (busy) (decrease level (/ 1 3))) (not (busy)) (scale-up (rate) (+ 3)) ()))
+ (:action rest :parameters (?x ?y) :synth-parameters ?z :precondition () :effect (and)))
 """
 PROBLEM = """(define (problem one) (:domain RICH) (:requirements :typing)
  (:objects t1 - truck s1 - ship b1 - box c1 - crate hall - place)
  (:init (at t1 depot) (in_vehicle B1 t1) (not (busy)) (= (fuel t1) 5) (= (fuel s1) (- 2)) (= level 1e1) (= (cost) .5)
-  (= (rate) +2) (at 4 (not (busy))) (at 2.5 (= (rate) 3)) (at 2.5 (busy)) (at 4 (at t1 hall)))
+  (= (rate) +2) (at 4 (not (busy))) (at 2.5 (= (rate) 3)) (at 2.5 (busy)) (at 4 (at t1 hall)) (at 0 (z)) (z)
+  (in_place c1))
  (:goal (and (at t1 hall) (forall (?c - crate) (or (big ?c) (>= (fuel t1) ?limit)))))
- (:metric minimize (total-time)) (:length (:serial 3)))
+ (:metric minimize (total-time)))
 """
 PLAN = """# A plan; of everything.
 parameter limit weight 2 default 1/2 lb -inf ub +inf;
@@ -55,6 +58,7 @@ parameter k.x default 3 lb 1 ub 5.5;  parameter go-1.slack default 1;
 parameter go-1.more lb 0 default 7; parameter m2.much ub inf default -1e0;
 durative-action instance go-1 : (MOVE t1 depot Hall);
 action instance m2 : (mark b1 b1); # (mark c1 c1)
+parameter r.z default 0; action instance r : (rest b1 c1);
 c : go-1.start - .zero in [ 0.25 , inf ];
 c: go-1.end - go-1.start in [k.x, k.x];
 c: m2 - go-1.start in [-inf, k.x]; c: .zero - m2 in [-7/2, +inf];
@@ -72,26 +76,28 @@ def _all(*parts: Any) -> Any:
 
 DURATION, LEVEL, RATE = ("duration",), ("fluent", "(level)"), ("fluent", "(rate)")
 BUSY, IN = ("atom", "(busy)"), ("atom", "(in b1 t1)")
-DECIDED = _all(True, (">", LEVEL, _number(-3)))
+DECIDED = _all(True, (">", ("-", LEVEL, _number(1)), _number(-3)))
 COST = ("-", ("*", _number(2), LEVEL, DURATION))
 
 SAYS: dict[str, Any] = {
-    "points": [".zero", "go-1.start", "go-1.end", "m2", "@5/2", "@4"],
+    "points": [".zero", "go-1.start", "go-1.end", "m2", "r", "@0", "@5/2", "@4"],
     "parameters": {
         "limit": (Fraction(1, 2), None, None),
         "k.x": (Fraction(3), Fraction(1), Fraction(11, 2)),
         "go-1.slack": (Fraction(1), None, None),
         "go-1.more": (Fraction(7), Fraction(0), None),
         "m2.much": (Fraction(-1), None, None),
+        "r.z": (Fraction(0), None, None),
     },
     "edges": [
         (0, 1, {"": Fraction(1, 4)}),
         (1, 2, {"k.x": Fraction(1)}), (2, 1, {"k.x": Fraction(-1)}),
         (3, 1, {"k.x": Fraction(-1)}),
         (3, 0, {"": Fraction(-7, 2)}),
-        (0, 4, {"": Fraction(5, 2)}), (4, 0, {"": Fraction(-5, 2)}),
-        (0, 5, {"": Fraction(4)}), (5, 0, {"": Fraction(-4)}),
-        *((0, point, {}) for point in range(1, 6)),
+        (0, 5, {}), (5, 0, {}),
+        (0, 6, {"": Fraction(5, 2)}), (6, 0, {"": Fraction(-5, 2)}),
+        (0, 7, {"": Fraction(4)}), (7, 0, {"": Fraction(-4)}),
+        *((0, point, {}) for point in range(1, 8)),
     ],
     "duties": [
         ((">=", DURATION, _number(0)), 1, None, (1, 2)),
@@ -124,19 +130,62 @@ SAYS: dict[str, Any] = {
         3: [
             ("increase", "(level)", ("-", ("/", _number(1), _number(3))), _all(True, BUSY), (3, 3)),
             ("delete", "(busy)", None, True, (3, 3)),
-            ("assign", "(rate)", ("*", RATE, _number(3)), True, (3, 3)),
+            ("assign", "(rate)", ("*", RATE, ("+", _number(3))), True, (3, 3)),
         ],
-        4: [("assign", "(rate)", _number(3), True, None), ("add", "(busy)", ("number", True), True, None)],
-        5: [("delete", "(busy)", ("number", False), True, None), ("add", "(at t1 hall)", ("number", True), True, None)],
+        4: [],
+        5: [("add", "(z)", ("number", True), True, None)],
+        6: [("assign", "(rate)", _number(3), True, None), ("add", "(busy)", ("number", True), True, None)],
+        7: [
+            ("delete", "(busy)", ("number", False), True, None),
+            ("add", "(at t1 hall)", ("number", True), True, None),
+        ],
     },
     "flows": [(1, 2, "(fuel t1)", ("-", RATE)), (1, 2, "(cost)", _number("1/2"))],
     "initial": {
-        "(at t1 depot)": True, "(in b1 t1)": True, "(busy)": False, "(fuel t1)": Fraction(5),
-        "(fuel s1)": Fraction(-2), "(level)": Fraction(10), "(cost)": Fraction(1, 2), "(rate)": Fraction(2),
+        "(at t1 depot)": True, "(in b1 t1)": True, "(busy)": False, "(z)": True, "(in_place c1)": True,
+        "(fuel t1)": Fraction(5), "(fuel s1)": Fraction(-2), "(level)": Fraction(10),
+        "(cost)": Fraction(1, 2), "(rate)": Fraction(2),
     },
     "guessed": {"in_vehicle as in"},
-    "timed": {4, 5},
+    "timed": {5, 6, 7},
 }  # fmt: skip
+
+PLAIN = Texts(
+    "(define (domain d) (:predicates (p ?x)) (:constants a) (:action b :effect (p a)))",
+    "(define (problem x) (:domain d) (:init) (:goal (exists (?x) (p ?x))))",
+    "action instance i : (b);",
+)
+"""No types and no parameters, and one action at one time."""
+
+VARIED = Texts(
+    "(define (domain d) (:predicates (p)) (:functions (f)) (:durative-action a :parameters ()"
+    " :duration (and (= ?duration (f)) (<= ?duration 9)) :condition () :effect (at end (p))))",
+    "(define (problem x) (:domain d) (:init (= (f) 2)) (:goal (p)))",
+    "parameter x default 2; parameter y default 3;\n"
+    "durative-action instance i : (a); c: i.end - i.start in [x, x]; c: .zero - i.start in [y, y];\n"
+    "durative-action instance j : (a); c: j.end - j.start in [2, 2];",
+)
+BESIDE = '[parameters.x]\nduration = "i"\n[parameters.y]\nfluent = "(f)"\n'
+"""A plan with parameters that are written beside it: of how long an action takes, and an initial value."""
+
+WRONG_BESIDE = (
+    '[parameters.x]\nduration = "j"', '[parameters.x]\nduration = "k"', '[parameters.z]\nduration = "i"',
+    '[parameters.z]\nfluent = "(f)"', '[parameters.x]\nfluent = "(g)"', '[parameters.x]\nfluent = "(p)"',
+    '[parameters.x]\nfluent = 1', '[parameters.x]\nduration = 1', '[parameters.x]\natom = "(f)"', "[parameters.x]",
+    '[parameters.x]\nother = "i"', '[parameters.x]\nduration = "i"\nfluent = "(f)"', "parameters.x = 1",
+    'parameters.x = "i"', '[parameters.x]\nduration = "i"\ndefault = 2', '[parameters.y]\nduration = "i"',
+    '[parameters.x]\nduration = "i"\n[parameters.y]\nduration = "i"',
+    '[parameters.x]\nfluent = "(f)"\n[parameters.y]\nfluent = "(f)"',
+)  # fmt: skip
+WRONG_VARIED = {
+    "[x, x];": [
+        "[x, inf];", "[-inf, x];", "[x, x]; c: i.end - i.start in [0, inf];",
+        "[x, x]; c: i.start - i.end in [-9, inf];",
+        "[x, y];", "[y, x];", "[x, x]; c: i.end - i.start in [x, inf];", "[2, 2];",
+    ],
+    "(= ?duration (f))": ["(>= ?duration (f))", ""],
+}  # fmt: skip
+"""What is wrong beside the plan, and in it."""
 
 Changes = dict[str, list[str]]
 """Parts of the texts, and what may stand there instead."""
@@ -173,7 +222,11 @@ SAME: Changes = {
     "(= level 1e1)": ["(= (level) 10)", "(= (level) (- -10)) (= level 10)"],
     "(at 4 (at t1 hall))": ["(at 4.0 (at t1 hall)) (at 4 (at t1 hall))"],
     "(at 2.5 (= (rate) 3))": ["(at 2.5 (= rate 3))"],
-    "(:metric minimize (total-time)) (:length (:serial 3))": [""],
+    "(:metric minimize (total-time))": ["", "(:metric minimize (total-time)) (:length (:serial 3))"],
+    "place vehicle - object crate\n": [
+        "place - object crate\n", "object place vehicle - object crate\n",
+    ],
+    "crate\n  - object box - crate": ["box - crate"],
     "# A plan; of everything.": ["#"],
     "parameter limit weight 2 default 1/2 lb -inf ub +inf;": [
         "parameter limit default 0.5;", "parameter limit lb -inf default 2/4 weight 1;",
@@ -196,9 +249,9 @@ WRONG: Changes = {
         "(define (domain poor)", "(defined (domain Rich)",
     ],
     "(:domain RICH)": [")(:domain RICH)", "(:domain RICH x)", ""],
-    "(:length (:serial 3)))": [
-        "(:length (:serial 3))", "(:length (:serial 3))) x",
-        "(:length (:serial 3))) (define (problem one) (:domain rich))",
+    "(:metric minimize (total-time)))": [
+        "(:metric minimize (total-time))", "(:metric minimize (total-time))) x",
+        "(:metric minimize (total-time))) (define (problem one) (:domain rich))",
     ],
     "(define (problem one)": ["(define (problem)", "(define (domain Rich)", "((problem one)"],
     "(:metric": ["() (:metric", "((:metric)) (:metric", ":metric", "(:constraints (sometime (busy))) (:metric"],
@@ -206,15 +259,17 @@ WRONG: Changes = {
     "(:constants Depot - place)": ["(:constants Depot - place) (:constants Depot - place)"],
     "(:metric minimize (total-time))": ["(:init (busy))", "(:goal (and))", "(:domain rich)", "(:constants hall)"],
     "(:synth-parameters ?limit)": [
-        "(:synth-parameters ?limit) (:synth-parameters ?limit)", "(:synth-parameters ?limit ?limit)",
+        "(:synth-parameters ?limit) (:synth-parameters ?limit)", "(:synth-parameters (?limit) ?x)",
         "(:synth-parameters limit ?limit)",
     ],
     "(:goal (and (at t1 hall)": ["(:goal (and (busy)) (and (at t1 hall)"],
     "(:goal (and": ["(:goal) (:goals (and"],
-    "(:init": ["(:start"],
+    "(:init": ["(:start", "(:length"],
+    "(:goal": ["(:length"],
     "object box - crate": [
         "object box - crate object - crate", "object box -", "object box - (crate)", "object box - (either)",
-        "object box - (or crate)", "object box - (either (either crate))", "object (box) - crate",
+        "object box - (or crate)",
+        "object box - (either crate (crate))", "object box - (either (either crate))", "object (box) - crate",
     ],
     "(:types truck": ["(:types - truck"],
     "Depot - place": ["Depot - town", "Depot - (either place town)"],
@@ -226,9 +281,19 @@ WRONG: Changes = {
         "(level) (rate) - object", "(level) (level) (rate)", "level (rate)", "(level) (rate) (busy)",
     ],
     "(:action mark": [
-        "(:action move", "(:action", "(:action (mark)", "(:action mark mark", "(:durative-action mark", "(:event mark",
+        "(:action move", "(:action", "(:action (mark)", "(:action mark mark", "(:action) (:action mark",
+        "(:action mark :effect ()) (:action mark",
+        "(:durative-action mark", "(:event mark",
     ],
     "(:durative-action move": ["(:action move"],
+    "(?x ?y)": [
+        "(x ?y)", "(?x y)", "(?x ?x)", "(?z ?y)", "(?limit ?y)", "(?duration ?y)", "?", "?xy", "(- box ?x ?y)",
+        "(?x ?y) (?x ?y)", "(?x ?y -)", "(?x ?y - town)",
+    ],
+    ":synth-parameters ?z": [":synth-parameters ?z ?z", ":synth-parameters (?z) ?limit", ":synth-parameters z"],
+    ":precondition ()": [":precondition z", ":precondition (z) (z)", ":precondition ((z))", ":precondition"],
+    ":effect (and)))": [":effect z))", ":effect (when (z) z)))", ":effect (not z)))", ":effect (forall ? (z))))"],
+    "  :duration (and (>= ?duration ?slack) (at end (<= ?duration (+ (rate) 2 ?limit))))\n": [""],
     "  :precondition": [
         "  :condition", "  :duration () :precondition", "  :precondition (busy) :precondition",
         "  :precondition (busy)", "  :precondition busy :effects", "  :vars (?z) :precondition",
@@ -264,7 +329,8 @@ WRONG: Changes = {
         "(at start (imply (busy)))", "(at start level)", "(at start (imply (busy) (busy) (busy)))",
         "(at start (level))", "(at start (forall (?z)))", "(at start ((busy)))",
         "(at start (forall (?z) (busy) (busy)))", "(at start (when (busy) (busy)))", "(at start (exists (?z)))",
-        "(at start (exists ?z (busy)))", "(at start (exists (?z ?z) (busy)))", "(at start (exists (?z - town) (busy)))",
+        "(at start (exists ?z (busy)))", "(at start (exists ? (busy)))", "(at start (< ?v ?v))",
+        "(at start (exists (?z ?z) (busy)))", "(at start (exists (?z - town) (busy)))",
         "(at start (exists (?z - (either place town)) (busy)))", "(at start (exists (z) (busy)))",
         "(at start (exists (?duration) (busy)))", "(at start (exists (?slack) (busy)))",
         "(at start (exists (?limit) (busy)))",
@@ -310,7 +376,8 @@ WRONG: Changes = {
         "(= (cost) .5) (= (cost) 0.6)", "(= (cost))", "(= (cost) .5 1)", "(= (cost) (+ 1 2))", "(= (cost) (- 1 2))",
         "(= (cost) (level))", "(= (cost) inf)", "(= (cost) 1/0)", "(= (cost) (-))", "(= busy 1)", "(= (cost t1) 1)",
         "(> (cost) 1)", "(busy t1)", "busy", "()", "(not)", "(not (busy) (busy))", "(not (not (busy)))", "(and (busy))",
-        "(at t1 ?v)", "((busy))", "(= (fuel oz) 1)",
+        "(at t1 ?v)", "((busy))", "(not z)", "(= (cost) (+ 1))", "(at_vehicle s1 hall)",
+        "(at (+ 1) (z))", "(= (fuel oz) 1)",
     ],
     "parameter limit weight 2": [
         "parameter limit weight", "parameter limit weight 2 weight 2", "parameter limit wait 2",
@@ -324,6 +391,7 @@ WRONG: Changes = {
     "instance m2 :": ["instance go-1 :"],
     "durative-action instance go-1": ["durative-action go-1", "action instance go-1", "instance go-1"],
     "action instance m2": ["durative-action instance m2"],
+    "action instance m2 : (mark b1 b1);": ["action instance m2 : (mark b1 b1); action instance m2 : (mark b1 b1);"],
     "(MOVE t1 depot Hall)": [
         "(MOVE t1 depot)", "(MOVE t1 depot Hall Hall)", "()", "(go t1 depot Hall)", "(MOVE b1 depot Hall)",
         "(MOVE t1 depot oz)", "(MOVE t1 depot b1)", "(MOVE t1 (depot) Hall)",
@@ -340,6 +408,17 @@ WRONG: Changes = {
     "[-inf, k.x]; c: .zero": ["[-inf, k.x] c: .zero", "[-inf, k.x];; c: .zero"],
 }  # fmt: skip
 """Each is refused: it means nothing, or something that the checker does not know."""
+
+GUARDS = {
+    "(busy)": True, "(not (busy))": True, "(= ?c ?d)": True, "(= ?c depot)": False, "(not (= ?c ?d))": False,
+    "(and (busy) (= ?c depot))": False, "(or (busy) (= ?c depot))": True, "(or (= ?c depot) (= ?d depot))": False,
+    "(or)": False, "(and)": True, "(not (and))": False, "(not (or))": True, "(not (or (busy) (= ?c ?d)))": False,
+    "(not (and (busy) (= ?c depot)))": True, "(not (or (busy) (= ?c depot)))": True, "(not (not (= ?c depot)))": False,
+    "(imply (= ?c ?d) (= ?c depot))": False, "(imply (= ?c depot) (= ?c depot))": True,
+    "(exists (?q - ship) (= ?q ?c))": False, "(forall (?q - box) (= ?q ?c))": True, "(= level level)": True,
+    "(and (not (busy)) (or (z) (= ?c depot)))": True, "(and (= ?c ?d) (or))": False, "(or (= ?c ?d) (busy))": True,
+}  # fmt: skip
+"""Conditions of an effect, and whether it may happen, by what they say of objects."""
 
 RESERVED = """and or not imply forall exists when preference increase decrease assign scale-up scale-down either"""
 PARAMETERS = "inf INF infinity Infinity nan NaN zero Zero 1k k. k- -k limit"
@@ -360,6 +439,9 @@ def wrong_texts() -> Iterator[Texts]:
     yield from (texts_with(old, new) for old, every in WRONG.items() for new in every)
     yield from (texts_with("(busy) (big ?c)", f"(busy) (big ?c) ({name} ?x)") for name in RESERVED.split())
     yield from (texts_with("# A plan", f"parameter {name} default 1; #") for name in PARAMETERS.split())
+    yield from (Texts(domain, PROBLEM, PLAN) for domain in ("", "()", "x", "define", "(define)", "(define x)"))
+    yield Texts(PLAIN.domain, PLAIN.problem, "")
+    yield Texts(PLAIN.domain, PLAIN.problem, "parameter k default 1;")
 
 
 def said(ground: Any) -> dict[str, Any]:
@@ -390,6 +472,16 @@ def unordered(value: Any) -> Any:
 def probes() -> Iterator[tuple[str, Callable[[Checker], bool]]]:
     """What a reader has to get right."""
     yield "texts elaborate", _says
+    yield "texts plain", _says_plainly
+    for guard, known in GUARDS.items():
+        texts = texts_with("(when (busy) (decrease", f"(when {guard} (decrease")
+        yield f"texts guard {guard}", partial(_may_happen, texts=texts, known=known)
+    yield "texts beside", _says_beside
+    for number, beside in enumerate(WRONG_BESIDE):
+        yield f"texts wrong beside {number}", partial(refuses, texts=[*VARIED, beside])
+    for old, every in WRONG_VARIED.items():
+        for new in every:
+            yield f"texts varied {new}", partial(refuses, texts=[text.replace(old, new) for text in (*VARIED, BESIDE)])
     for number, texts in enumerate(same_texts()):
         yield f"texts same {number}", partial(_says_the_same, texts=texts)
     for number, texts in enumerate(wrong_texts()):
@@ -398,6 +490,34 @@ def probes() -> Iterator[tuple[str, Callable[[Checker], bool]]]:
 
 def _says(by: Checker) -> bool:
     return said(by.reader.ground(*TEXTS)) == SAYS
+
+
+def _says_plainly(by: Checker) -> bool:
+    ground = by.reader.ground(*PLAIN)
+    adds = [("add", "(p a)", None, True, (1, 1))]
+    return bool(
+        said(ground)["effects"] == {0: [], 1: adds}
+        and [(duty.label, duty.condition) for duty in ground.duties] == [("goal 1", ("or", ("atom", "(p a)")))]
+        and (ground.points, ground.edges) == ([".zero", "i"], [(0, 1, {})])
+    )
+
+
+def _says_beside(by: Checker) -> bool:
+    ground = by.reader.ground(*VARIED, f"{BESIDE}[other]\na = 1")
+    plain = by.reader.ground(*VARIED)
+    durations: list[Any] = [duty.condition for duty in ground.duties if duty.label.endswith(": duration")]
+    others = [duty.condition for duty in plain.duties if duty.label.endswith(": duration")]
+    read, most = ("=", DURATION, ("fluent", "(f)")), ("<=", DURATION, _number(9))
+    return bool(
+        ground.varied == {("duration", "i"): "x", ("fluent", "(f)"): "y"}
+        and durations == [("=", DURATION, ("parameter", "x")), most, read, most]
+        and (plain.varied, others) == ({}, [read, most, read, most])
+    )
+
+
+def _may_happen(by: Checker, texts: Texts, known: bool) -> bool:
+    ground = by.reader.ground(*texts)
+    return any(effect.kind == "increase" for effect in ground.effects[3]) == known
 
 
 def _says_the_same(by: Checker, texts: Texts) -> bool:

@@ -12,7 +12,7 @@ from tests.certify.test_reader import compare
 ONLY_HERE = {
     "(at start (exists (?slack) (busy)))", "(at start (exists (?limit) (busy)))",
     "(when (at start (busy)) (and (at start (busy))))", "(decrease (fuel ?v) (* #t))", "(decrease (fuel ?v) #t)",
-    "(decrease (fuel ?v) (* #t (rate) (rate)))",
+    "(decrease (fuel ?v) (* #t (rate) (rate)))", "(?limit ?y)",
 }  # fmt: skip
 """What this package understands, and the checker need not."""
 
@@ -22,7 +22,7 @@ def test_what_is_written_is_read() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::robust.errors.InputWarning")
-@pytest.mark.parametrize("texts", [elaborate.TEXTS, *elaborate.same_texts()])
+@pytest.mark.parametrize("texts", [elaborate.TEXTS, elaborate.PLAIN, *elaborate.same_texts()])
 def test_both_readers_read_the_same(texts) -> None:
     compare(tools.assembled(texts), reader.ground(*texts))
 
