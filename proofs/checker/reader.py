@@ -226,7 +226,7 @@ class Model:
 
     def ground(self, term: Tree, bound: Mapping[str, str], table: Mapping[str, int]) -> str:
         """A ground atom or fluent, as text."""
-        name, *arguments = words_of([term] if type(term) is str and table is self.functions else term, 0)
+        name, *arguments = words_of([term] if type(term) is str and table is self.functions else term)
         if name not in table and name in self.split:
             self.guessed.add(f"{name} as {self.split[name]}")
             name = self.split[name]
@@ -515,15 +515,14 @@ class Ground:
     def add_effects(self, tree: Tree, scope: Scope, ends: tuple[int, int], when: Tree, point: int | None) -> None:
         """The effects in a tree, if `when` holds; they happen at `point`, which is not known yet at the top."""
         for head, rest, inner in self.spread(tree, scope):
-            if head == "at" and len(rest) == 2 and rest[0] in ("start", "end") and type(rest[1]) is list:
+            if head == "at" and len(rest) == 2 and rest[0] in ("start", "end"):
                 need(point is None, "found an effect with two times")
                 self.add_effects(rest[1], inner, ends, when, ends[rest[0] == "end"])
             elif head == "when":
                 condition, effect = words_of([head, *rest], 2, 2)[1:]
                 if point is None:
-                    need(len(words_of(condition, 2, 2)) == len(words_of(effect, 2, 2)) == 3, "found a malformed effect")
-                    need(condition[0] == "at" and condition[:2] == effect[:2], "found an effect between two times")
-                    condition = condition[2]
+                    at, time, condition = words_of(condition, 2, 2)
+                    need(at == "at" and effect[:2] == [at, time], "found an effect between two times")
                 guard = ("and", when, self.model.condition(condition, inner))
                 if decided(guard) is not False:
                     self.add_effects(effect, inner, ends, guard, point)
@@ -531,8 +530,8 @@ class Ground:
                 self.effects[point].append(Effect(*self.effect([head, *rest], inner), when, ends))
             else:
                 rate = words_of([head, *rest], 2, 2)[2]
-                need(head in ("increase", "decrease") and when is True, "found an effect without a time")
-                need(type(rate) is list and len(rate) == 3 and rate[0] == "*" and rate[1:].count("#t") == 1, "a rate")
+                need(head in ("increase", "decrease"), "found an effect without a time")
+                need(len(rate) == 3 and rate[0] == "*" and rate.count("#t") == 1, "a rate")
                 slope = self.model.expression(rate[2] if rate[1] == "#t" else rate[1], Scope(inner.bound, inner.synth))
                 slope = slope if head == "increase" else ("-", slope)
                 self.flows.append((*ends, self.model.ground(rest[0], inner.bound, self.model.functions), slope))

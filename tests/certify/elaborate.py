@@ -152,7 +152,7 @@ SAYS: dict[str, Any] = {
 
 PLAIN = Texts(
     "(define (domain d) (:predicates (p ?x)) (:constants a) (:action b :effect (p a)))",
-    "(define (problem x) (:domain d) (:init) (:goal (exists (?x) (p ?x))))",
+    "(define (problem x) (:domain d) (:init) (:goal (exists (?x) (and (p ?x) (= ?x a)))))",
     "action instance i : (b);",
 )
 """No types and no parameters, and one action at one time."""
@@ -250,7 +250,7 @@ WRONG: Changes = {
     ],
     "(:domain RICH)": [")(:domain RICH)", "(:domain RICH x)", ""],
     "(:metric minimize (total-time)))": [
-        "(:metric minimize (total-time))", "(:metric minimize (total-time))) x",
+        "(:metric minimize (total-time))", "(:metric minimize (total-time))) x", "(:metric minimize (total-time))) (x",
         "(:metric minimize (total-time))) (define (problem one) (:domain rich))",
     ],
     "(define (problem one)": ["(define (problem)", "(define (domain Rich)", "((problem one)"],
@@ -360,6 +360,8 @@ WRONG: Changes = {
     "(decrease (fuel ?v) (* #t (rate)))": [
         "(assign (fuel ?v) (* #t (rate)))", "(scale-up (fuel ?v) (* #t (rate)))", "(decrease (fuel ?v) (+ #t (rate)))",
         "(decrease (fuel ?v) (* #t #t))", "(decrease (fuel ?v) (* (rate) (rate)))", "(decrease (fuel ?v) (* #t))",
+        "(decrease (fuel ?v))", "(decrease)", "(decrease (fuel ?v) *#t)",
+        "(when (decrease (fuel ?v) (busy)) (decrease (fuel ?v) (* #t 1)))",
         "(decrease (fuel ?v) (* #t (rate) (rate)))", "(decrease (fuel ?v) #t)", "(decrease (fuel ?v) (* #t ?duration))",
         "(decrease (fuel ?v) (* #t (* #t 1)))", "(decrease (fuel ?v) (* #t (rate)) 1)",
         "(decrease (busy) (* #t (rate)))",
@@ -415,7 +417,7 @@ GUARDS = {
     "(or)": False, "(and)": True, "(not (and))": False, "(not (or))": True, "(not (or (busy) (= ?c ?d)))": False,
     "(not (and (busy) (= ?c depot)))": True, "(not (or (busy) (= ?c depot)))": True, "(not (not (= ?c depot)))": False,
     "(imply (= ?c ?d) (= ?c depot))": False, "(imply (= ?c depot) (= ?c depot))": True,
-    "(exists (?q - ship) (= ?q ?c))": False, "(forall (?q - box) (= ?q ?c))": True, "(= level level)": True,
+    "(exists (?q - ship) (= ?q ?c))": False, "(forall (?q - box) (= ?q ?c))": True, "(= (level) (rate))": True,
     "(and (not (busy)) (or (z) (= ?c depot)))": True, "(and (= ?c ?d) (or))": False, "(or (= ?c ?d) (busy))": True,
 }  # fmt: skip
 """Conditions of an effect, and whether it may happen, by what they say of objects."""
@@ -440,6 +442,10 @@ def wrong_texts() -> Iterator[Texts]:
     yield from (texts_with("(busy) (big ?c)", f"(busy) (big ?c) ({name} ?x)") for name in RESERVED.split())
     yield from (texts_with("# A plan", f"parameter {name} default 1; #") for name in PARAMETERS.split())
     yield from (Texts(domain, PROBLEM, PLAN) for domain in ("", "()", "x", "define", "(define)", "(define x)"))
+    swapped = PROBLEM.replace("(problem one)", "(domain rich)")
+    yield Texts(DOMAIN.replace("(domain Rich)", "(problem one)"), swapped, PLAN)
+    unlisted = PLAIN.domain.replace("(:action b", "(:action b :parameters ?")
+    yield Texts(unlisted, PLAIN.problem, PLAIN.plan.replace("(b)", "(b a)"))
     yield Texts(PLAIN.domain, PLAIN.problem, "")
     yield Texts(PLAIN.domain, PLAIN.problem, "parameter k default 1;")
 
@@ -497,7 +503,8 @@ def _says_plainly(by: Checker) -> bool:
     adds = [("add", "(p a)", None, True, (1, 1))]
     return bool(
         said(ground)["effects"] == {0: [], 1: adds}
-        and [(duty.label, duty.condition) for duty in ground.duties] == [("goal 1", ("or", ("atom", "(p a)")))]
+        and [(duty.label, duty.condition) for duty in ground.duties]
+        == [("goal 1", ("or", ("and", ("atom", "(p a)"), True)))]
         and (ground.points, ground.edges) == ([".zero", "i"], [(0, 1, {})])
     )
 
