@@ -37,7 +37,7 @@ def number(text: Tree) -> Fraction:
     """A number as texts write it, exactly; PDDL may write `(- 3)`."""
     if type(text) is list and len(text) == 2 and text[0] == "-":
         return -number(text[1])
-    need(type(text) is str and len(text) < 1000 and NUMBER.fullmatch(text), f"found {text!r}, expected a number")
+    need(type(text) is str and NUMBER.fullmatch(text), f"found {text!r}, expected a number")
     return Fraction(text)
 
 
@@ -59,12 +59,10 @@ def parse(text: str, kind: str) -> list[Tree]:
             stack[-1].append(word)
     need(len(stack) == 1 and len(stack[0]) == 1, f"expected one (define ({kind} ...) ...)")
     form = stack[0][0]
-    need(
-        type(form) is list and len(form) > 1 and form[0] == "define" and type(form[1]) is list, "expected (define ...)"
-    )
-    need(len(form[1]) == 2 and form[1][0] == kind, f"expected a {kind}")
-    need(all(type(each) is list and each and type(each[0]) is str for each in form[1:]), "found a section without name")
-    return list(form[1:])
+    need(form[:1] == ["define"], "expected (define ...)")
+    sections = [words_of(each) for each in form[1:]]
+    need(sections and len(sections[0]) == 2 and sections[0][0] == kind, f"expected a {kind}")
+    return sections
 
 
 def typed(words: list[Tree]) -> list[tuple[str, list[str]]]:
@@ -85,7 +83,7 @@ def typed(words: list[Tree]) -> list[tuple[str, list[str]]]:
     return found + [(name, ["object"]) for name in names]
 
 
-def words_of(tree: Tree, least: int = 1, most: int | None = None) -> list[Tree]:
+def words_of(tree: Tree, least: int = 0, most: int | None = None) -> list[Tree]:
     """A form with as many operands as that."""
     need(type(tree) is list and tree and type(tree[0]) is str, f"found {tree!r}, expected a form")
     need(least < len(tree) and (most is None or len(tree) <= most + 1), f"found {tree[0]} with other operands")
@@ -140,7 +138,8 @@ class Model:
         need(parts[":domain"] == parts["domain"], "the problem is of another domain")
         need(len(parts[":goal"]) == 1, "expected one goal")
         for name, kinds in typed(parts.get(":types", [])):
-            self.parents.setdefault(name, set()).update(kinds if name != "object" else ())
+            need(name != "object" or kinds == ["object"], "found a type above 'object'")
+            self.parents.setdefault(name, set()).update(kinds)
             for kind in kinds:
                 self.parents.setdefault(kind, set())
         for name, kinds in typed([*parts.get(":constants", []), *parts.get(":objects", [])]):
@@ -151,7 +150,7 @@ class Model:
         need(all(type(each) is list or each in ("-", "number") for each in functions), "functions are numeric only")
         self.declare(self.functions, [each for each in functions if type(each) is list])
         need(not self.predicates.keys() & self.functions.keys(), "found a name that is predicate and function")
-        self.synth = self.parameters_in(parts.get(":synth-parameters", []))
+        self.synth = {each: each[1:] for each in self.parameters_in(parts.get(":synth-parameters", []))}
         self.goal = parts[":goal"][0]
         for kind, *rest in sections:
             need(kind in PARTS or kind in KNOWN, f"found {kind}, which is not supported")
@@ -173,44 +172,40 @@ class Model:
     def declare(self, table: dict[str, int], signatures: list[Tree]) -> None:
         """Predicates or functions; `(in ?x - (either a b))` may be written `(in_a ?x)` where it is used."""
         for signature in signatures:
-            name, *parameters = words_of(signature, 0)
+            name, *parameters = words_of(signature)
             need(name not in table and name not in RESERVED, f"found a second or reserved {name}")
             table[name] = len(typed(parameters))
-            if table is self.predicates:
-                several = (kinds for _, kinds in typed(parameters) if len(kinds) > 1)
-                self.split.update((f"{name}_{kind}", name) for kinds in several for kind in kinds)
+            several = (kinds for _, kinds in typed(parameters) if len(kinds) > 1)
+            self.split.update((f"{name}_{kind}", name) for kinds in several for kind in kinds)
 
     @staticmethod
     def parameters_in(words: list[Tree]) -> list[str]:
-        names = [name for name, _ in typed(words[0] if len(words) == 1 and type(words[0]) is list else words)]
-        need(len({*names}) == len(names) and all(name[0] == "?" for name in names), "found malformed parameters")
-        return [name[1:] for name in names]
+        return [name for name, _ in typed(words[0] if len(words) == 1 and type(words[0]) is list else words)]
 
     def action(self, kind: str, rest: list[Tree]) -> None:
         need(rest and type(rest[0]) is str and rest[0] not in self.actions, "found an action without a name of its own")
         name, parts, keyword = rest[0], dict[str, list[Tree]](), ""
         for item in rest[1:]:
-            section = type(item) is list and item[:1] == [":synth-parameters"]
+            section = item[:1] == [":synth-parameters"]
             if section or (type(item) is str and item[0] == ":"):
                 keyword = item[0] if section else item
                 need(keyword in PARTS[kind] and keyword not in parts, f"found {keyword} in {name}, or twice")
                 parts[keyword] = item[1:] if section else []
             else:
-                need(keyword and (not parts[keyword] or keyword == ":synth-parameters"), f"found {item!r} in {name}")
+                need(keyword, f"found {item!r} in {name}")
                 parts[keyword].append(item)
         synth = self.parameters_in(parts.pop(":synth-parameters", []))
         need(all(len(part) == 1 and type(part[0]) is list for part in parts.values()), f"found {name} malformed")
         parameters = typed(parts.get(":parameters", [[]])[0])
-        names = [variable for variable, _ in parameters]
-        every = [*names, *(f"?{each}" for each in (*synth, *self.synth))]
-        need(len({*every}) == len(every) and "?duration" not in every, f"found a parameter of {name} twice")
-        need(all(each[0] == "?" for each in names), f"found a parameter of {name} without '?'")
+        every = ["?duration", *(variable for variable, _ in parameters), *synth, *self.synth]
+        need(len({*every}) == len(every), f"found a parameter of {name} twice")
+        need(all(each[0] == "?" for each in every), f"found a parameter of {name} without '?'")
         need(kind == ":action" or ":duration" in parts, f"found no :duration in {name}")
         texts = {keyword: part[0] for keyword, part in parts.items()}
         self.actions[name] = Action(kind == ":durative-action", parameters, synth, texts)
 
     def fact(self, fact: Tree) -> None:
-        words = words_of(fact, 0)
+        words = words_of(fact)
         if words[0] == "at" and len(words) == 3 and type(words[2]) is list:
             time = number(words[1])
             target, value = self.stated(words[2])
@@ -221,7 +216,7 @@ class Model:
             need(self.initial.setdefault(target, value) == value, f"found two initial values of {target}")
 
     def stated(self, fact: Tree) -> tuple[str, bool | Fraction]:
-        words = words_of(fact, 0)
+        words = words_of(fact)
         if words[0] == "=":
             words_of(fact, 2, 2)
             return self.ground(words[1], {}, self.functions), number(words[2])
@@ -231,13 +226,13 @@ class Model:
 
     def ground(self, term: Tree, bound: Mapping[str, str], table: Mapping[str, int]) -> str:
         """A ground atom or fluent, as text."""
-        name, *arguments = words_of([term] if type(term) is str and table is self.functions else term, 0)
-        if table is self.predicates and name not in table and name in self.split:
+        name, *arguments = words_of([term] if type(term) is str and table is self.functions else term)
+        if name not in table and name in self.split:
             self.guessed.add(f"{name} as {self.split[name]}")
             name = self.split[name]
         need(table.get(name) == len(arguments), f"found {name!r}, unknown or with other arguments")
-        objects = [bound.get(each, each) if type(each) is str else "" for each in arguments]
-        need(all(each in self.objects for each in objects), f"found an unknown object in {term!r}")
+        objects = [bound.get(each, each) for each in arguments if type(each) is str]
+        need(len(objects) == len(arguments) and {*objects} <= self.objects.keys(), f"found no object in {term!r}")
         return f"({' '.join([name, *objects])})"
 
     def bindings(self, variables: Tree, scope: Scope) -> Iterator[Scope]:
@@ -255,10 +250,9 @@ class Model:
         return not self.objects[one].isdisjoint(kinds)
 
     def condition(self, tree: Tree, scope: Scope) -> Tree:
-        need(type(tree) is list, f"found {tree!r}, expected a condition")
         if not tree:
             return True
-        head, *rest = words_of(tree, 0)
+        head, *rest = words_of(tree)
         if head in ("and", "or"):
             return (head, *(self.condition(each, scope) for each in rest))
         if head == "not":
@@ -272,8 +266,8 @@ class Model:
             return ("and" if head == "forall" else "or", *parts)
         if head in COMPARISONS:
             words_of(tree, 2, 2)
-            names = [scope.bound.get(each, each) if type(each) is str else "" for each in rest]
-            if head == "=" and all(each in self.objects for each in names):
+            names = [scope.bound.get(each, each) for each in rest if type(each) is str]
+            if head == "=" and len(names) == 2 and {*names} <= self.objects.keys():
                 return names[0] == names[1]
             return (head, self.expression(rest[0], scope), self.expression(rest[1], scope))
         return ("atom", self.ground(tree, scope.bound, self.predicates))
@@ -344,7 +338,7 @@ STATEMENT = re.compile(
     (?P<kind>durative-action|action)\s+instance\s+(?P<instance>{IDENTIFIER})\s*:\s*\((?P<call>[A-Za-z0-9_\s-]*)\) |
     c\s*:\s*(?P<target>{POINT})\s*-\s*(?P<source>{POINT})\s*in\s*\[\s*(?P<low>{BOUND})\s*,\s*(?P<high>{BOUND})\s*\]
     )\s*;\s*""",
-    re.VERBOSE | re.ASCII,
+    re.VERBOSE,
 )
 
 
@@ -388,7 +382,7 @@ class Ground:
         """The plan's statements, then timed initial literals and the goal."""
         self.point(".zero")
         text, place = re.sub(r"#[^\n]*", " ", plan), 0
-        used = set(self.model.synth)
+        used = {*self.model.synth.values()}
         while place < len(text.rstrip()):
             match = STATEMENT.match(text, place)
             if match is None:
@@ -409,7 +403,7 @@ class Ground:
         for time in sorted({time for time, _ in self.model.timed}):
             self.timed_literals(time)
         self.edges += [(0, point, {}) for point in range(1, len(self.points))]
-        goal = self.model.condition(self.model.goal, Scope({}, {f"?{each}": each for each in self.model.synth}))
+        goal = self.model.condition(self.model.goal, Scope({}, self.model.synth))
         for index, part in enumerate(conjuncts(goal)):
             self.duties.append(Duty(f"goal {index + 1}", part))
 
@@ -466,8 +460,8 @@ class Ground:
         for given, (_, kinds) in zip(call[1:], action.parameters):
             need(given in self.model.objects and self.model.fits(given, kinds), f"{given} does not fit action {name}")
         bound = {variable: given for given, (variable, _) in zip(call[1:], action.parameters)}
-        own = {f"?{each}": f"{name}.{each}" for each in action.synth}
-        scope = Scope(bound, {**{f"?{each}": each for each in self.model.synth}, **own}, durative)
+        own = {each: f"{name}.{each[1:]}" for each in action.synth}
+        scope = Scope(bound, {**self.model.synth, **own}, durative)
         if durative:
             ends = (self.point(f"{name}.start"), self.point(f"{name}.end"))
             length = (">=", ("duration",), ("number", Fraction(0)))
@@ -488,7 +482,7 @@ class Ground:
     def spread(self, tree: Tree, scope: Scope) -> Iterator[tuple[str, list[Tree], Scope]]:
         """The parts of conjunctions, those of `forall` object by object: head, operands, and what variables mean."""
         if tree:
-            head, *rest = words_of(tree, 0)
+            head, *rest = words_of(tree)
             if head == "and":
                 for each in rest:
                     yield from self.spread(each, scope)
@@ -502,7 +496,7 @@ class Ground:
     def durations(self, name: str, tree: Tree, scope: Scope, ends: tuple[int, int], point: int) -> None:
         for head, rest, inner in self.spread(tree, scope):
             if head == "at":
-                need(len(rest) == 2 and rest[0] in ("start", "end") and point == ends[0], f"{name}: a duration's time")
+                need(len(rest) == 2 and rest[0] in ("start", "end"), f"{name}: a duration's time")
                 self.durations(name, rest[1], inner, ends, ends[rest[0] == "end"])
             else:
                 need(head in COMPARISONS and rest[:1] == ["?duration"], f"found a malformed duration in {name}")
@@ -521,15 +515,14 @@ class Ground:
     def add_effects(self, tree: Tree, scope: Scope, ends: tuple[int, int], when: Tree, point: int | None) -> None:
         """The effects in a tree, if `when` holds; they happen at `point`, which is not known yet at the top."""
         for head, rest, inner in self.spread(tree, scope):
-            if head == "at" and len(rest) == 2 and rest[0] in ("start", "end") and type(rest[1]) is list:
+            if head == "at" and len(rest) == 2 and rest[0] in ("start", "end"):
                 need(point is None, "found an effect with two times")
                 self.add_effects(rest[1], inner, ends, when, ends[rest[0] == "end"])
             elif head == "when":
                 condition, effect = words_of([head, *rest], 2, 2)[1:]
                 if point is None:
-                    need(len(words_of(condition, 2, 2)) == len(words_of(effect, 2, 2)) == 3, "found a malformed effect")
-                    need(condition[0] == "at" and condition[:2] == effect[:2], "found an effect between two times")
-                    condition = condition[2]
+                    at, time, condition = words_of(condition, 2, 2)
+                    need(at == "at" and effect[:2] == [at, time], "found an effect between two times")
                 guard = ("and", when, self.model.condition(condition, inner))
                 if decided(guard) is not False:
                     self.add_effects(effect, inner, ends, guard, point)
@@ -537,14 +530,14 @@ class Ground:
                 self.effects[point].append(Effect(*self.effect([head, *rest], inner), when, ends))
             else:
                 rate = words_of([head, *rest], 2, 2)[2]
-                need(head in ("increase", "decrease") and when is True, "found an effect without a time")
-                need(type(rate) is list and len(rate) == 3 and rate[0] == "*" and rate[1:].count("#t") == 1, "a rate")
+                need(head in ("increase", "decrease"), "found an effect without a time")
+                need(len(rate) == 3 and rate[0] == "*" and rate.count("#t") == 1, "a rate")
                 slope = self.model.expression(rate[2] if rate[1] == "#t" else rate[1], Scope(inner.bound, inner.synth))
                 slope = slope if head == "increase" else ("-", slope)
                 self.flows.append((*ends, self.model.ground(rest[0], inner.bound, self.model.functions), slope))
 
     def effect(self, tree: Tree, scope: Scope) -> tuple[str, str, Tree]:
-        head, *rest = words_of(tree, 0)
+        head, *rest = words_of(tree)
         if head == "not":
             return "delete", self.model.ground(words_of(tree, 1, 1)[1], scope.bound, self.model.predicates), None
         if head not in ("assign", "increase", "decrease", "scale-up", "scale-down"):

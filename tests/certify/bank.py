@@ -34,7 +34,7 @@ from robust.plan.load import load_plan
 from robust.plan.simulate import simulate
 from robust.qe.box import Interval, Side
 from robust.smt.limits import Deadline
-from tests.certify import adversary, forgeries, tools
+from tests.certify import adversary, elaborate, forgeries, tools
 from tests.certify.evaluation import Evaluation, broken_freely, free_formulas
 from tests.certify.test_reader import DOMAIN, PLAN, PROBLEM, WRONG, broken, compare, key
 from tests.certify.texts import Texts, random_texts, tangled_texts
@@ -57,6 +57,7 @@ def probes() -> list[tuple[str, Holds]]:
 def _probes() -> list[tuple[str, Holds]]:
     folder = Path(tempfile.mkdtemp(prefix="robust-bank-"))
     return [
+        *elaborate.probes(),
         *readings(),
         *free(),
         *meanings(),

@@ -18,8 +18,9 @@ from robust.certify.checker.formulas import FALSE, TRUE, mutex
 from robust.certify.hints import KnownFacts, model
 from robust.errors import InputError, RobustError
 from robust.plan.load import load_plan
-from robust.plan.model import Atom, ParametrizedPlan
+from robust.plan.model import ZERO, Atom, Bound, ParametrizedPlan
 from robust.plan.pddl.reader import read_domain, read_problem
+from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs, simulate
 from robust.smt.limits import Deadline
 from tests.certify import tools
@@ -36,21 +37,31 @@ def compare(plan: ParametrizedPlan, ground: reader.Ground, by: Checker = CHECKER
     assert [str(point) for point in plan.time_points] == ground.points
     parameters = {name: (p.nominal, p.lower, p.upper) for name, p in ground.parameters.items()}
     assert parameters == {p.name: (p.nominal, p.lower, p.upper) for p in plan.parameters}
-    network = {(str(one.source), str(one.target)) for one in plan.constraints if one.lower is not None}
-    network |= {(str(one.target), str(one.source)) for one in plan.constraints if one.upper is not None}
-    network |= {(".zero", point) for point in ground.points[1:]}
-    network |= {(ground.points[point], ".zero") for point in ground.timed}
-    assert network == {(ground.points[a], ground.points[b]) for a, b, _ in ground.edges}
+    assert network(plan) == {(ground.points[a], ground.points[b], frozenset(w.items())) for a, b, w in ground.edges}
     assert {str(atom) for atom in plan.initial_atoms} == {name for name, v in ground.model.initial.items() if v is True}
     values = {name: value for name, value in ground.model.initial.items() if isinstance(value, Fraction)}
     assert {str(fluent): value.constant_term for fluent, value in plan.initial_fluents.items()} == values
-    assert written(plan) == {
-        (ground.points[point], effect.kind, effect.target)
-        for point, effects in enumerate(ground.effects)
-        for effect in effects
-    } | {(ground.points[start], "flow", fluent) for start, _, fluent, _ in ground.flows}
+    effects = [(ground.points[point], effect) for point, every in enumerate(ground.effects) for effect in every]
+    certain = {(point, effect.kind, effect.target) for point, effect in effects if effect.when is True}
+    guarded = {(point, effect.kind, effect.target) for point, effect in effects}  # the checker knows no numbers yet
+    flows = {(ground.points[start], "flow", fluent) for start, _, fluent, _ in ground.flows}
+    assert certain | flows <= written(plan) <= guarded | flows
     ours = {frozenset(map(str, pair)) for pair in mutex_pairs(plan)}
     assert ours <= {frozenset((ground.points[a], ground.points[b])) for a, b in by.formulas.mutex(ground)}
+
+
+def network(plan: ParametrizedPlan) -> set[tuple[str, str, frozenset[tuple[str, Fraction]]]]:
+    """From where to where it takes at least how long: the coefficients of parameters, and the number by itself."""
+    found = [(one.source, one.target, one.lower) for one in plan.constraints if one.lower is not None]
+    found += [(one.target, one.source, -one.upper) for one in plan.constraints if one.upper is not None]
+    for literal in plan.timed_literals:
+        time: Bound = Polynomial.constant(literal.time)
+        found += [(ZERO, literal.point, time), (literal.point, ZERO, -time)]
+    found += [(ZERO, point, Polynomial.constant(Fraction(0))) for point in plan.time_points[1:]]
+    return {
+        (str(a), str(b), frozenset(("".join(map(str, names)), factor) for names, factor in length.terms.items()))
+        for a, b, length in found
+    }
 
 
 def written(plan: ParametrizedPlan) -> set[tuple[str, str, str]]:
