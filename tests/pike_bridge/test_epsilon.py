@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import replace
 from fractions import Fraction
-from itertools import product
+from itertools import chain, product
 from random import Random
 
 import pytest
@@ -15,10 +15,13 @@ from robust.pike_bridge.model import ALWAYS, Condition, Constraint, Effect, Even
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Completion, Failed, Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
+from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.online.world import Human, Pace, Story
 from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults, holds
 from robust.plan.model import Atom
+from tests.pike_bridge.online import examples
 from tests.pike_bridge.online.examples import KITCHEN, working
-from tests.pike_bridge.plans import random_plan
+from tests.pike_bridge.plans import STEP, random_plan
 
 SIZES = (0, "1/1000", "1/8", "1/3", "1/2", 1)
 P = Literal(Atom("p"))
@@ -102,9 +105,73 @@ def test_knowledge_bases_mean_the_same_by_before(epsilon):
     assert sum(agree(number, epsilon, 2) for number in range(16)) > 0
 
 
+def near(plan, random):
+    """Times of a correct execution, some of them moved by about ε: correct or not."""
+    witness = Oracle(plan).decide().witness
+    for _ in range(4) if witness is not None else ():
+        times = dict(witness.schedule)
+        for event in random.sample(sorted(times), min(2, len(times))):
+            times[event] += random.choice((-1, 1)) * random.choice((plan.epsilon, plan.epsilon / 2, STEP))
+        yield witness.scenario, times
+
+
+def refereed(number, epsilon):
+    """How many executions are correct: by the oracle, the referee and the definition alike."""
+    plan, random = drawn(number, epsilon), Random(number)  # noqa: S311 - reproducible
+    oracle, found = Oracle(plan), 0
+    for scenario, times in chain(executions(plan, random, 1), near(plan, random)):
+        correct = is_correct(plan, scenario, times)
+        assert (faults(plan, Execution(scenario, times)) == ()) == correct, number
+        assert (oracle.decide(guard(scenario), times).verdict is Existence.EXISTS) == correct, number
+        found += correct
+    return found
+
+
+def carried_out(number, epsilon):
+    """The end of an execution, after each step of which a correct one is left by the definition, unless it failed."""
+    plan, names = drawn(number, epsilon), reasoner_names()
+    patience = Fraction(0) if number // len(names) % 2 else None
+    executive = PlanExecutive(plan, make_reasoner(names[number % len(names)]), patience=patience)
+    possible = Oracle(plan).decide().verdict is Existence.EXISTS
+    assert executive.prepare() == possible, number
+
+    def check(executive, now, _found):
+        ended, progress = executive.outcome, executive.progress
+        if isinstance(ended, Succeeded):
+            assert examples.is_correct(plan, progress), (number, now)
+        else:
+            assert examples.is_left(plan, progress) != isinstance(ended, Failed), (number, now)
+
+    story = Story(human=list(Human)[number % 2], pace=list(Pace)[number % 3], delay=Fraction(number % 5, 4))
+    if possible:
+        examples.watch(
+            executive,
+            check,
+            judge=SemanticReasoner(executive.progress),
+            story=story,
+            seed=number,
+            horizon=Fraction(100),
+        )
+    return executive.outcome
+
+
+def test_executives_and_the_referee_mean_the_same_by_before():
+    correct = sum(refereed(number, SIZES[number % len(SIZES)]) for number in range(24))
+    ended = Counter(type(carried_out(number, SIZES[number % len(SIZES)])) for number in range(48))
+    assert correct > 20
+    assert ended[Succeeded] > 10
+
+
 @pytest.mark.slow
-def test_many_plans_mean_the_same_by_before():
-    assert sum(agree(number, SIZES[number % len(SIZES)], 2) for number in range(16, 2016)) > 100
+@pytest.mark.parametrize("first", range(16, 2016, 250))
+def test_many_plans_mean_the_same_by_before(first):
+    seen = Counter()
+    for number in range(first, first + 250):
+        epsilon = SIZES[number % len(SIZES)]
+        seen["scenarios"] += agree(number, epsilon, 2)
+        seen["correct"] += refereed(number, epsilon)
+        seen[type(carried_out(number, epsilon))] += 1
+    assert min(seen["scenarios"], seen["correct"], seen[Succeeded]) > 50
 
 
 def close(*bounds, epsilon):

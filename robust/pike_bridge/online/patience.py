@@ -145,7 +145,8 @@ class Patience:
             if values is not None:
                 return Act(event, values)
         while True:
-            reached = [each for each in waiting if self._reached(each.event, acts)]
+            events = self._reached([each.event for each in waiting], acts)
+            reached = [each for each in waiting if each.event in events]
             if len(reached) == len(waiting):
                 return self._at_last(acts, kept, everything)
             waiting, kept = reached, self._kept(reached)
@@ -299,15 +300,21 @@ class Patience:
         """L of an intent; None if it can wait forever."""
         return self._asked.latest(intent.guard, intent.events | others, self._deadline)
 
-    def _reached(self, event: str, withheld: Collection[str]) -> bool:
-        """Whether an event may happen before each of those that are withheld."""
+    def _reached(self, events: Sequence[str], withheld: Collection[str]) -> set[str]:
+        """The events that may happen before each of those that are withheld."""
+        shown = {each for each in events if self._seen_before(each, withheld)}
+        others = [each for each in events if each not in shown]
+        return shown | self._asked.coming_before(others, withheld, self._deadline)
+
+    def _seen_before(self, event: str, withheld: Collection[str]) -> bool:
+        """Whether an event happens before each of those that are withheld in a known continuation."""
         guard = self._progress.structure.guards[event]
         for each in self._found:
             if agrees(guard, each.scenario):
                 moment = each.schedule[event]
                 if all(each.schedule[other] > moment for other in withheld if other in each.schedule):
                     return True
-        return self._asked.comes_before(event, withheld, self._deadline)
+        return False
 
     def _least(self, waits: Mapping[Intent, Fraction | None], withheld: frozenset[str]) -> Fraction | None:
         """The least L of intents, given how late each can be at least; None if all can wait forever."""

@@ -6,7 +6,7 @@ knowledge base, so that it is also what executives with those are held against.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from heapq import heappop, heappush
 from math import lcm
@@ -76,7 +76,7 @@ class OnlineSemantics(Semantics):
         times = {event: int(time / grid * scale) for event, time in schedule.items()}
         # What the execution itself leaves of each bound is not negative, so that the shortest paths are found greedily.
         left: dict[str, list[tuple[str, int]]] = {event: [] for event in schedule}
-        for source, target, bound in self._bounds(execution):
+        for source, target, bound in self._bounds(execution.scenario, times, scale):
             left[source].append((target, bound * scale + times[source] - times[target]))
         queue = [(0, event) for event in self._progress.times]
         found: dict[str, int] = {}
@@ -90,15 +90,19 @@ class OnlineSemantics(Semantics):
         least = min((found[event] + times[event] for event in events if event in found), default=None)
         return None if least is None else Fraction(least, scale) * grid
 
-    def _bounds(self, execution: Execution) -> Iterator[tuple[str, str, int]]:
-        """By how much of the grid an event is later than another at most: by constraints, and orders that are kept."""
-        schedule, scenario = execution.schedule, execution.scenario
+    def _bounds(
+        self, scenario: Mapping[str, str], times: Mapping[str, int], scale: int
+    ) -> Iterator[tuple[str, str, int]]:
+        """By how much of the grid an event is later than another at most: by constraints, and orders that are kept.
+
+        Times are in parts of the grid, so many as the scale says.
+        """
         for source, target, bound, label in self._constraints:
             if holds(label, scenario):
                 yield source, target, bound
         apart = int(self._epsilon / self._progress.grid)
         for earlier, later in self._orders:
-            if earlier in schedule and later in schedule and schedule[later] - schedule[earlier] >= self._epsilon:
+            if earlier in times and later in times and times[later] - times[earlier] >= apart * scale:
                 yield later, earlier, -apart
 
     def _scaled(self) -> Iterator[tuple[str, str, int, Guard]]:
@@ -149,7 +153,8 @@ class SemanticReasoner(WitnessedReasoner):
 
     def _begin(self) -> None:
         self._semantics = OnlineSemantics(self.progress, self._terms)
-        self._session = Session(self._terms, solver=self._solver)
+        # Proving is quicker here for what has a model as well: the median of many small questions halves.
+        self._session = Session(self._terms, solver=self._solver, proving=True)
         self._session.add(*self._semantics.formulas)
 
     def _learn(self, news: News) -> None:
@@ -215,21 +220,48 @@ class SemanticReasoner(WitnessedReasoner):
             asked += [self._semantics.ours(event), self._semantics.at(event, self.progress.now)]
         return self._witness if self._ask(asked, deadline) else None
 
-    def comes_before(self, event: str, others: Collection[str], deadline: Deadline) -> bool:
-        """Whether the event may happen before each of the others: in some continuation it does, or it does now.
+    def coming_before(self, events: Iterable[str], others: Collection[str], deadline: Deadline) -> set[str]:
+        """Those of the events that may happen before each of the others: in some continuation they do, or they do now.
 
-        Now it may happen before what happens at the same moment, unless the plan puts that first.
+        Now they may happen before what happens at the same moment, unless the plan puts that first.
         """
         self.catch_up()
-        if not self.progress.structure.preceding(event).isdisjoint(others):
-            return False
-        moment = self._semantics.time_of(event)
-        activated = self._semantics.guard(self.progress.structure.guards[event])
-        with self._session.frame(activated, *(self._semantics.later(each, moment) for each in others)):
-            if self._check(deadline):
-                return True
-        with self._session.frame(activated, self._semantics.at(event, self.progress.now)):
-            return self._check(deadline)
+        guards, structure = self.progress.structure.guards, self.progress.structure
+        left = [each for each in events if structure.preceding(each).isdisjoint(others)]
+        found: set[str] = set()
+        while len(left) > 1 and (together := self._together_before(left, others, deadline)):
+            found |= together
+            left = [each for each in left if each not in together]
+        for event in left:
+            activated = self._semantics.guard(guards[event])
+            with self._session.frame(activated, *self._all_before([event], others)):
+                comes = self._check(deadline)
+            if not comes:
+                with self._session.frame(activated, self._semantics.at(event, self.progress.now)):
+                    comes = self._check(deadline)
+            if comes:
+                found.add(event)
+        return found
+
+    def _together_before(self, events: Sequence[str], others: Collection[str], deadline: Deadline) -> set[str]:
+        """Some of the events, such that a continuation has them, and no more, before each of the others; none if there
+        are no such.
+        """
+        terms, guards = self._terms, self.progress.structure.guards
+        one = terms.disjunction(self._semantics.guard(guards[each]) for each in events)
+        with self._session.frame(one, *self._all_before(events, others)):
+            if not self._check(deadline):
+                return set()
+            scenario = self._semantics.chosen(self._session.values(self._semantics.choices))
+        return {each for each in events if holds(guards[each], scenario | self.progress.chosen)}
+
+    def _all_before(self, events: Iterable[str], others: Iterable[str]) -> list[Formula]:
+        """That each of the events, if it is activated, is before all of the others that are."""
+        guards, later = self.progress.structure.guards, self._semantics.later
+        moments = ((event, self._semantics.time_of(event)) for event in events)
+        return [
+            self._semantics.unless(guards[event], later(other, moment)) for event, moment in moments for other in others
+        ]
 
     def all_later(
         self, environment: Guard, events: Iterable[str], moment: Fraction, deadline: Deadline

@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 from robust.errors import SolverError
@@ -14,8 +15,9 @@ from robust.pike_bridge.online.reasoner import Reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Disturbance, SimulatedTeam, Story
 from robust.pike_bridge.random_plans import random_plan
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import Execution, Existence, Oracle, Semantics, faults, holds
 from robust.plan.model import Atom
+from robust.smt.session import Session, Verdict
 
 KITCHEN = Path(__file__).parents[3] / "robust" / "examples" / "kitchen" / "kitchen.tpnu.json"
 SOLVABLE = (0, 4, 5, 16, 17, 19, 26, 34, 42, 53, 70, 71, 83, 87, 92, 94, 103, 108, 119, 121)
@@ -95,6 +97,47 @@ def confirming(plan, asked):
             asked.append(now)
 
     return confirm
+
+
+def is_correct(plan, progress):
+    """By the referee, whatever choices that were never made may be."""
+    domains = (
+        [progress.chosen[each.name]] if each.name in progress.chosen else each.domain for each in plan.network.choices
+    )
+    for values in product(*domains):
+        scenario = dict(zip((each.name for each in plan.network.choices), values, strict=True))
+        activated = {name for name, label in plan.network.guards.items() if holds(label, scenario)}
+        if activated == progress.times.keys():
+            execution = Execution(scenario, progress.times)
+            if not faults(plan, execution, reported=progress.reported):
+                return True
+    return False
+
+
+class Seen(Semantics):
+    """Correct executions, where an event was before a report if it is at an earlier time, by however little."""
+
+    def __init__(self, plan, times, reported):
+        self._seen, self._reported = times, reported
+        super().__init__(plan)
+
+    def _before(self, earlier, later):
+        times = self._seen
+        observed = later in self._reported and earlier in times and times[earlier] < times[later]
+        return self.terms.true if observed else super()._before(earlier, later)
+
+
+def is_left(plan, progress):
+    """Whether a correct execution agrees with what has happened, and has the rest now or later."""
+    semantics = Seen(plan, progress.times, progress.reported)
+    session = Session(semantics.terms)
+    session.add(*semantics.formulas, semantics.guard(guard(progress.chosen)))
+    for event, label in plan.network.guards.items():
+        if event in progress.times:
+            session.add(semantics.guard(label), semantics.at(event, progress.times[event]))
+        else:
+            session.add(semantics.unless(label, semantics.not_before(event, progress.now)))
+    return session.check("what is left") is Verdict.SATISFIABLE
 
 
 class Compared(Reasoner):

@@ -11,18 +11,17 @@ from random import Random
 
 import pytest
 
-from robust.pike_bridge.model import Activity, Event, guard
+from robust.pike_bridge.model import Activity, Event
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.journal import Journal
 from robust.pike_bridge.online.progress import Failed, Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.service import CLOSING, Service, read_request
-from robust.pike_bridge.semantics import Existence, Oracle, Semantics
-from robust.smt.session import Session, Verdict
+from robust.pike_bridge.semantics import Existence, Oracle
 from tests.pike_bridge import stories
-from tests.pike_bridge.online.examples import SOLVABLE, Compared, drawn
-from tests.pike_bridge.online.test_patience import contested, is_correct
+from tests.pike_bridge.online.examples import SOLVABLE, Compared, drawn, is_correct, is_left
+from tests.pike_bridge.online.test_patience import contested
 
 NOISE = (
     b"",
@@ -41,32 +40,6 @@ NOISE = (
 )
 MOST = 60
 """Requests; then everybody has done what they do."""
-
-
-class Seen(Semantics):
-    """Correct executions, where an event was before a report if it is at an earlier time, by however little."""
-
-    def __init__(self, plan, times, reported):
-        self._seen, self._reported = times, reported
-        super().__init__(plan)
-
-    def _before(self, earlier, later):
-        times = self._seen
-        observed = later in self._reported and earlier in times and times[earlier] < times[later]
-        return self.terms.true if observed else super()._before(earlier, later)
-
-
-def is_left(plan, progress):
-    """Whether a correct execution agrees with what has happened, and has the rest now or later."""
-    semantics = Seen(plan, progress.times, progress.reported)
-    session = Session(semantics.terms)
-    session.add(*semantics.formulas, semantics.guard(guard(progress.chosen)))
-    for event, label in plan.network.guards.items():
-        if event in progress.times:
-            session.add(semantics.guard(label), semantics.at(event, progress.times[event]))
-        else:
-            session.add(semantics.unless(label, semantics.not_before(event, progress.now)))
-    return session.check("what is left") is Verdict.SATISFIABLE
 
 
 class Misbehaved:

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from fractions import Fraction
-from itertools import product
 from random import Random
 
 import pytest
@@ -16,10 +15,10 @@ from robust.pike_bridge.online.progress import Chosen, Excluded, Executed, Faile
 from robust.pike_bridge.online.reasoners import make_reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Pace
-from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults, holds
+from robust.pike_bridge.semantics import Existence, Oracle
 from tests.pike_bridge import stories
 from tests.pike_bridge.online.delays import Continuations, execute, joint_values, possible_intents
-from tests.pike_bridge.online.examples import SOLVABLE, confirming, drawn
+from tests.pike_bridge.online.examples import SOLVABLE, confirming, drawn, is_correct
 from tests.pike_bridge.plans import random_plan as small_plan
 
 ZERO = Fraction(0)
@@ -292,21 +291,6 @@ class Watched:
 
     def _guard(self, choice):
         return next(self.plan.network.guards[each.event] for each in self.plan.network.choices if each.name == choice)
-
-
-def is_correct(plan, progress):
-    """By the referee, whatever choices that were never made may be."""
-    domains = (
-        [progress.chosen[each.name]] if each.name in progress.chosen else each.domain for each in plan.network.choices
-    )
-    for values in product(*domains):
-        scenario = dict(zip((each.name for each in plan.network.choices), values, strict=True))
-        activated = {name for name, label in plan.network.guards.items() if holds(label, scenario)}
-        if activated == progress.times.keys():
-            execution = Execution(scenario, progress.times)
-            if not faults(plan, execution, reported=progress.reported):
-                return True
-    return False
 
 
 def watched(plan, number):
