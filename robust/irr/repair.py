@@ -25,7 +25,7 @@ from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON, Facet
 from robust.errors import SolverError
 from robust.irr.check import Answer, Checker, CheckResult
-from robust.irr.containment import within
+from robust.irr.containment import EFFORTS, within
 from robust.irr.quantities import Change, Kind, Quantity, bound_name, change_of, changed, lifted, quantities
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParameterReference, ParametrizedPlan
@@ -38,7 +38,7 @@ from robust.qe.nnf import Model
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import Supremum, feasible_point, maximize
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session
+from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
 
 _NOTHING = Fraction(0)
@@ -169,6 +169,7 @@ class RepairSearch:
         self._session = Session(self._terms, solver=solver)
         self._asserted = 0
         self._declared: set[str] = set()
+        self._hopeful = False
 
     def run(self) -> Repair:
         """Search until the best repair is proved to be the cheapest, or time is out."""
@@ -201,12 +202,46 @@ class RepairSearch:
             self._lowest = candidate.cost
             if self._clause_at(candidate) is None:
                 self._accept(candidate)
-            else:
-                self._dive(candidate)
+                continue
+            if not self._hopeful and (broken := self._hopeless()):
+                return self._result(RepairStatus.IMPOSSIBLE, contradiction=broken)
+            self._hopeful = True
+            self._dive(candidate)
         if self._best is None:
             return self._result(RepairStatus.IMPOSSIBLE, contradiction=tuple(self._contradiction()))
         self._lowest = self._best.cost
         return self._result(RepairStatus.OPTIMAL if self._best.values else RepairStatus.UNNEEDED)
+
+    def _hopeless(self) -> tuple[str, ...]:
+        """Obligations that no schedule keeps at one of the required points, whatever is changed; often there are none.
+
+        A repaired plan has a schedule there, and all its schedules keep all obligations. None of those that are named
+        can be left out. What the solver does not tell soon is left to the search.
+        """
+        encoding = self._bad.encoding
+        asked = [one for one in encoding.obligations if one.violation is not encoding.terms.false]
+        kept = {one.name: encoding.terms.negation(one.violation) for one in asked}
+        session = self._bad.open_session()
+        formulas = (formula for one in asked for formula in encoding.full_query(one) if formula is not one.violation)
+        session.add_all(list(dict.fromkeys(formulas)), self._deadline)
+        fixed = {one.name: one.nominal for one in self._plan.parameters if one.name not in self._quantities}
+        for corner in _ends(self._required):
+            at = {name: Interval(value, value) for name, value in {**fixed, **corner}.items()}
+            with session.frame(*within(encoding, at)):
+
+                def refuted(formulas: Iterable[Formula], session: Session = session) -> bool:
+                    with session.frame(*formulas):
+                        return session.check("some valid schedule", self._deadline, EFFORTS[1]) is Verdict.UNSATISFIABLE
+
+                # Without any schedule there are statements to blame, which the search names.
+                if refuted(()) or not refuted(kept.values()):
+                    continue
+                for name in reversed(kept.copy()):
+                    others = {other: formula for other, formula in kept.items() if other != name}
+                    if refuted(others.values()):
+                        kept = others
+                return tuple(kept)
+        return ()
 
     def _cheapest_known(self) -> _Candidate | None:
         """The cheapest changes that no known clause forbids; None if they are no cheaper than the best repair."""
@@ -611,6 +646,13 @@ class _Unchanged(dict[str, Fraction]):
 
     def __missing__(self, name: str) -> Fraction:
         return self._known[name].old or _NOTHING
+
+
+def _ends(required: Mapping[str, Interval]) -> Iterator[dict[str, Fraction]]:
+    """Where all required parameters are as small as they can be, and where all are as great."""
+    for side in Side:
+        ends = {name: one.end(side) if one.is_closed_at(side) else None for name, one in required.items()}
+        yield {name: required[name].some_value() if end is None else end for name, end in ends.items()}
 
 
 def _cost(name: str) -> str:
