@@ -117,6 +117,25 @@ class _Candidate:
     attained: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class _Programme:
+    """The linear programme of the cheapest changes under some inequalities, of quantities that are `used`, of which
+    `new` ones were infinite; `best` is its solution."""
+
+    chosen: tuple[LinearConstraint, ...]
+    used: Sequence[str]
+    new: Sequence[str]
+    names: Sequence[str]
+    constraints: Sequence[LinearConstraint]
+    objective: Mapping[str, Fraction]
+    best: Supremum
+
+    @property
+    def cost(self) -> Cost:
+        """What they cost if the number of finite bounds that change does not count."""
+        return Cost(len(self.new), -(self.best.value or _NOTHING))
+
+
 class RepairSearch:
     """One search; knows at any moment what it has found.
 
@@ -272,12 +291,16 @@ class RepairSearch:
         while (clause := self._clause_at(candidate)) is not None:
             steps = []
             for choice in clause.choices:
+                self._deadline.enforce()
                 chosen = (*candidate.chosen, choice)
                 needed = {n for one in chosen for n in one.parameters if not self._holds(one, {}, (n,))}
                 free = {n for n, one in self._quantities.items() if one.old is not None} | needed
-                if (found := self._cheapest(chosen, free)) is not None:
+                if (found := self._programme(chosen, free)) is not None:
                     steps.append(found)
-            candidate = min(steps, key=lambda one: one.cost, default=candidate)
+            if self._counts:
+                candidate = min(map(self._solution, steps), key=lambda one: one.cost, default=candidate)
+            elif steps:
+                candidate = self._solution(min(steps, key=lambda one: one.cost))
             if not steps or (self._best is not None and candidate.cost >= self._best.cost):
                 return
         self._accept(candidate)
@@ -377,6 +400,11 @@ class RepairSearch:
 
     def _cheapest(self, chosen: tuple[LinearConstraint, ...], free: Collection[str]) -> _Candidate | None:
         """The cheapest changes of `free` quantities that satisfy inequalities; None if none do."""
+        programme = self._programme(chosen, free)
+        return None if programme is None else self._solution(programme)
+
+    def _programme(self, chosen: tuple[LinearConstraint, ...], free: Collection[str]) -> _Programme | None:
+        """What the cheapest changes of `free` quantities that satisfy inequalities cost; None if none do."""
         constraints = []
         for choice in chosen:
             endless = [n for n in choice.parameters if n not in free and self._quantities[n].old is None]
@@ -399,26 +427,26 @@ class RepairSearch:
         best = maximize(names, constraints, objective)
         if best is None or best.value is None:
             return None
-        new = [name for name in used if name not in finite]
-        point = self._point(names, constraints, objective, best, new)
-        values = {name: point[name] for name in used if point[name] != self._quantities[name].old}
-        if not best.attained:
-            values = self._without_idle(values, constraints, point)
-        count = len(values) if self._counts else len(new)
-        return _Candidate(chosen, values, Cost(count, -best.value), best.attained)
+        return _Programme(
+            chosen, used, [name for name in used if name not in finite], names, constraints, objective, best
+        )
 
-    def _point(
-        self,
-        names: Sequence[str],
-        constraints: list[LinearConstraint],
-        objective: Mapping[str, Fraction],
-        best: Supremum,
-        new: Sequence[str],
-    ) -> Mapping[str, Fraction]:
+    def _solution(self, solved: _Programme) -> _Candidate:
+        """Changes that cost that, or little more."""
+        best = solved.best
+        point = self._point(solved)
+        values = {name: point[name] for name in solved.used if point[name] != self._quantities[name].old}
+        if not best.attained:
+            values = self._without_idle(values, solved.constraints, point)
+        count = len(values) if self._counts else solved.cost.count
+        return _Candidate(solved.chosen, values, Cost(count, solved.cost.total), best.attained)
+
+    def _point(self, solved: _Programme) -> Mapping[str, Fraction]:
         """A point that costs as little, or little more; bounds that were infinite are as far out as they can be."""
-        kept, point = constraints, best.point
-        for goal in (objective, {name: Fraction(self._quantities[name].side.sign) for name in new}):
-            found = maximize(names, kept, goal) if goal else None
+        names, kept, point = solved.names, solved.constraints, solved.best.point
+        outwards = {name: Fraction(self._quantities[name].side.sign) for name in solved.new}
+        for goal, best in ((solved.objective, solved.best), (outwards, None)):
+            found = best or (maximize(names, kept, goal) if goal else None)
             if found is not None and found.value is not None:
                 slack = _NOTHING if found.attained else max(abs(found.value), Fraction(1)) * _CLOSE
                 kept = [*kept, LinearConstraint.of(goal, ">=", found.value - slack)]
