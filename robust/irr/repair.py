@@ -25,7 +25,7 @@ from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON, Facet
 from robust.errors import SolverError
 from robust.irr.check import Answer, Checker, CheckResult
-from robust.irr.containment import within
+from robust.irr.containment import EFFORTS, within
 from robust.irr.quantities import Change, Kind, Quantity, bound_name, change_of, changed, lifted, quantities
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParameterReference, ParametrizedPlan
@@ -38,7 +38,7 @@ from robust.qe.nnf import Model
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import Supremum, feasible_point, maximize
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session
+from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
 
 _NOTHING = Fraction(0)
@@ -117,6 +117,25 @@ class _Candidate:
     attained: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class _Programme:
+    """The linear programme of the cheapest changes under some inequalities, of quantities that are `used`, of which
+    `new` ones were infinite; `best` is its solution."""
+
+    chosen: tuple[LinearConstraint, ...]
+    used: Sequence[str]
+    new: Sequence[str]
+    names: Sequence[str]
+    constraints: Sequence[LinearConstraint]
+    objective: Mapping[str, Fraction]
+    best: Supremum
+
+    @property
+    def cost(self) -> Cost:
+        """What they cost if the number of finite bounds that change does not count."""
+        return Cost(len(self.new), -(self.best.value or _NOTHING))
+
+
 class RepairSearch:
     """One search; knows at any moment what it has found.
 
@@ -169,6 +188,7 @@ class RepairSearch:
         self._session = Session(self._terms, solver=solver)
         self._asserted = 0
         self._declared: set[str] = set()
+        self._hopeful = False
 
     def run(self) -> Repair:
         """Search until the best repair is proved to be the cheapest, or time is out."""
@@ -201,12 +221,46 @@ class RepairSearch:
             self._lowest = candidate.cost
             if self._clause_at(candidate) is None:
                 self._accept(candidate)
-            else:
-                self._dive(candidate)
+                continue
+            if not self._hopeful and (broken := self._hopeless()):
+                return self._result(RepairStatus.IMPOSSIBLE, contradiction=broken)
+            self._hopeful = True
+            self._dive(candidate)
         if self._best is None:
             return self._result(RepairStatus.IMPOSSIBLE, contradiction=tuple(self._contradiction()))
         self._lowest = self._best.cost
         return self._result(RepairStatus.OPTIMAL if self._best.values else RepairStatus.UNNEEDED)
+
+    def _hopeless(self) -> tuple[str, ...]:
+        """Obligations that no schedule keeps at one of the required points, whatever is changed; often there are none.
+
+        A repaired plan has a schedule there, and all its schedules keep all obligations. None of those that are named
+        can be left out. What the solver does not tell soon is left to the search.
+        """
+        encoding = self._bad.encoding
+        asked = [one for one in encoding.obligations if one.violation is not encoding.terms.false]
+        kept = {one.name: encoding.terms.negation(one.violation) for one in asked}
+        session = self._bad.open_session()
+        formulas = (formula for one in asked for formula in encoding.full_query(one) if formula is not one.violation)
+        session.add_all(list(dict.fromkeys(formulas)), self._deadline)
+        fixed = {one.name: one.nominal for one in self._plan.parameters if one.name not in self._quantities}
+        for corner in _ends(self._required):
+            at = {name: Interval(value, value) for name, value in {**fixed, **corner}.items()}
+            with session.frame(*within(encoding, at)):
+
+                def refuted(formulas: Iterable[Formula], session: Session = session) -> bool:
+                    with session.frame(*formulas):
+                        return session.check("some valid schedule", self._deadline, EFFORTS[1]) is Verdict.UNSATISFIABLE
+
+                # Without any schedule there are statements to blame, which the search names.
+                if refuted(()) or not refuted(kept.values()):
+                    continue
+                for name in reversed(kept.copy()):
+                    others = {other: formula for other, formula in kept.items() if other != name}
+                    if refuted(others.values()):
+                        kept = others
+                return tuple(kept)
+        return ()
 
     def _cheapest_known(self) -> _Candidate | None:
         """The cheapest changes that no known clause forbids; None if they are no cheaper than the best repair."""
@@ -237,12 +291,16 @@ class RepairSearch:
         while (clause := self._clause_at(candidate)) is not None:
             steps = []
             for choice in clause.choices:
+                self._deadline.enforce()
                 chosen = (*candidate.chosen, choice)
                 needed = {n for one in chosen for n in one.parameters if not self._holds(one, {}, (n,))}
                 free = {n for n, one in self._quantities.items() if one.old is not None} | needed
-                if (found := self._cheapest(chosen, free)) is not None:
+                if (found := self._programme(chosen, free)) is not None:
                     steps.append(found)
-            candidate = min(steps, key=lambda one: one.cost, default=candidate)
+            if self._counts:
+                candidate = min(map(self._solution, steps), key=lambda one: one.cost, default=candidate)
+            elif steps:
+                candidate = self._solution(min(steps, key=lambda one: one.cost))
             if not steps or (self._best is not None and candidate.cost >= self._best.cost):
                 return
         self._accept(candidate)
@@ -342,6 +400,11 @@ class RepairSearch:
 
     def _cheapest(self, chosen: tuple[LinearConstraint, ...], free: Collection[str]) -> _Candidate | None:
         """The cheapest changes of `free` quantities that satisfy inequalities; None if none do."""
+        programme = self._programme(chosen, free)
+        return None if programme is None else self._solution(programme)
+
+    def _programme(self, chosen: tuple[LinearConstraint, ...], free: Collection[str]) -> _Programme | None:
+        """What the cheapest changes of `free` quantities that satisfy inequalities cost; None if none do."""
         constraints = []
         for choice in chosen:
             endless = [n for n in choice.parameters if n not in free and self._quantities[n].old is None]
@@ -364,26 +427,26 @@ class RepairSearch:
         best = maximize(names, constraints, objective)
         if best is None or best.value is None:
             return None
-        new = [name for name in used if name not in finite]
-        point = self._point(names, constraints, objective, best, new)
-        values = {name: point[name] for name in used if point[name] != self._quantities[name].old}
-        if not best.attained:
-            values = self._without_idle(values, constraints, point)
-        count = len(values) if self._counts else len(new)
-        return _Candidate(chosen, values, Cost(count, -best.value), best.attained)
+        return _Programme(
+            chosen, used, [name for name in used if name not in finite], names, constraints, objective, best
+        )
 
-    def _point(
-        self,
-        names: Sequence[str],
-        constraints: list[LinearConstraint],
-        objective: Mapping[str, Fraction],
-        best: Supremum,
-        new: Sequence[str],
-    ) -> Mapping[str, Fraction]:
+    def _solution(self, solved: _Programme) -> _Candidate:
+        """Changes that cost that, or little more."""
+        best = solved.best
+        point = self._point(solved)
+        values = {name: point[name] for name in solved.used if point[name] != self._quantities[name].old}
+        if not best.attained:
+            values = self._without_idle(values, solved.constraints, point)
+        count = len(values) if self._counts else solved.cost.count
+        return _Candidate(solved.chosen, values, Cost(count, solved.cost.total), best.attained)
+
+    def _point(self, solved: _Programme) -> Mapping[str, Fraction]:
         """A point that costs as little, or little more; bounds that were infinite are as far out as they can be."""
-        kept, point = constraints, best.point
-        for goal in (objective, {name: Fraction(self._quantities[name].side.sign) for name in new}):
-            found = maximize(names, kept, goal) if goal else None
+        names, kept, point = solved.names, solved.constraints, solved.best.point
+        outwards = {name: Fraction(self._quantities[name].side.sign) for name in solved.new}
+        for goal, best in ((solved.objective, solved.best), (outwards, None)):
+            found = best or (maximize(names, kept, goal) if goal else None)
             if found is not None and found.value is not None:
                 slack = _NOTHING if found.attained else max(abs(found.value), Fraction(1)) * _CLOSE
                 kept = [*kept, LinearConstraint.of(goal, ">=", found.value - slack)]
@@ -611,6 +674,13 @@ class _Unchanged(dict[str, Fraction]):
 
     def __missing__(self, name: str) -> Fraction:
         return self._known[name].old or _NOTHING
+
+
+def _ends(required: Mapping[str, Interval]) -> Iterator[dict[str, Fraction]]:
+    """Where all required parameters are as small as they can be, and where all are as great."""
+    for side in Side:
+        ends = {name: one.end(side) if one.is_closed_at(side) else None for name, one in required.items()}
+        yield {name: required[name].some_value() if end is None else end for name, end in ends.items()}
 
 
 def _cost(name: str) -> str:

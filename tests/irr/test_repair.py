@@ -7,7 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import HealthCheck, assume, given, seed, settings
 from hypothesis import strategies as st
 
 import robust
@@ -89,6 +89,25 @@ def broken(draw: st.DrawFn) -> ParametrizedPlan:
 @given(broken(), st.booleans(), st.booleans())
 @settings(max_examples=25, deadline=None)
 def test_repairs_are_proved_and_no_change_of_one_bound_is_cheaper(plan, count, reorder) -> None:
+    confirm_repair(plan, count=count, reorder=reorder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(20))
+def test_two_hundred_repairs(number) -> None:
+    """Twenty times ten, since plans that are drawn one after the other are often alike."""
+
+    @seed(number)
+    @settings(max_examples=10, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @given(broken(), st.booleans(), st.booleans())
+    def ten(plan, count, reorder) -> None:
+        confirm_repair(plan, count=count, reorder=reorder)
+
+    ten()
+
+
+def confirm_repair(plan: ParametrizedPlan, *, count: bool, reorder: bool) -> None:
+    """The result is proved, and no plan of the grid that costs less is."""
     found = RepairSearch(plan, count=count, reorder=reorder).run()
     assert found.status in {RepairStatus.OPTIMAL, RepairStatus.IMPOSSIBLE}
     limit, single = RANGE, 1 if count else 0
@@ -102,6 +121,36 @@ def test_repairs_are_proved_and_no_change_of_one_bound_is_cheaper(plan, count, r
     else:
         assert found.contradiction
     assert not any(map(is_proved, cheaper(plan, limit, reorder=reorder)))
+
+
+@given(broken(), st.data())
+@settings(max_examples=15, deadline=None)
+def test_what_is_called_impossible_at_once_is_so_after_a_search(plan, data) -> None:
+    """Where no schedule keeps all obligations, whatever is changed."""
+    required = {}
+    for one in plan.parameters:
+        if data.draw(st.booleans(), label=f"require {one.name}"):
+            far = data.draw(st.sampled_from([Fraction(1), Fraction(8), Fraction(64)]), label="how far")
+            required[one.name] = Interval(one.nominal, one.nominal + far)
+    quick = RepairSearch(plan, require=required).run()
+    searching = RepairSearch(plan, require=required)
+    searching._hopeful = True
+    slow = searching.run()
+    assert (quick.status, quick.cost, quick.bound) == (slow.status, slow.cost, slow.bound)
+    assert bool(quick.contradiction) == (quick.status is RepairStatus.IMPOSSIBLE)
+
+
+def test_what_no_schedule_keeps_is_impossible_without_a_search() -> None:
+    found = robust.repair(navigation("plan-flexible-wait.stn"), require=["to_crater=38:900"])
+    assert (found.status, found.candidates) == (RepairStatus.IMPOSSIBLE, 1)
+    assert found.contradiction == ("drive_2 drive: over all (daylight)",)
+
+
+def test_an_end_that_is_not_required_is_no_point_to_ask_about() -> None:
+    required = {"a": Interval(Fraction(1), Fraction(5), upper_closed=False), "b": Interval(Fraction(2), None)}
+    low, high = repairs._ends(required)
+    assert (low["a"], low["b"]) == (1, 2)
+    assert all(value in required[name] for name, value in high.items())
 
 
 @given(broken())
