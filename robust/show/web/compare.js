@@ -125,7 +125,7 @@
     const moved = model.parameters.flatMap(({ words }, at) =>
       Exact.compare(from[at], state.point[at]) === 0 ? [] : [`${words} = ${Exact.readable(values[at])}`],
     );
-    return `On the straight way from the plan’s values it gives way at ${moved.join(", ")}.`;
+    return `Of what breaks here it is the first on the straight way from the plan’s values: at ${moved.join(", ")}.`;
   };
 
   const showVerdict = (judged) => {
