@@ -302,7 +302,7 @@ def test_a_page_asks_for_nothing_of_a_network(compared):
     assert "src=" not in page
 
 
-# -- the page, in a browser ---------------------------------------------------------------------------------------------
+# -- the page, in a browser --------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -409,8 +409,9 @@ def test_a_page_without_a_region_decides_by_boxes(tmp_path):
         window.get(file.as_uri())
         assert "Valid" in window.find_element("id", "verdict").text
         window.execute_script(
-            "const v = document.getElementById('value-0'); v.value = '47'; v.dispatchEvent(new Event('input'))"
+            "const v = document.getElementById('value-0');v.value = '47'; v.dispatchEvent(new Event('input'))"
         )
+        settle(window)
         assert "Not known" in window.find_element("id", "verdict").text
         assert "The exact envelope is not in this page" in window.find_element("id", "missing").text
 
