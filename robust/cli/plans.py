@@ -168,8 +168,9 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
     show(result, counterexample, report)
     if options.plot is not None and result.verified:
         from robust.show.plots import plot_envelope
+        from robust.show.words import Words
 
-        plot_envelope(result, options.plot)
+        plot_envelope(result, options.plot, None if plan is None else Words(plan).parameters)
     return CODES[result.status.value]
 
 
@@ -265,7 +266,8 @@ def region(options: RegionCommand, run: Run) -> int:
     show(result)
     if options.plot is not None and plan is not None:
         inner = None if result.is_exact else result.inner
-        regions.plot_slice(result.region, plan, options.plot, options.axes or (), inner=inner)
+        axes, exact = options.axes or (), result.is_exact
+        regions.plot_slice(result.region, plan, options.plot, axes, inner=inner, exact=exact)
     return 0 if result.is_exact else 3
 
 

@@ -26,6 +26,7 @@ from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
 from robust.show.drawing import save
 from robust.show.text import percentage, print_advice, show_table, table
+from robust.show.words import Words
 
 MANY = 20
 """Pieces up to which a region is shown as a union by default."""
@@ -235,6 +236,7 @@ def plot_slice(
     *,
     boxes: Mapping[str, Box] | None = None,
     inner: Callable[[Point], Region] | None = None,
+    exact: bool = True,
 ) -> None:
     """Draw one or two parameters, the others at their nominal values; also an inner bound, if there is one."""
     from robust.show.region_plot import draw_region  # noqa: PLC0415 - late, as all that leads to matplotlib
@@ -243,8 +245,12 @@ def plot_slice(
     nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}
     rest = {name: value for name, value in nominal.items() if name not in shown}
     proved = None if inner is None else inner(rest)
+    words = Words(plan).parameters
     points = {"nominal values": nominal} if plan.has_nominal else {}
-    save(lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points, inner=proved), path)
+    save(
+        lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points, inner=proved, words=words, exact=exact),
+        path,
+    )
 
 
 # -- comparisons -----------------------------------------------------------------------------------------------------
@@ -354,7 +360,7 @@ def plot_comparison(result: Comparison, path: Path, axes: Sequence[str]) -> None
     if result.region is None:
         return
     boxes = {METHOD_NAMES[entry.method]: entry.result.box for entry in result.entries if entry.result.verified}
-    plot_slice(result.region.region, result.plan, path, axes, boxes=boxes)
+    plot_slice(result.region.region, result.plan, path, axes, boxes=boxes, exact=result.region.is_exact)
 
 
 def comparison_details(result: Comparison) -> str:
