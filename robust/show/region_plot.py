@@ -170,14 +170,8 @@ def draw_plane(
         _outline(canvas, cut, region, rectangle)
         _mark_thin(canvas, cut, rectangle)
     for order, (label, box) in enumerate(_labelled(boxes)):
-        _draw_box(
-            canvas,
-            Polyhedron(names, _sides(names, box)).restricted(clip),
-            rectangle,
-            label,
-            box_line(order, len(boxes)),
-            6 + order,
-        )
+        shape = Polyhedron(names, _sides(names, box)).restricted(clip)
+        _draw_box(canvas, shape, rectangle, {**box_line(order, len(boxes)), "zorder": 6 + order, "label": label})
     hatch_outside(canvas, "not valid")
     for label, point in points.items():
         canvas.plot([float(point[names[0]])], [float(point[names[1]])], label=label, zorder=16, **NOMINAL)
@@ -187,17 +181,15 @@ def draw_plane(
     canvas.set_ylabel(wrapped(named(names[1], words), 48))
 
 
-def _draw_box(canvas: Axes, shape: Polyhedron, rectangle: Rectangle, label: str, line: Any, zorder: int) -> None:
+def _draw_box(canvas: Axes, shape: Polyhedron, rectangle: Rectangle, look: dict[str, Any]) -> None:
     """The outline of a box, but no side of the view; without any width in some direction, all there is of it."""
-    look: dict[str, Any] = {**line, "zorder": zorder, "solid_capstyle": "projecting"}
     corners = _corners(shape)
     strokes = [corners] if 0 < len(corners) < 3 else [_corners(side) for side, _ in _edges(shape, rectangle)]
     marker = "s" if len(corners) == 1 else ""
     # A box that fills the view, or is far from it, has no side to be seen: its line stands in the legend alone.
     for stroke in strokes or [[]]:
         xs, ys = [float(x) for x, _ in stroke], [float(y) for _, y in stroke]
-        canvas.plot(xs, ys, label=label, marker=marker, fillstyle="none", **look)
-        label = "_" + label.lstrip("_")
+        canvas.plot(xs, ys, marker=marker, fillstyle="none", solid_capstyle="projecting", **look)
 
 
 def _draw_inner(canvas: Axes, inner: Region, names: tuple[str, ...], rectangle: Rectangle) -> None:
