@@ -178,8 +178,9 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
     show(result, counterexample, report)
     if options.plot is not None and result.verified:
         from robust.show.plots import plot_envelope
+        from robust.show.words import Words
 
-        plot_envelope(result, options.plot)
+        plot_envelope(result, options.plot, None if plan is None else Words(plan).parameters)
     return CODES[result.status.value]
 
 
@@ -275,7 +276,8 @@ def region(options: RegionCommand, run: Run) -> int:
     show(result)
     if options.plot is not None and plan is not None:
         inner = None if result.is_exact else result.inner
-        regions.plot_slice(result.region, plan, options.plot, options.axes or (), inner=inner)
+        axes, exact = options.axes or (), result.is_exact
+        regions.plot_slice(result.region, plan, options.plot, axes, inner=inner, exact=exact)
     return 0 if result.is_exact else 3
 
 
@@ -301,6 +303,28 @@ def compare(options: CompareCommand, run: Run) -> int:
     if options.plot is not None and result.region is not None:
         regions.plot_comparison(result, options.plot, options.axes or ())
     if options.html is not None:
-        page = regions.html_report(result, options.axes or ())
-        atomic_write(options.html, page, place_of("html"))
+        _write_page(options, run, result)
     return CODES[result.status.value]
+
+
+def _write_page(options: CompareCommand, run: Run, result: Comparison) -> None:
+    """The interactive page; it names what breaks as far as that is found in the time that is left."""
+    from robust.qe.broken import what_breaks
+    from robust.show.interactive import comparison_page, shown_region
+
+    breaks = None
+    if shown_region(result)[0] is not None and options.html is not None:
+        breaks = run.also(
+            "looking for what breaks where",
+            lambda: what_breaks(
+                result.plan, epsilon=options.separation, solver=options.solver, timeout=_page_seconds(run, result)
+            ),
+        )
+    page = comparison_page(result, breaks, name=options.plan.name, epsilon=options.separation)
+    atomic_write(options.html or "", page, place_of("html"))
+
+
+def _page_seconds(run: Run, result: Comparison) -> float:
+    """As long as everything before took, or a minute, if that is more."""
+    most = max(60.0, result.seconds)
+    return most if run.remaining is None else min(most, run.remaining)

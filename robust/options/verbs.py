@@ -231,7 +231,12 @@ class CompareCommand(CompareOptions, Slice, AskCommand):
     """Of `robust compare`."""
 
     html: Path | None = option(
-        None, "write a report with a drawing as one HTML file", metavar="FILE", path=True, read=html_file, rank=DRAWING
+        None,
+        "write an interactive page as one HTML file: sliders for the parameters, what breaks where, boxes, schedule",
+        metavar="FILE",
+        path=True,
+        read=html_file,
+        rank=DRAWING,
     )
 
 

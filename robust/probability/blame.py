@@ -12,15 +12,14 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from robust.encode import create_encoding
-from robust.encode.interface import Facet
 from robust.encode.validity import Validity
-from robust.plan.model import ParametrizedPlan, Relation
+from robust.plan.model import ParametrizedPlan
 from robust.probability.distributions import Distribution
 from robust.probability.measure import Bounds, Measure, box_probability
 from robust.qe.box import Box, Interval
+from robust.qe.broken import beyond
 from robust.qe.compute import Existence, ProblemBuilder, declared_bounds
 from robust.qe.conjunctions import Conjunction
-from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import PieceSearch
 from robust.qe.eliminate.interface import Context
 from robust.qe.nnf import Reader
@@ -123,8 +122,8 @@ class Attribution:
         known: list[Conjunction] = [(half,) for bound in self._within.constraints for half in bound.negation()]
         demands = [(facet.obligation, facet) for facet in facets if facet.obligation is not None]
         for name in dict.fromkeys(name for name, _ in demands):
-            sides = (_side(facet) for other, facet in demands if other == name)
-            yield self._found(name, (half for side in sides for half in _outside(side)), known)
+            facets_of = (facet for other, facet in demands if other == name)
+            yield self._found(name, (half for facet in facets_of for half in beyond(facet)), known)
         existence = Existence(encoding, context, builder.existence(), self._within.constraints)
         yield self._found(NO_SCHEDULE, existence.pieces(self._deadline), known)
         for obligation in encoding.obligations:
@@ -144,18 +143,6 @@ class Attribution:
                 known.append(piece)
         found.complete = True
         return found
-
-
-def _outside(side: LinearConstraint) -> Iterator[Conjunction]:
-    """Half-spaces of values that do not satisfy it."""
-    if side.is_false:
-        yield ()
-    else:
-        yield from ((half,) for half in side.negation())
-
-
-def _side(facet: Facet) -> LinearConstraint:
-    return LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
 
 
 def _pieces(search: PieceSearch) -> Iterator[Conjunction]:

@@ -1,14 +1,16 @@
-"""What all pictures share: colours, texts, and how a figure becomes an SVG, PNG or PDF file.
+"""What all pictures share: colours and what they mean, texts, and how a figure becomes an SVG, PNG or PDF file.
 
-Colours are those of Okabe and Ito: distinguishable without colour vision, and in grey.
+Colours are those of Okabe and Ito: distinguishable without colour vision, and in grey. Nothing is told by colour alone:
+lines differ in width and dashes, areas in hatching.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+import textwrap
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from robust.files import atomic_write
 from robust.options.declare import place_of
@@ -31,6 +33,23 @@ LIGHT = ("#A6D8F5", "#F7CE7B", "#9FDCC6", "#E8B9D3", "#F5EE9B", "#F2AE7E", "#A8C
 DARK_GREY, GREY, SHADE, PALE = "0.25", "0.45", "0.72", "0.93"
 GRID = "0.9"
 
+VALID, EDGE, REMOVED = LIGHT[0], BLUE, VERMILION
+"""Where a plan is valid, what bounds that, and what is cut out of it but too thin to be seen."""
+BOX_LINES: tuple[Mapping[str, Any], ...] = (
+    {"color": ORANGE, "linewidth": 6.0},
+    {"color": GREEN, "linewidth": 3.4, "dashes": (3, 1.6)},
+    {"color": PURPLE, "linewidth": 2.2},
+    {"color": BLACK, "linewidth": 1.3, "dashes": (1.5, 2)},
+    {"color": SKY, "linewidth": 1.0},
+)
+"""Outlines of boxes over one another: each is narrower than those before it, so that all are seen."""
+HATCHES = ("", "///", "...", "\\\\\\", "xx", "--", "||", "oo")
+"""Of areas and bars, beside their colours."""
+NOMINAL: Mapping[str, Any] = {
+    "marker": "D", "markersize": 6, "color": "white", "markeredgecolor": BLACK, "markeredgewidth": 1.3, "linestyle": ""
+}  # fmt: skip
+"""The mark of nominal values."""
+
 
 def save(draw: Callable[[], Figure], path: str | os.PathLike[str], *, longest: float | None = None) -> None:
     """Draw a figure and write it; the suffix of the file names the format, and equal figures make equal files.
@@ -46,7 +65,8 @@ def save(draw: Callable[[], Figure], path: str | os.PathLike[str], *, longest: f
     import matplotlib as mpl  # noqa: PLC0415 - takes half a second
 
     # Texts stay texts in an SVG; names must not be read as formulas.
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "robust", "text.parse_math": False}):
+    looks: Any = {"svg.fonttype": "none", "svg.hashsalt": "robust", "text.parse_math": False, "hatch.linewidth": 0.4}
+    with mpl.rc_context(looks):
         figure = draw()
         dpi = 160.0 if longest is None else min(160.0, longest / max(figure.get_size_inches()))
         metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(Path(path).suffix.lower())
@@ -63,3 +83,21 @@ def without_frame(axes: Axes, sides: Iterable[str] = ("top", "right")) -> None:
 def cut(label: str, longest: int = 44) -> str:
     """A text of at most so many letters."""
     return label if len(label) <= longest else f"{label[: longest - 3]}..."
+
+
+def wrapped(text: str, width: int) -> str:
+    """A text in lines of about so many letters; also words without blanks are broken."""
+    return "\n".join(line for part in text.split("\n") for line in textwrap.wrap(part, width) or [""])
+
+
+def box_line(order: int, count: int) -> dict[str, Any]:
+    """How the outline of one of several boxes is drawn; a single one need not leave room for others."""
+    return {**BOX_LINES[order % len(BOX_LINES)], **({"linewidth": 2.4} if count == 1 else {})}
+
+
+def hatch_outside(axes: Axes, label: str) -> None:
+    """Hatch what nothing else is drawn over."""
+    from matplotlib.patches import Rectangle  # noqa: PLC0415 - takes half a second
+
+    looks: Any = {"facecolor": "white", "edgecolor": SHADE, "linewidth": 0, "hatch": "////", "zorder": 0}
+    axes.add_patch(Rectangle((0, 0), 1, 1, transform=axes.transAxes, label=label, **looks))

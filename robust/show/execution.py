@@ -151,7 +151,7 @@ def plot_run(run: Run, executor: str, path: Path) -> None:
         )
         for one in executed
     )
-    title = f"{run.status.value} with {plural(run.replans, 're-plan')} ({executor}, seed {run.seed})"
+    title = f"Execution: {run.status.value} with {plural(run.replans, 're-plan')} ({executor}, seed {run.seed})"
     draw_chart(Chart(title, lanes, bars, tuple(_marks(run))), path)
 
 

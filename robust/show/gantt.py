@@ -10,10 +10,11 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Final
+from math import ceil
+from typing import TYPE_CHECKING, Any, Final
 
 from robust.errors import InputError
-from robust.show.drawing import DARK_GREY, GRID, LIGHT, STRONG, cut, save, without_frame
+from robust.show.drawing import DARK_GREY, GRID, HATCHES, LIGHT, STRONG, cut, save, without_frame, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -145,12 +146,19 @@ class _Drawing:
         found = []
         for mark in sorted((mark for mark in self._chart.marks if mark.lane is None), key=lambda mark: mark.time):
             left = self._left_of_header(mark)
-            found.append((mark, _put(rows, left, left + _width(mark.label))))
+            found.append((mark, _put(rows, left, left + self._width_in_header(mark))))
         self._header_rows = len(rows)
         return found
 
     def _left_of_header(self, mark: Mark) -> float:
-        return max(0.0, min(self._at(mark.time), self._room - _width(mark.label)))
+        return max(0.0, min(self._at(mark.time), self._room - self._width_in_header(mark)))
+
+    def _in_header(self, mark: Mark) -> str:
+        """A label of the header, which may be as long as the chart is wide."""
+        return cut(mark.label, int(self._room / _LETTER) - 2)
+
+    def _width_in_header(self, mark: Mark) -> float:
+        return _LETTER * (len(self._in_header(mark)) + 1)
 
     def _pack_lanes(self) -> None:
         top = 0
@@ -183,9 +191,10 @@ class _Drawing:
     def figure(self) -> Figure:
         from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
 
-        header = 0.45 + 0.2 * self._header_rows
+        title = wrapped(self._chart.title, 130)
+        header = 0.3 + 0.17 * (title.count("\n") + 1) + 0.2 * self._header_rows
         body = _ROW * self._count + 0.15 * len(self._chart.lanes)
-        footer = 0.85
+        footer = 0.65 + 0.2 * self._legend_rows
         height = header + body + footer
         figure = Figure(figsize=(_WIDTH, height))
         place = (self._margin / _WIDTH, footer / height, self._room / _WIDTH, body / height)
@@ -199,7 +208,7 @@ class _Drawing:
                     self._draw_mark(axes, placed.item, placed)
         self._draw_header(axes)
         self._finish(axes)
-        figure.text(0.012, 1 - 0.12 / height, self._chart.title, fontsize=10, ha="left", va="top")
+        figure.text(0.012, 1 - 0.12 / height, title, fontsize=10, ha="left", va="top")
         return figure
 
     def _top(self, row: int) -> float:
@@ -223,27 +232,29 @@ class _Drawing:
     def _draw_bar(self, axes: Axes, bar: Bar, placed: _Placed) -> None:
         left, right = self._ends(bar)
         middle = self._top(placed.row) + _ROW / 2
-        colour = LIGHT[self._kinds(self._chart.bars)[bar.kind] % len(LIGHT)]
+        kind = self._kinds(self._chart.bars)[bar.kind]
         axes.barh(
             middle,
             right - left,
             left=left,
             height=_ROW * 0.78,
-            color=colour,
-            edgecolor=DARK_GREY,
-            linewidth=0.7,
+            **_bar_look(kind),
             linestyle="--" if bar.end is None else "-",
             zorder=2,
         )
         place = right + 0.04 if placed.outside else (left + right) / 2
         side = "left" if placed.outside else "center"
-        axes.text(place, middle, cut(bar.label), ha=side, va="center_baseline", fontsize=8, zorder=4)
+        ground = {"facecolor": LIGHT[kind % len(LIGHT)], "edgecolor": "none", "pad": 0.8}
+        behind = None if placed.outside or kind % len(HATCHES) == 0 else ground
+        axes.text(place, middle, cut(bar.label), ha=side, va="center_baseline", fontsize=8, bbox=behind, zorder=4)
 
     def _draw_mark(self, axes: Axes, mark: Mark, placed: _Placed) -> None:
         kind = self._kinds(self._chart.marks)[mark.kind]
         middle, left = self._top(placed.row) + _ROW / 2, self._at(mark.time)
         shape, colour = _SHAPES[kind % len(_SHAPES)], STRONG[kind % len(STRONG)]
-        axes.plot(left, middle, marker=shape, color=colour, markersize=5, markeredgecolor="white", zorder=5)
+        axes.plot(
+            left, middle, marker=shape, color=colour, markersize=5, markeredgecolor="white", clip_on=False, zorder=5
+        )
         axes.text(left + 0.07, middle, cut(mark.label), va="center_baseline", fontsize=7.5, color="0.2", zorder=4)
 
     def _draw_header(self, axes: Axes) -> None:
@@ -251,7 +262,7 @@ class _Drawing:
             colour = STRONG[self._kinds(self._chart.marks)[mark.kind] % len(STRONG)]
             axes.axvline(self._at(mark.time), color=colour, linewidth=1, linestyle=(0, (4, 2)), zorder=3)
             place = (self._left_of_header(mark), -0.05 - 0.2 * row)
-            axes.text(*place, cut(mark.label), ha="left", va="bottom", fontsize=7.5, color=colour, clip_on=False)
+            axes.text(*place, self._in_header(mark), ha="left", va="bottom", fontsize=7.5, color=colour, clip_on=False)
 
     def _finish(self, axes: Axes) -> None:
         from matplotlib.patches import Patch  # noqa: PLC0415 - takes half a second
@@ -265,12 +276,7 @@ class _Drawing:
         axes.grid(axis="x", color=GRID, linewidth=0.7, zorder=1)
         axes.tick_params(labelsize=8.5)
         axes.tick_params(axis="y", length=0)
-        handles: list[Patch] = [
-            Patch(facecolor=LIGHT[i % len(LIGHT)], edgecolor=DARK_GREY, linewidth=0.7, label=kind)
-            for kind, i in self._kinds(self._chart.bars).items()
-        ]
-        if len(handles) + len(self._kinds(self._chart.marks)) > 1:
-            self._legend(axes, handles)
+        self._legend(axes, [Patch(label=kind, **_bar_look(i)) for kind, i in self._kinds(self._chart.bars).items()])
 
     def _legend(self, axes: Axes, handles: Sequence[object]) -> None:
         from matplotlib.lines import Line2D  # noqa: PLC0415 - takes half a second
@@ -290,12 +296,32 @@ class _Drawing:
             for kind, i in self._kinds(self._chart.marks).items()
         ]
         every = [*handles, *lines]
-        axes.figure.legend(handles=every, loc="lower left", ncols=8, fontsize=7.5, frameon=False)
+        axes.figure.legend(handles=every, loc="lower left", ncols=self._legend_columns, fontsize=7.5, frameon=False)
+
+    @property
+    def _legend_texts(self) -> list[str]:
+        return [*self._kinds(self._chart.bars), *self._kinds(self._chart.marks)]
+
+    @property
+    def _legend_columns(self) -> int:
+        """As many entries as are sure to fit beside one another."""
+        widest = max((_LETTER * len(text) for text in self._legend_texts), default=0.0)
+        return max(1, int((_WIDTH - 0.3) / (widest + 0.65)))
+
+    @property
+    def _legend_rows(self) -> int:
+        return ceil(len(self._legend_texts) / self._legend_columns)
 
     @staticmethod
     def _kinds(items: Iterable[Bar | Mark]) -> Mapping[str, int]:
         """The kinds in order of appearance, numbered."""
         return {kind: i for i, kind in enumerate(dict.fromkeys(item.kind for item in items))}
+
+
+def _bar_look(kind: int) -> dict[str, Any]:
+    """How bars of a kind are drawn."""
+    face, hatch = LIGHT[kind % len(LIGHT)], HATCHES[kind % len(HATCHES)]
+    return {"facecolor": face, "edgecolor": DARK_GREY, "linewidth": 0.7, "hatch": hatch}
 
 
 def _put(rows: list[list[tuple[float, float]]], left: float, right: float) -> int:

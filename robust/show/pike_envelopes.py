@@ -33,7 +33,7 @@ from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
 from robust.show.documents import Document, Ended, SearchEnded, document
-from robust.show.drawing import BLACK, LIGHT, VERMILION, cut, save
+from robust.show.drawing import DARK_GREY, HATCHES, LIGHT, NOMINAL, box_line, cut, hatch_outside, save, wrapped
 from robust.show.region_documents import Constraint as ConstraintRecord
 from robust.show.region_documents import Polyhedron as PolyhedronRecord
 
@@ -578,9 +578,11 @@ def _figure(
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    figure = Figure(figsize=(8.4, 4.8), layout="constrained")
+    lines = sum(label.count("\n") + 1 for label, _ in layers)
+    figure = Figure(figsize=(8.4, 4.8 + 0.15 * lines), layout="constrained")
     FigureCanvasAgg(figure)
     canvas = figure.add_subplot()
+    figure.suptitle(_title(plan, shown, box), fontsize=10, x=0.01, ha="left")
     frame = {one.name: _view(plan, one, layers, box) for one in shown}
     view = Polyhedron(
         tuple(frame),
@@ -594,32 +596,56 @@ def _figure(
         ),
     )
     for number, (label, region) in enumerate(layers):
-        colour = LIGHT[number % len(LIGHT)]
-        hatch = "" if number < len(LIGHT) else "//"
-        text: str | None = label
+        look: dict[str, Any] = {
+            "facecolor": LIGHT[number % len(LIGHT)], "edgecolor": DARK_GREY, "linewidth": 0.5,
+            "hatch": HATCHES[number % len(HATCHES)],
+        }  # fmt: skip
         for piece in region.pieces:
             corners = _corners(piece.intersection(view))
             if len(corners) > 2:
-                canvas.fill(*zip(*corners, strict=True), facecolor=colour, edgecolor="0.5", linewidth=0.5, label=text,
-                            hatch=hatch)  # fmt: skip
-                text = None
+                canvas.fill(*zip(*corners, strict=True), label=label, **look)
+    hatch_outside(canvas, "no correct execution found")
     if box is not None:
-        sides = [side for side in box.constraints() if side.parameters[0] in frame]
-        corners = _corners(view.restricted(sides))
-        canvas.fill(*zip(*corners, strict=True), fill=False, edgecolor=VERMILION, linewidth=2, label="box")
+        _draw_box(canvas, box, frame)
     nominal = [float(one.parameter.nominal) for one in shown]
-    canvas.plot([nominal[0]], [nominal[1]], "+", color=BLACK, markersize=10, label="in the plan")
+    canvas.plot([nominal[0]], [nominal[1]], zorder=8, label="nominal values", **NOMINAL)
     _finish(canvas, shown, frame)
     return figure
 
 
+def _title(plan: ParametricPlan, shown: Sequence[TeamParameter], box: Box | None) -> str:
+    """What is drawn, and the values of what is not."""
+    what = (
+        "Which choices are possible, by the values of two parameters"
+        if box is None
+        else "Values in the box, and around it"
+    )
+    fixed = ", ".join(f"{one.words} = {readable(one.parameter.nominal)}" for one in plan.parameters if one not in shown)
+    return wrapped(f"{what}\nfixed: {fixed}" if fixed else what, 110)
+
+
+def _draw_box(canvas: Axes, box: Box, frame: Mapping[str, tuple[Fraction, Fraction]]) -> None:
+    """The outline of a box; a side that is not bounded lies beyond the view."""
+    sides = []
+    for name, (low, high) in frame.items():
+        lower, upper = box[name].lower, box[name].upper
+        far = high - low
+        sides.append((low - far if lower is None else lower, high + far if upper is None else upper))
+    (left, right), (bottom, top) = ((float(low), float(high)) for low, high in sides)
+    xs, ys = [left, right, right, left, left], [bottom, bottom, top, top, bottom]
+    canvas.plot(xs, ys, label="box", zorder=6, **box_line(0, 1))
+
+
 def _finish(canvas: Axes, shown: Sequence[TeamParameter], frame: Mapping[str, tuple[Fraction, Fraction]]) -> None:
     across, up = shown
-    canvas.set_xlabel(f"{across.words}: {cut(across.meaning, 60)}")
-    canvas.set_ylabel(f"{up.words}: {cut(up.meaning, 40)}")
+    canvas.set_xlabel(wrapped(f"{across.words}: {across.meaning}", 80))
+    canvas.set_ylabel(wrapped(f"{up.words}: {up.meaning}", 48))
     canvas.set_xlim(*map(float, frame[across.name]))
     canvas.set_ylim(*map(float, frame[up.name]))
-    canvas.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), fontsize="small", frameon=False)
+    handles, labels = canvas.get_legend_handles_labels()
+    once = dict(zip(labels, handles, strict=True))
+    texts = [wrapped(label, 60) for label in once]
+    canvas.figure.legend(once.values(), texts, loc="outside lower center", fontsize="small", frameon=False, ncols=2)
 
 
 def _view(plan: ParametricPlan, one: TeamParameter, layers: Layers, box: Box | None) -> tuple[Fraction, Fraction]:

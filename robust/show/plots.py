@@ -6,7 +6,7 @@ differ by orders of magnitude, the axis is logarithmic on both sides of zero. Fl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import floor, log10
@@ -19,7 +19,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 from robust.irr.search import EnvelopeResult, Status
 from robust.numbers import approximate, end, readable
 from robust.qe.box import Box
-from robust.show.drawing import BLUE, GREY, GRID, SKY, VERMILION, cut, save, without_frame
+from robust.show.drawing import BLACK, EDGE, GREY, GRID, NOMINAL, VALID, save, without_frame, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,28 +32,33 @@ _WIDE = 100
 
 @dataclass(frozen=True, slots=True)
 class _Row:
-    """One parameter: deviations below and above (None: unbounded), and the texts beside them."""
+    """One parameter with its nominal value, deviations below and above (None: unbounded), the texts beside them."""
 
     name: str
-    nominal: str
     below: float | None
     above: float | None
     lower: str
     upper: str
 
 
-def plot_envelope(result: EnvelopeResult, path: Path) -> None:
+def plot_envelope(result: EnvelopeResult, path: Path, words: Mapping[str, str] | None = None) -> None:
     """Draw the box and the convergence curve.
+
+    Args:
+        result: what was found.
+        path: the file.
+        words: what parameters are called; their names where they are not in it.
 
     Raises:
         InputError: if the file cannot be written.
     """
-    save(lambda: _figure(result, _rows(result)), path)
+    save(lambda: _figure(result, _rows(result, words or {})), path)
 
 
 def _figure(result: EnvelopeResult, rows: Sequence[_Row]) -> Figure:
-    height = max(2.6, 1.5 + 0.42 * len(rows))
-    figure = Figure(figsize=(10.5, height), layout="constrained")
+    lines = sum(row.name.count("\n") + 1 for row in rows)
+    height = max(3.0, 1.9 + 0.26 * len(rows) + 0.17 * lines)
+    figure = Figure(figsize=(11.5, height), layout="constrained")
     # With many parameters the curve stays at the top and keeps its proportions.
     curve = min(height, _TALLEST)
     grid = figure.add_gridspec(2, 2, width_ratios=[1.75, 1], height_ratios=[curve, max(height - curve, 1e-3)])
@@ -61,6 +66,9 @@ def _figure(result: EnvelopeResult, rows: Sequence[_Row]) -> Figure:
     _draw_box(figure.add_subplot(grid[:, 0] if tall else grid[0, 0]), rows)
     _draw_convergence(figure.add_subplot(grid[0, 1]), result)
     figure.suptitle(_title(result), fontsize=10, x=0.01, ha="left")
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    once = dict(zip(labels, handles, strict=True))
+    figure.legend(once.values(), once.keys(), loc="outside lower left", ncols=4, fontsize=8, frameon=False)
     return figure
 
 
@@ -80,7 +88,7 @@ def _title(result: EnvelopeResult) -> str:
     return f"The plan is valid for all values in this box ({search})"
 
 
-def _rows(result: EnvelopeResult) -> list[_Row]:
+def _rows(result: EnvelopeResult, words: Mapping[str, str]) -> list[_Row]:
     rows = []
     for parameter in result.parameters:
         interval = result.box[parameter.name]
@@ -88,7 +96,8 @@ def _rows(result: EnvelopeResult) -> list[_Row]:
         above = None if interval.upper is None else approximate(interval.upper - parameter.nominal)
         lower = end(interval.lower, upper=False, closed=interval.lower_closed)
         upper = end(interval.upper, upper=True, closed=interval.upper_closed)
-        rows.append(_Row(cut(parameter.name, 28), readable(parameter.nominal), below, above, lower, upper))
+        name = wrapped(f"{words.get(parameter.name, parameter.name)} = {readable(parameter.nominal)}", 34)
+        rows.append(_Row(name, below, above, lower, upper))
     return rows
 
 
@@ -100,16 +109,17 @@ def _draw_box(axes: Axes, rows: Sequence[_Row]) -> None:
     for index, row in enumerate(rows):
         left = -ends[0] if row.below is None else -row.below
         right = ends[1] if row.above is None else row.above
-        axes.barh(index, right - left, left=left, height=0.5, color=SKY, edgecolor=BLUE, linewidth=1, zorder=2)
-        axes.plot(0, index, marker="D", markersize=5, color=VERMILION, markeredgecolor="white", zorder=4)
+        axes.barh(index, right - left, left=left, height=0.5, color=VALID, edgecolor=EDGE, linewidth=1, zorder=2,
+                  label="all values in the box, together")  # fmt: skip
+        axes.plot(0, index, zorder=4, label="nominal value", **NOMINAL)
         if row.below != 0 or row.above != 0:
             _draw_end(axes, (left, index), row.lower, infinite=row.below is None, side=-1)
         _draw_end(axes, (right, index), row.upper, infinite=row.above is None, side=1)
-    axes.axvline(0, color=VERMILION, linewidth=1, zorder=1)
-    axes.set_yticks(range(len(rows)), [f"{row.name} = {row.nominal}" for row in rows])
+    axes.axvline(0, color=BLACK, linewidth=0.8, zorder=1)
+    axes.set_yticks(range(len(rows)), [row.name for row in rows])
     axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_xlabel("deviation from the nominal value (labels: values)")
-    axes.set_title("Box", fontsize=10, loc="left")
+    axes.set_xlabel("deviation from the nominal value")
+    axes.set_title("Box: values at its ends", fontsize=10, loc="left")
     axes.tick_params(axis="y", length=0)
     _tidy(axes, grid="x")
 
@@ -118,7 +128,8 @@ def _draw_end(axes: Axes, place: tuple[float, float], text: str, *, infinite: bo
     """The value beside an end, and an arrow where there is no end; `side` is −1 or 1."""
     if infinite:
         marker = "<" if side < 0 else ">"
-        axes.plot(*place, marker=marker, markersize=11, color=BLUE, clip_on=False, zorder=5)
+        label = "no end on this side"
+        axes.plot(*place, marker=marker, markersize=11, color=EDGE, linestyle="", clip_on=False, zorder=5, label=label)
     axes.annotate(
         text,
         place,
@@ -173,12 +184,12 @@ def _tick(value: float, _position: object = None) -> str:
 
 def _draw_convergence(axes: Axes, result: EnvelopeResult) -> None:
     checks, shares, note = _convergence(result)
-    axes.set_title("Convergence", fontsize=10, loc="left")
+    axes.set_title("Convergence: width of the box found so far", fontsize=10, loc="left")
     axes.set_xlabel("containment check")
     axes.set_ylabel(f"total width{note}, share of final")
     if len(checks) > 1:
-        axes.step(checks, shares, where="post", color=BLUE, linewidth=1.8)
-        axes.fill_between(checks, shares, step="post", color=SKY, alpha=0.35, linewidth=0)
+        axes.step(checks, shares, where="post", color=EDGE, linewidth=1.8)
+        axes.fill_between(checks, shares, step="post", color=VALID, alpha=0.5, linewidth=0)
         axes.set_xlim(0, checks[-1])
         axes.set_ylim(0, 1.05)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda share, _: f"{share:.0%}"))

@@ -11,11 +11,24 @@ from itertools import pairwise
 from math import atan2
 from typing import TYPE_CHECKING, Any
 
+from robust.numbers import readable
 from robust.qe.box import Box
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
-from robust.show.drawing import BLACK, BLUE, GREEN, LIGHT, ORANGE, PURPLE, SKY, VERMILION
+from robust.show.drawing import (
+    BLACK,
+    BOX_LINES,
+    EDGE,
+    GREEN,
+    NOMINAL,
+    REMOVED,
+    VALID,
+    box_line,
+    hatch_outside,
+    wrapped,
+)
+from robust.show.words import named
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,8 +39,6 @@ Segment = tuple[Corner, Corner]
 Rectangle = tuple[tuple[Fraction, Fraction], ...]
 """The part of the plane (or line) that is shown: lower and upper end by axis."""
 
-FILL, EDGE, REMOVED = LIGHT[0], BLUE, VERMILION
-BOX_COLOURS = (ORANGE, GREEN, PURPLE, BLACK, SKY)
 THIN = Fraction(1, 150)
 """Slabs narrower than this share of the view are drawn as lines, so that they stay visible."""
 
@@ -40,6 +51,8 @@ def draw_region(
     boxes: Mapping[str, Box] | None = None,
     points: Mapping[str, Point] | None = None,
     inner: Region | None = None,
+    words: Mapping[str, str] | None = None,
+    exact: bool = True,
 ) -> Figure:
     """A drawing of one or two parameters, as a figure that belongs to no window.
 
@@ -48,24 +61,50 @@ def draw_region(
         axes: the parameters to show.
         at: values for parameters that are not shown; the region is sliced there, and projected along the rest.
         inner: an inner bound over the parameters that are shown, if the region is an outer one.
-        boxes, points: what to draw on top, by the name to show in the legend; only their shown parameters matter.
+        boxes, points: what to draw on top, by the name to show in the legend; only their shown parameters matter, but a
+            box is left out where it does not hold the values of those that are fixed.
+        words: what parameters are called; their names where they are not in it.
+        exact: whether the region is the envelope itself, or an outer bound of it.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     shown = _shown(region, tuple(axes), at or {})
-    boxes, points = boxes or {}, points or {}
+    points = points or {}
+    boxes = {label: box for label, box in (boxes or {}).items() if _holds(box, at or {})}
     rectangle = tuple(_range(shown, name, list(boxes.values()), list(points.values())) for name in shown.parameters)
     flat = len(shown.parameters) == 1
-    figure = Figure(figsize=(6.4, 1.4 + 0.3 * len(boxes) if flat else 4.8), layout="constrained")
+    figure = Figure(figsize=(8.6, 2.0 + 0.35 * len(boxes) if flat else 5.0), layout="constrained")
     FigureCanvasAgg(figure)
     canvas = figure.add_subplot()
-    (_draw_line if flat else draw_plane)(canvas, shown, rectangle, boxes, points)
+    (_draw_line if flat else draw_plane)(canvas, shown, rectangle, boxes, points, words=words, exact=exact)
     if inner is not None:
         _draw_inner(canvas, inner, shown.parameters, rectangle)
-    if boxes or points:
-        canvas.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize="small", frameon=False)
+    figure.suptitle(_title(at or {}, words, exact=exact), fontsize=10, x=0.01, ha="left")
+    legend(canvas)
     return figure
+
+
+def _holds(box: Box, at: Point) -> bool:
+    """Whether the values are in the box, as far as it speaks of them."""
+    return all(value in box[name] for name, value in at.items() if name in box.intervals)
+
+
+def _title(at: Point, words: Mapping[str, str] | None, *, exact: bool) -> str:
+    """What is drawn, and the values of what is not."""
+    what = "Values for which the plan is valid" if exact else "Outer bound: outside the plan can fail, inside it may"
+    fixed = ", ".join(f"{(words or {}).get(name, name)} = {readable(value)}" for name, value in at.items())
+    return wrapped(f"{what}\nfixed: {fixed}" if fixed else what, 112)
+
+
+def legend(canvas: Axes) -> None:
+    """Everything with a label, beside the drawing."""
+    handles, labels = canvas.get_legend_handles_labels()
+    once = dict(reversed(list(zip(labels, handles, strict=True))))
+    ordered = [label for label in dict.fromkeys(labels) if label in once]
+    texts = [wrapped(label, 34) for label in ordered]
+    canvas.legend([once[label] for label in ordered], texts, loc="upper left", bbox_to_anchor=(1.01, 1.0),
+                  fontsize="small", frameon=False, handlelength=2.6)  # fmt: skip
 
 
 def _shown(region: Region, names: tuple[str, ...], at: Point) -> Region:
@@ -104,7 +143,14 @@ def _clip(names: Sequence[str], rectangle: Rectangle) -> list[LinearConstraint]:
 
 
 def draw_plane(
-    canvas: Axes, region: Region, rectangle: Rectangle, boxes: Mapping[str, Box], points: Mapping[str, Point]
+    canvas: Axes,
+    region: Region,
+    rectangle: Rectangle,
+    boxes: Mapping[str, Box],
+    points: Mapping[str, Point],
+    *,
+    words: Mapping[str, str] | None = None,
+    exact: bool = True,
 ) -> None:
     """Pieces are filled without outline, so that no seam shows between them; only edges of the whole are drawn."""
     names = region.parameters
@@ -115,27 +161,35 @@ def draw_plane(
     for base, removed in parts:
         if removed:
             disjoint += Region.difference(base, removed).as_union(disjoint=True).pieces
+    area = "valid" if exact else "not known to fail"
     for piece in disjoint:
-        _fill(canvas, piece)
+        _fill(canvas, piece, area)
     for piece in [base for base, _ in parts]:
-        _outline(canvas, piece, region, rectangle, EDGE)
+        _outline(canvas, piece, region, rectangle)
     for cut in cuts:
-        _outline(canvas, cut, region, rectangle, EDGE)
+        _outline(canvas, cut, region, rectangle)
         _mark_thin(canvas, cut, rectangle)
-    for colour, (label, box) in _coloured(boxes):
+    for order, (label, box) in enumerate(_labelled(boxes)):
         shape = Polyhedron(names, _sides(names, box)).restricted(clip)
-        corners = [(float(x), float(y)) for x, y in _corners(shape)]
-        if 0 < len(corners) < 3:
-            # Without any width in some direction, a box has no sides to outline.
-            canvas.plot(*zip(*corners, strict=True), color=colour, linewidth=1.8, marker=".", zorder=5, label=label)
-        else:
-            _outline(canvas, shape, None, rectangle, colour, label=label)
+        _draw_box(canvas, shape, rectangle, {**box_line(order, len(boxes)), "zorder": 6 + order, "label": label})
+    hatch_outside(canvas, "not valid")
     for label, point in points.items():
-        canvas.plot([float(point[names[0]])], [float(point[names[1]])], "k+", markersize=9, label=label, zorder=6)
+        canvas.plot([float(point[names[0]])], [float(point[names[1]])], label=label, zorder=16, **NOMINAL)
     canvas.set_xlim(*map(float, rectangle[0]))
     canvas.set_ylim(*map(float, rectangle[1]))
-    canvas.set_xlabel(names[0])
-    canvas.set_ylabel(names[1])
+    canvas.set_xlabel(wrapped(named(names[0], words), 70))
+    canvas.set_ylabel(wrapped(named(names[1], words), 48))
+
+
+def _draw_box(canvas: Axes, shape: Polyhedron, rectangle: Rectangle, look: dict[str, Any]) -> None:
+    """The outline of a box, but no side of the view; without any width in some direction, all there is of it."""
+    corners = _corners(shape)
+    strokes = [corners] if 0 < len(corners) < 3 else [_corners(side) for side, _ in _edges(shape, rectangle)]
+    marker = "s" if len(corners) == 1 else ""
+    # A box that fills the view, or is far from it, has no side to be seen: its line stands in the legend alone.
+    for stroke in strokes or [[]]:
+        xs, ys = [float(x) for x, _ in stroke], [float(y) for _, y in stroke]
+        canvas.plot(xs, ys, marker=marker, fillstyle="none", solid_capstyle="projecting", **look)
 
 
 def _draw_inner(canvas: Axes, inner: Region, names: tuple[str, ...], rectangle: Rectangle) -> None:
@@ -151,8 +205,12 @@ def _draw_inner(canvas: Axes, inner: Region, names: tuple[str, ...], rectangle: 
         label = "_" + label.lstrip("_")
 
 
-def _coloured(boxes: Mapping[str, Box]) -> Iterable[tuple[str, tuple[str, Box]]]:
-    return ((BOX_COLOURS[i % len(BOX_COLOURS)], item) for i, item in enumerate(boxes.items()))
+def _labelled(boxes: Mapping[str, Box]) -> Iterable[tuple[str, Box]]:
+    """Boxes with what the legend says of them, also which are the same."""
+    items = list(boxes.items())
+    for place, (label, box) in enumerate(items):
+        twin = next((other for other, same in items[:place] if same == box), None)
+        yield f"box: {label}" if twin is None else f"box: {label} (the same as {twin})", box
 
 
 def _sides(names: Sequence[str], box: Box) -> tuple[LinearConstraint, ...]:
@@ -173,19 +231,20 @@ def _corners(piece: Polyhedron) -> list[Corner]:
     )
 
 
-def _fill(canvas: Axes, piece: Polyhedron) -> None:
+def _fill(canvas: Axes, piece: Polyhedron, label: str) -> None:
     """Fill a polygon; what is lower-dimensional becomes a line or a dot."""
     corners = [(float(x), float(y)) for x, y in _corners(piece)]
     match len(corners):
         case 0:
             return
         case 1:
-            canvas.plot(*zip(*corners, strict=True), "o", color=EDGE, markersize=4, zorder=3)
+            canvas.plot(*zip(*corners, strict=True), "o", color=EDGE, markersize=4, zorder=3, label=label)
         case 2:
-            canvas.plot(*zip(*corners, strict=True), "-", color=EDGE, linewidth=1.6, zorder=3)
+            canvas.plot(*zip(*corners, strict=True), "-", color=EDGE, linewidth=1.6, zorder=3, label=label)
         case _:
             # A hair-thin line of the same colour closes the gap that antialiasing leaves between neighbours.
-            canvas.fill(*zip(*corners, strict=True), facecolor=FILL, edgecolor=FILL, linewidth=0.4, zorder=1)
+            look: dict[str, Any] = {"facecolor": VALID, "edgecolor": VALID, "linewidth": 0.4, "zorder": 1}
+            canvas.fill(*zip(*corners, strict=True), label=label, **look)
 
 
 def _edges(piece: Polyhedron, rectangle: Rectangle) -> list[tuple[Polyhedron, bool]]:
@@ -202,20 +261,16 @@ def _edges(piece: Polyhedron, rectangle: Rectangle) -> list[tuple[Polyhedron, bo
     ]
 
 
-def _outline(
-    canvas: Axes, piece: Polyhedron, region: Region | None, rectangle: Rectangle, colour: str, *, label: str = ""
-) -> None:
+def _outline(canvas: Axes, piece: Polyhedron, region: Region, rectangle: Rectangle) -> None:
     """Draw those parts of a polygon's sides that bound the region: solid if they belong to it, else dashed."""
-    width = 1.1 if region is not None else 1.8
-    for side, is_open in _edges(piece, rectangle):
+    for side, _ in _edges(piece, rectangle):
         corners = _corners(side)
         if len(corners) == 2:
-            segment = (corners[0], corners[1])
-            for stroke, dashed in [(segment, is_open)] if region is None else _boundary(segment, region):
+            for stroke, dashed in _boundary((corners[0], corners[1]), region):
                 xs, ys = zip(*((float(x), float(y)) for x, y in stroke), strict=True)
                 style: Any = (0, (4, 3)) if dashed else "-"
-                canvas.plot(xs, ys, color=colour, linestyle=style, linewidth=width, zorder=4, label=label)
-                label = ""
+                label = "edge that does not belong to it" if dashed else "edge that belongs to it"
+                canvas.plot(xs, ys, color=EDGE, linestyle=style, linewidth=1.1, zorder=4, label=label)
 
 
 def _boundary(segment: Segment, region: Region) -> list[tuple[Segment, bool]]:
@@ -235,7 +290,7 @@ def _boundary(segment: Segment, region: Region) -> list[tuple[Segment, bool]]:
     for low, high in pairwise(ordered):
         middle = dict(zip(names, _between(start, end, (low + high) / 2), strict=True))
         normal = dict(zip(names, (start[1] - end[1], end[0] - start[0]), strict=True))
-        if not _is_inside(middle, normal, sides, region):
+        if _is_boundary(middle, normal, sides, region):
             stroke, is_open = (_between(start, end, low), _between(start, end, high)), middle not in region
             if strokes and strokes[-1][0][1] == stroke[0] and strokes[-1][1] == is_open:
                 stroke = (strokes.pop()[0][0], stroke[1])
@@ -247,16 +302,15 @@ def _between(start: Corner, end: Corner, share: Fraction) -> Corner:
     return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
 
 
-def _is_inside(middle: Point, normal: Point, sides: Iterable[LinearConstraint], region: Region) -> bool:
-    """Whether the region contains a point and what is just to both sides of it: then it is on a mere seam."""
-    if middle not in region:
-        return False
+def _is_boundary(middle: Point, normal: Point, sides: Iterable[LinearConstraint], region: Region) -> bool:
+    """Whether a point and what is just to both sides of it are not all in the region, nor all outside."""
     step = Fraction(1)
     for side in sides:
         slack, speed = abs(side.constant - side.value(middle)), abs(side.value(normal))
         if slack and speed:
             step = min(step, slack / speed / 2)
-    return all({n: middle[n] + sign * step * normal[n] for n in region.parameters} in region for sign in (1, -1))
+    near = [{n: middle[n] + sign * step * normal[n] for n in region.parameters} for sign in (-1, 0, 1)]
+    return len({place in region for place in near}) == 2
 
 
 def _mark_thin(canvas: Axes, cut: Polyhedron, rectangle: Rectangle) -> None:
@@ -277,11 +331,18 @@ def _mark_thin(canvas: Axes, cut: Polyhedron, rectangle: Rectangle) -> None:
     away = max(abs(float((x - ax) * (by - ay) - (y - ay) * (bx - ax))) for x, y in scaled)
     if length and away / length < float(THIN):
         line = [(float(x), float(y)) for x, y in (corners[ends[0]], corners[ends[1]])]
-        canvas.plot(*zip(*line, strict=True), color=REMOVED, linewidth=1.2, zorder=5)
+        canvas.plot(*zip(*line, strict=True), color=REMOVED, linewidth=1.2, zorder=5, label="left out: a thin slab")
 
 
 def _draw_line(
-    canvas: Axes, region: Region, rectangle: Rectangle, boxes: Mapping[str, Box], points: Mapping[str, Point]
+    canvas: Axes,
+    region: Region,
+    rectangle: Rectangle,
+    boxes: Mapping[str, Box],
+    points: Mapping[str, Point],
+    *,
+    words: Mapping[str, str] | None = None,
+    exact: bool = True,
 ) -> None:
     """Intervals as bars: the region below, one row for each box; filled ends belong to the set, hollow ones do not."""
     (name,) = region.parameters
@@ -289,16 +350,22 @@ def _draw_line(
     pieces = (
         Region.union_of((name,), (piece.restricted(clip) for piece in region.as_union().pieces)).simplified().pieces
     )
+    area = "valid" if exact else "not known to fail"
     for piece in pieces:
         _bar(canvas, piece, rectangle, 0, EDGE)
-    for row, (colour, (label, box)) in enumerate(_coloured(boxes), start=1):
-        _bar(canvas, Polyhedron((name,), (*_sides((name,), box), *clip)), rectangle, row, colour, label=label)
+    rows = [area]
+    for row, (label, box) in enumerate(_labelled(boxes), start=1):
+        colour = BOX_LINES[(row - 1) % len(BOX_LINES)]["color"]
+        _bar(canvas, Polyhedron((name,), (*_sides((name,), box), *clip)), rectangle, row, colour)
+        rows.append(wrapped(label, 34))
     for label, point in points.items():
-        canvas.axvline(float(point[name]), color="black", linewidth=1, linestyle=":", label=label)
+        canvas.axvline(float(point[name]), color=BLACK, linewidth=1, linestyle=":", label=label)
+    canvas.plot([], [], "o", color=EDGE, label="end that belongs to it")
+    canvas.plot([], [], "o", color=EDGE, markerfacecolor="white", label="end that does not")
     canvas.set_xlim(*map(float, rectangle[0]))
     canvas.set_ylim(-0.6, len(boxes) + 0.6)
-    canvas.set_yticks([])
-    canvas.set_xlabel(name)
+    canvas.set_yticks(range(len(rows)), rows, fontsize="small")
+    canvas.set_xlabel(wrapped(named(name, words), 70))
 
 
 def _bar(

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from html import escape
 from pathlib import Path
-from string import Template
 
 from rich.console import Console
 from rich.text import Text
@@ -29,6 +27,7 @@ from robust.qe.render import signed_sum
 from robust.show.console import show_table, table
 from robust.show.drawing import save
 from robust.show.text import percentage, print_advice
+from robust.show.words import Words
 
 MANY = 20
 """Pieces up to which a region is shown as a union by default."""
@@ -238,6 +237,7 @@ def plot_slice(
     *,
     boxes: Mapping[str, Box] | None = None,
     inner: Callable[[Point], Region] | None = None,
+    exact: bool = True,
 ) -> None:
     """Draw one or two parameters, the others at their nominal values; also an inner bound, if there is one."""
     from robust.show.region_plot import draw_region  # noqa: PLC0415 - late, as all that leads to matplotlib
@@ -246,13 +246,17 @@ def plot_slice(
     nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}
     rest = {name: value for name, value in nominal.items() if name not in shown}
     proved = None if inner is None else inner(rest)
+    words = Words(plan).parameters
     points = {"nominal values": nominal} if plan.has_nominal else {}
-    save(lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points, inner=proved), path)
+    save(
+        lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points, inner=proved, words=words, exact=exact),
+        path,
+    )
 
 
 # -- comparisons -----------------------------------------------------------------------------------------------------
 
-_NAMES = {
+METHOD_NAMES = {
     "irr": "IRR",
     "widen": "widening",
     "optimal": "optimal",
@@ -268,7 +272,7 @@ def box_rows(result: Comparison) -> list[Row]:
     """One row for each method."""
     return [
         (
-            _NAMES[entry.method],
+            METHOD_NAMES[entry.method],
             entry.result.status.value,
             _share(entry.volume_share),
             _share(entry.width_share),
@@ -282,7 +286,7 @@ def face_rows(result: Comparison) -> list[Row]:
     """One row for each finite face of each box."""
     parameters = {one.name: one for one in result.plan.parameters}
     return [
-        (_NAMES[entry.method], *_face_cells(face, parameters[face.parameter].percent(face.end)))
+        (METHOD_NAMES[entry.method], *_face_cells(face, parameters[face.parameter].percent(face.end)))
         for entry in result.entries
         for face in entry.faces
     ]
@@ -321,7 +325,7 @@ def print_comparison(out: Console, result: Comparison, *, quiet: bool) -> None:
     show_table(out, table(_BOXES, box_rows(result), right=_BOXES[2:]))
     for entry in result.entries:
         out.print()
-        out.print(Text(f"{_NAMES[entry.method]}: {_box_text(entry)}"), soft_wrap=True)
+        out.print(Text(f"{METHOD_NAMES[entry.method]}: {_box_text(entry)}"), soft_wrap=True)
     if quiet:
         return
     rows = face_rows(result)
@@ -356,49 +360,23 @@ def plot_comparison(result: Comparison, path: Path, axes: Sequence[str]) -> None
     """Draw the region with all boxes in it, if there is a region."""
     if result.region is None:
         return
-    boxes = {_NAMES[entry.method]: entry.result.box for entry in result.entries if entry.result.verified}
-    plot_slice(result.region.region, result.plan, path, axes, boxes=boxes)
+    boxes = {METHOD_NAMES[entry.method]: entry.result.box for entry in result.entries if entry.result.verified}
+    plot_slice(result.region.region, result.plan, path, axes, boxes=boxes, exact=result.region.is_exact)
 
 
-_PAGE = Template("""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>$title</title>
-<style>body{font:15px/1.45 sans-serif;max-width:70em;margin:2em auto;padding:0 1em}table{border-collapse:collapse}
-th,td{padding:.25em .8em;border-bottom:1px solid #ddd;text-align:left}pre{background:#f6f6f6;padding:.8em}
-svg{max-width:100%;height:auto}</style></head><body>
-<h1>$title</h1><p>$summary</p><h2>Exact envelope</h2><pre>$region</pre>$figure
-<h2>Boxes</h2>$boxes<ul>$ends</ul><h2>What stops each face</h2>$faces</body></html>
-""")
-
-
-def html_report(result: Comparison, axes: Sequence[str] = ()) -> str:
-    """One static page with the drawing in it."""
+def comparison_details(result: Comparison) -> str:
+    """The inequalities and all tables as HTML."""
     lines = ["not computed"]
     if result.region is not None:
         lines = list(region_lines(in_form(result.region.region, None), exact=result.region.is_exact))
-    ends = (f"{_NAMES[entry.method]}: {_box_text(entry)}" for entry in result.entries)
-    return _PAGE.substitute(
-        title=escape(f"Envelopes of {_title(result.plan)}"),
-        summary=escape(_compare_summary(result)),
-        region=escape("\n".join(lines)),
-        figure=_figure(result, axes),
-        boxes=_html_table(_BOXES, box_rows(result)),
-        ends="".join(f"<li>{escape(text)}</li>" for text in ends),
-        faces=_html_table(_FACES, face_rows(result)),
+    ends = (f"{METHOD_NAMES[entry.method]}: {_box_text(entry)}" for entry in result.entries)
+    inequalities = escape("\n".join(lines))
+    return (
+        f"<p>{escape(_compare_summary(result))}</p><h2>Exact envelope</h2><pre>{inequalities}</pre>"
+        f"<h2>Boxes</h2>{_html_table(_BOXES, box_rows(result))}"
+        f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in ends)}</ul>"
+        f"<h2>What stops each face</h2>{_html_table(_FACES, face_rows(result))}"
     )
-
-
-def _title(plan: ParametrizedPlan) -> str:
-    return ", ".join(parameter.name for parameter in plan.parameters) or "a plan without parameters"
-
-
-def _figure(result: Comparison, axes: Sequence[str]) -> str:
-    if result.region is None or not result.plan.parameters:
-        return ""
-    with tempfile.TemporaryDirectory() as directory:
-        path = Path(directory) / "figure.svg"
-        plot_comparison(result, path, axes)
-        svg = path.read_text(encoding="utf-8")
-    return svg[svg.index("<svg") :]
 
 
 def _html_table(head: Row, rows: list[Row]) -> str:

@@ -5,19 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
 
+from robust.numbers import readable
+from robust.probability.blame import Share
 from robust.probability.risk import RiskResult
 from robust.qe.region import Region
-from robust.show.drawing import LIGHT, VERMILION, cut, save, without_frame
+from robust.show.drawing import HATCHES, LIGHT, VERMILION, save, without_frame, wrapped
 from robust.show.probabilities import bounds_text, places_for
 from robust.show.region_plot import draw_plane
+from robust.show.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_SHARES = (0.01, 0.1, 0.3, 0.6, 0.9)
+"""Lines of equal density, as shares of the greatest."""
 _FINE = 120
 """Points of a density to either side."""
 
@@ -34,39 +39,62 @@ def plot_risk(result: RiskResult, path: Path) -> None:
 def _figure(result: RiskResult) -> Figure:
     moving = [name for name, one in result.distributions.items() if one.settled.kind != "constant"]
     plane = len(moving) == 2 and result.region is not None
-    figure = Figure(figsize=(11.5 if plane else 7.5, 4.2), layout="constrained")
-    places = places_for(result.within)
-    figure.suptitle(
-        f"Probability of success: {bounds_text(result.probability, places)}", fontsize=11, x=0.01, ha="left"
-    )
+    shown = _shown(result)
+    words = Words(result.plan)
+    names = [wrapped(words.obligation(one.name), 40) for one in shown]
+    lines = sum(name.count("\n") + 1 for name in names)
+    height = max(4.6 if plane else 2.4, 1.6 + 0.16 * lines + 0.16 * len(names))
+    figure = Figure(figsize=(13.0 if plane else 8.5, height), layout="constrained")
+    figure.suptitle(_title(result, words), fontsize=10, x=0.01, ha="left")
     if plane:
-        left, right = figure.subplots(1, 2, width_ratios=[1, 1.15])
-        _draw_region(left, result, moving)
+        left, right = figure.subplots(1, 2, width_ratios=[1.1, 1])
+        _draw_region(left, result, moving, words)
     else:
         right = figure.subplots()
-    _draw_shares(right, result)
+    _draw_shares(right, shown, names)
+    for canvas in figure.axes:
+        handles, labels = canvas.get_legend_handles_labels()
+        once = dict(zip(labels, handles, strict=True))
+        if once:
+            below: Any = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 2}
+            canvas.legend(once.values(), once.keys(), fontsize=8, frameon=False, **below)
     return figure
 
 
-def _draw_region(canvas: Axes, result: RiskResult, moving: Sequence[str]) -> None:
+def _title(result: RiskResult, words: Words) -> str:
+    """The probability, and the values of what is no random number."""
+    found = f"Probability that the plan succeeds: {bounds_text(result.probability, places_for(result.within))}"
+    fixed = ", ".join(
+        f"{words.parameters[name]} = {readable(one.settled.numbers['value'])}"
+        for name, one in result.distributions.items()
+        if one.settled.kind == "constant"
+    )
+    return wrapped(f"{found}\nfixed: {fixed}" if fixed else found, 120)
+
+
+def _draw_region(canvas: Axes, result: RiskResult, moving: Sequence[str], words: Words) -> None:
     if result.region is None:
         return
     ends = tuple(_view(result, name) for name in moving)
     fixed = {name: one.settled.numbers["value"] for name, one in result.distributions.items() if name not in moving}
     found = result.region.region.slice(fixed)
-    boxes = {} if result.best is None else {"box": result.best.result.box}
-    draw_plane(canvas, Region(tuple(moving), found.pieces, found.base), ends, boxes, {})
+    boxes = {} if result.best is None else {"the most probable of those compared": result.best.result.box}
+    exact = result.region.is_exact
+    shown = Region(tuple(moving), found.pieces, found.base)
+    draw_plane(canvas, shown, ends, boxes, {}, words=words.parameters, exact=exact)
     grids = [[low + (high - low) * Fraction(step, _FINE) for step in range(_FINE + 1)] for low, high in ends]
     across, up = (
         [result.distributions[name].settled.density(value) for value in grid]
         for name, grid in zip(moving, grids, strict=True)
     )
     density = [[a * b for a in across] for b in up]
-    levels = [max(map(max, density)) * share for share in (0.01, 0.1, 0.3, 0.6, 0.9)]
+    levels = [max(map(max, density)) * share for share in _SHARES]
     if levels[0] < levels[-1]:
         xs, ys = ([float(value) for value in grid] for grid in grids)
-        canvas.contour(xs, ys, density, levels=levels, colors=VERMILION, linewidths=0.9)
-    canvas.set_title("valid values, their density, the most probable box compared", fontsize=9, loc="left")
+        canvas.contour(xs, ys, density, levels=levels, colors=VERMILION, linewidths=0.9, zorder=5)
+        percent = ", ".join(f"{share:.0%}" for share in _SHARES)
+        canvas.plot([], [], color=VERMILION, linewidth=0.9, label=f"density: {percent} of the greatest")
+    canvas.set_title("Valid values, and how probable values are", fontsize=9, loc="left")
 
 
 def _view(result: RiskResult, name: str) -> tuple[Fraction, Fraction]:
@@ -79,16 +107,27 @@ def _view(result: RiskResult, name: str) -> tuple[Fraction, Fraction]:
     return low, high
 
 
-def _draw_shares(canvas: Axes, result: RiskResult) -> None:
-    """A bar for each obligation that matters: certain in full colour, possible lighter."""
-    shown = [one for one in result.shares or () if one.probability.upper >= result.within]
-    shown.sort(key=lambda one: one.probability.upper)
+def _shown(result: RiskResult) -> list[Share]:
+    """The obligations that matter, the most probable last."""
+    found = [one for one in result.shares or () if one.probability.upper >= result.within]
+    return sorted(found, key=lambda one: one.probability.upper)
+
+
+def _draw_shares(canvas: Axes, shown: Sequence[Share], names: Sequence[str]) -> None:
+    """A bar for each obligation: what is certain in full colour, what is possible lighter and hatched."""
     for row, one in enumerate(shown):
-        canvas.barh(row, float(one.probability.upper), color=LIGHT[5], height=0.55)
-        canvas.barh(row, float(one.probability.lower), color=VERMILION, height=0.55)
-    canvas.set_yticks(range(len(shown)), [cut(one.name, 48) for one in shown], fontsize=8)
-    canvas.set_xlabel("probability")
+        possible: Any = {
+            "color": LIGHT[5],
+            "edgecolor": VERMILION,
+            "hatch": HATCHES[1],
+            "label": "possibly (upper bound)",
+        }
+        canvas.barh(row, float(one.probability.upper), height=0.55, **possible)
+        canvas.barh(row, float(one.probability.lower), height=0.55, color=VERMILION, label="certainly (lower bound)")
+    canvas.set_yticks(range(len(shown)), names, fontsize=8)
+    canvas.set_xlabel("probability that this is the first to break")
     canvas.set_title("What fails first", fontsize=9, loc="left")
     if not shown:
         canvas.text(0.5, 0.5, "nothing that matters", ha="center", va="center", transform=canvas.transAxes)
+        canvas.set_xticks([])
     without_frame(canvas)
