@@ -17,9 +17,9 @@ from rich.text import Text
 from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, interval_text, plural
 from robust.qe.region import Region
+from robust.show.console import show_table, table
 from robust.show.documents import Document, Ends, box_of, document
 from robust.show.regions import in_form, region_lines
-from robust.show.text import show_table, table
 from robust.sweeps import measure
 from robust.sweeps.batch import CCMMZ, IRR, REGION, Batch, BatchRow, PlanRun, Solved
 
