@@ -25,7 +25,7 @@ from robust.show.batch import batch as document
 from robust.show.batch import csv_text, exact_box, print_batch
 from robust.show.batch_page import batch_page
 from robust.show.schemas import schema
-from robust.show.text import console
+from robust.show.console import console
 from robust.sweeps import batch as batches
 from robust.sweeps.batch import Asked, Batch, BatchRow, PlanRun, run_batch, volume_ratio, worst
 from robust.sweeps.measure import box_of
