@@ -72,7 +72,7 @@ def test_what_cannot_be_read_is_noticed(place):
     figure.text(0.1, 0.1, "one text")
     assert_readable(figure, "one text")
     figure.text(*place, "another text")
-    with pytest.raises(AssertionError, match="is outside of|is over"):
+    with pytest.raises(AssertionError, match=r"is outside of|is over"):
         assert_readable(figure)
 
 
@@ -144,6 +144,13 @@ def test_regions(region, long):
     figure = region_plot.draw_region(region, region.parameters, boxes=boxes, points=NOMINAL, words=words)
     same = "box: optimal around the nominal values (the same as optimal)"
     assert_readable(figure, "Values for which the plan is valid", same, *words.values())
+
+
+def test_an_empty_region_says_so():
+    nothing = region_plot.draw_region(Region.nothing(PLANE), PLANE, boxes={"IRR": BOX})
+    assert_readable(nothing, "none of them in this view")
+    something = region_plot.draw_region(Region.universe(PLANE), PLANE, boxes={"IRR": BOX})
+    assert not any("none of them" in text for text, _ in texts_of(something))
 
 
 def test_fixed_parameters_are_named_with_their_values():
