@@ -81,8 +81,11 @@ def without_frame(axes: Axes, sides: Iterable[str] = ("top", "right")) -> None:
 
 
 def cut(label: str, longest: int = 44) -> str:
-    """A text of at most so many letters."""
-    return label if len(label) <= longest else f"{label[: longest - 3]}..."
+    """A text of at most so many letters, without its middle: how names end tells more of them apart."""
+    if len(label) <= longest:
+        return label
+    tail = (longest - 3) // 2
+    return f"{label[: longest - 3 - tail]}...{label[len(label) - tail :]}"
 
 
 def wrapped(text: str, width: int) -> str:

@@ -3,6 +3,8 @@
 Circles are events, double circles choices (shaded: not the executive's), boxes activities in the colour of their agent,
 arrows constraints. What is always so is not written: ε-ordering constraints have no bounds, those that other arrows
 imply are left out, and an arrow names only the assignments that its guard adds to that of the event it comes from.
+Causal links are wires over the plan, as in a circuit diagram: up from the producer, along a track of its own with the
+label, and down to the consumer, between the columns of nodes; wires are joined where there is a dot.
 
 The layout is layered, left to right: columns by longest paths, few crossings, edges as straight as they can be. Lengths
 are inches, as floats: nothing of the layout is a number of a plan.
@@ -11,26 +13,37 @@ are inches, as floats: nothing of the layout is a number of a plan.
 from __future__ import annotations
 
 import os
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
+from math import inf
 from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
 import networkx
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Rectangle
 from matplotlib.path import Path as Curve
+from matplotlib.transforms import Affine2D
 
 from robust.errors import InputError
 from robust.numbers import format_number, shorten
 from robust.pike_bridge.model import EPSILON, Activity, Choice, Constraint, Tpnu, contradicts, guard_text
-from robust.show.drawing import BLUE, DARK_GREY, GREEN, LIGHT, PALE, SHADE, save
+from robust.show.drawing import BLUE, DARK_GREY, GREEN, LIGHT, PALE, SHADE, cut, save
 
 _TIP: Final[dict[str, Any]] = {"arrowstyle": "-|>", "mutation_scale": 8}
 _DOTTED: Final[dict[str, Any]] = {"linestyle": ":", "linewidth": 1.2}
-_EDGE: Final[dict[str, Any]] = {"edgecolor": DARK_GREY, "linewidth": 0.8}
+_OUTLINES: Final[tuple[dict[str, Any], ...]] = (
+    {"linewidth": 0.8},
+    {"linewidth": 1.8},
+    {"linewidth": 1.2, "linestyle": "--"},
+    {"linewidth": 1.2, "linestyle": ":"},
+)
+_TRACK, _WIRE, _STUB, _LABEL = 0.2, 0.12, 0.24, 0.055
+"""Between tracks of causal links, between their wires, from an event up to its wire, and of a letter of a label."""
 _RADIUS = 0.17
 _LETTER = 0.066
 """The width of a letter of a box's text, roughly."""
@@ -69,7 +82,7 @@ def plot_network(
         for event in (link.producer, link.consumer):
             if event not in known:
                 raise InputError(f"found a causal link at event {shorten(event)}, expected an event of the plan")
-    save(lambda: _Drawing(network, epsilon).figure(drawn), path, longest=_LONGEST)
+    save(lambda: _Drawing(network, epsilon, drawn).figure(), path, longest=_LONGEST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +98,8 @@ class _Arrow:
 class _Drawing:
     """Events are known by their names, activities by their places in the network."""
 
-    def __init__(self, network: Tpnu, epsilon: Fraction) -> None:
+    def __init__(self, network: Tpnu, epsilon: Fraction, links: Sequence[Link] = ()) -> None:
+        self._links = links
         self._network = network
         self._epsilon = epsilon
         self._guards = network.guards
@@ -95,7 +109,18 @@ class _Drawing:
             sizes[at] = (_width(activity), 0.52)
         self._sizes = sizes
         edges = [(arrow.source, arrow.target) for arrow in self._arrows]
-        self._layout: Layout[str | int] = layered(sizes, edges, [_room(arrow.label) for arrow in self._arrows])
+        rooms = [_room(arrow.label) for arrow in self._arrows]
+        self._layout: Layout[str | int] = layered(sizes, edges, rooms)
+        if links:
+            # Which columns wires are between is known now; there they need room beside one another.
+            self._wiring = self._wired()
+            ends = [*self._wiring.rises.values(), *self._wiring.falls.values()]
+            columns = sorted({x for x, _ in self._layout.places.values()})
+            gaps = list(zip(columns, [*columns[1:], inf], strict=True))
+            counts = {start: sum(1 for x in ends if start < x < end) for start, end in gaps}
+            wires = [_WIRE * (counts[self._layout.places[source][0]] + 1) for source, _ in edges]
+            self._layout = layered(sizes, edges, list(map(max, rooms, wires)))
+        self._wiring = self._wired()
 
     # -- what is drawn -------------------------------------------------------------------------------------------
 
@@ -115,29 +140,39 @@ class _Drawing:
                 label = "\n".join(filter(None, texts))
                 yield _Arrow(constraint.source, constraint.target, label, dashed=constraint.upper is not None)
 
+    def _wired(self) -> Wiring:
+        return Wiring.of(self._links, self._layout.places, {name: width for name, (width, _) in self._sizes.items()})
+
     # -- how -----------------------------------------------------------------------------------------------------
 
-    def figure(self, links: Sequence[Link]) -> Figure:
+    def figure(self) -> Figure:
         points = [point for route in self._layout.routes for point in route] + [*self._layout.places.values()]
-        left, right = min((x for x, _ in points), default=0) - 0.6, max((x for x, _ in points), default=0) + 0.6
         low, high = min((y for _, y in points), default=0) - 0.6, max((y for _, y in points), default=0) + 0.6
-        legend = 0.45
-        arcs = 0.5 if links else 0.0
-        width, height = max(right - left, 6.0), high - low + legend + arcs
+        wiring, links = self._wiring, bool(self._links)
+        ends = [*(x for x, _ in points), *wiring.rises.values(), *wiring.falls.values()]
+        ends += [end for _, left, right, _ in self._tracks(wiring) for end in (left, right)]
+        left, right = min(ends, default=0) - 0.6, max(ends, default=0) + 0.6
+        width = max(right - left, 6.0)
+        entries = self._entries(links=links)
+        rows = _rows_of([_LETTER * len(text) + 0.45 for text, _ in entries], width - 0.6)
+        legend, title = 0.3 + 0.25 * len(rows), 0.4
+        height = high - low + legend + title + _TRACK * (wiring.count + 1) * links
         figure = Figure(figsize=(width, height))
         axes = figure.add_axes((0, 0, 1, 1))
         axes.set_xlim(left, left + width)
-        axes.set_ylim(low - legend, high + arcs)
+        axes.set_ylim(low - legend, low - legend + height)
         axes.set_aspect("equal")
         axes.axis("off")
+        texts = f"{cut(self._network.name, 60)}: what happens when, for which choices"
+        axes.text(left + 0.3, low - legend + height - 0.2, texts, fontsize=10, ha="left", va="center")
         for arrow, route in zip(self._arrows, self._layout.routes, strict=True):
             self._arrow(axes, arrow, route)
         for at, activity in enumerate(self._network.activities):
             self._box(axes, activity, self._layout.places[at], self._sizes[at][0])
         self._events(axes)
-        for link in links:
-            self._link(axes, link)
-        self._legend(axes, (left + 0.3, low - legend / 2), links=bool(links))
+        self._wires(axes, wiring, high)
+        for number, row in enumerate(rows):
+            self._legend(axes, (left + 0.4, low - 0.2 - 0.25 * number), [entries[at] for at in row])
         return figure
 
     def _arrow(self, axes: Axes, arrow: _Arrow, route: tuple[Point, ...]) -> None:
@@ -166,8 +201,8 @@ class _Drawing:
     def _box(self, axes: Axes, activity: Activity, place: Point, width: float) -> None:
         x, y = place
         corner, style = (x - width / 2 + 0.04, y - 0.15), "round,pad=0.04,rounding_size=0.06"
-        face = self._colours().get(activity.agent, PALE)
-        axes.add_patch(FancyBboxPatch(corner, width - 0.08, 0.3, boxstyle=style, facecolor=face, zorder=3, **_EDGE))
+        look = self._looks().get(activity.agent, {"facecolor": PALE, "edgecolor": DARK_GREY, **_OUTLINES[0]})
+        axes.add_patch(FancyBboxPatch(corner, width - 0.08, 0.3, boxstyle=style, zorder=3, **look))
         axes.text(x, y, _text(activity), fontsize=7, ha="center", va="center", linespacing=1.1, zorder=4)
 
     def _events(self, axes: Axes) -> None:
@@ -186,35 +221,139 @@ class _Drawing:
             place = (x, y) if inside else (x, below)
             axes.text(*place, event.name, fontsize=6, ha="center", va="center" if inside else "top", zorder=5)
 
-    def _link(self, axes: Axes, link: Link) -> None:
-        (x, y), (to_x, to_y) = self._layout.places[link.producer], self._layout.places[link.consumer]
-        bend = 0.25 if to_x >= x else -0.25
-        start, end = (x, y + _RADIUS), (to_x, to_y + _RADIUS)
-        arc = f"arc3,rad={-bend}"
-        axes.add_patch(FancyArrowPatch(start, end, connectionstyle=arc, color=GREEN, zorder=2, **{**_DOTTED, **_TIP}))
-        # The middle of the arc, whose control point is `bend` times the distance above the middle of its ends.
-        top = ((x + to_x) / 2 - (to_y - y) * bend / 2, (y + to_y) / 2 + _RADIUS + (to_x - x) * bend / 2)
-        _note(axes, top, link.label, GREEN, zorder=5)
+    # -- causal links --------------------------------------------------------------------------------------------
+
+    def _tracks(self, wiring: Wiring) -> Iterator[tuple[int, float, float, str]]:
+        """Of each track with its label: its number, and from where to where it reaches, its label included."""
+        for link, number in wiring.tracks.items():
+            one, other = sorted((wiring.rises[link.producer], wiring.falls[link.consumer]))
+            middle, half = (one + other) / 2, max(other - one, _LABEL * len(link.label)) / 2
+            yield number, middle - half, middle + half, link.label
+
+    def _wires(self, axes: Axes, wiring: Wiring, high: float) -> None:
+        wire = {"color": GREEN, "zorder": 2, **_DOTTED}
+        levels = {link: high + _TRACK * (number + 0.5) for link, number in wiring.tracks.items()}
+        for event, across in wiring.rises.items():
+            x, y = self._layout.places[event]
+            top = max(level for link, level in levels.items() if link.producer == event)
+            axes.plot([x + 0.85 * _RADIUS, across, across], [y + 0.55 * _RADIUS, y + _STUB, top], **wire)
+        for event, across in wiring.falls.items():
+            x, y = self._layout.places[event]
+            top = max(level for link, level in levels.items() if link.consumer == event)
+            axes.plot([across, across], [top, y + _STUB], **wire)
+            tip = (x - 0.85 * _RADIUS, y + 0.55 * _RADIUS)
+            arrow = FancyArrowPatch((across, y + _STUB), tip, shrinkA=0, shrinkB=0, color=GREEN, zorder=3, **_TIP)
+            axes.add_patch(arrow)
+        for link, level in levels.items():
+            ends = wiring.rises[link.producer], wiring.falls[link.consumer]
+            axes.plot(ends, (level, level), marker="o", markersize=2.5, **wire)
+            above = 0.09 if _LABEL * len(link.label) > abs(ends[0] - ends[1]) - 0.1 else 0.0
+            _note(axes, (sum(ends) / 2, level + above), link.label, GREEN, zorder=5)
 
     # -- legend --------------------------------------------------------------------------------------------------
 
-    def _colours(self) -> dict[str | None, str]:
+    def _looks(self) -> dict[str | None, dict[str, Any]]:
+        """The boxes of each agent: colours, and outlines, which are told apart without them."""
         agents = dict.fromkeys(activity.agent for activity in self._network.activities if activity.agent is not None)
-        return {agent: LIGHT[at % len(LIGHT)] for at, agent in enumerate(agents)}
+        return {
+            agent: {"facecolor": LIGHT[at % len(LIGHT)], "edgecolor": DARK_GREY, **_OUTLINES[at % len(_OUTLINES)]}
+            for at, agent in enumerate(agents)
+        }
 
-    def _legend(self, axes: Axes, place: Point, *, links: bool) -> None:
-        x, y = place
+    def _entries(self, *, links: bool) -> list[tuple[str, Sequence[Artist]]]:
+        """What the legend says, each with its picture around the origin."""
+        entries: list[tuple[str, Sequence[Artist]]] = []
+        if self._network.events:
+            entries.append(("event", [Circle((0, 0), 0.09, facecolor="white", edgecolor="black", linewidth=0.7)]))
         for choice in _kinds(self._network.choices):
             face = "white" if choice.controllable else SHADE
-            for radius in (0.09, 0.06):
-                axes.add_patch(Circle((x, y), radius, facecolor=face, edgecolor="black", linewidth=0.7))
-            x = _entry(axes, (x, y), "choice" if choice.controllable else "choice of others")
-        for agent, colour in self._colours().items():
-            axes.add_patch(Rectangle((x - 0.1, y - 0.06), 0.2, 0.12, facecolor=colour, **_EDGE))
-            x = _entry(axes, (x, y), f"{agent}")
+            rings = [
+                Circle((0, 0), radius, facecolor=face, edgecolor="black", linewidth=0.7) for radius in (0.09, 0.06)
+            ]
+            entries.append(("choice" if choice.controllable else "choice of others", rings))
+        for agent, look in self._looks().items():
+            entries.append((f"activity of {agent}", [Rectangle((-0.1, -0.06), 0.2, 0.12, **look)]))
+        line: dict[str, Any] = {"color": DARK_GREY, "linewidth": 0.8}
+        if any(not arrow.dashed for arrow in self._arrows):
+            entries.append(("before, or activity", [Line2D([-0.12, 0.12], [0, 0], **line)]))
+        if any(arrow.dashed for arrow in self._arrows):
+            entries.append(("before, with an upper bound", [Line2D([-0.12, 0.12], [0, 0], linestyle="--", **line)]))
         if links:
-            axes.plot([x - 0.12, x + 0.1], [y, y], color=GREEN, **_DOTTED)
-            _entry(axes, (x, y), "causal link")
+            entries.append(("causal link", [Line2D([-0.12, 0.12], [0, 0], color=GREEN, **_DOTTED)]))
+        return entries
+
+    def _legend(self, axes: Axes, place: Point, entries: Sequence[tuple[str, Sequence[Artist]]]) -> None:
+        x, y = place
+        for text, artists in entries:
+            for artist in artists:
+                artist.set_transform(Affine2D().translate(x, y) + axes.transData)
+                axes.add_artist(artist)
+            axes.text(x + 0.17, y, text, fontsize=7, ha="left", va="center")
+            x += _LETTER * len(text) + 0.45
+
+
+def _rows_of(widths: Sequence[float], room: float) -> list[list[int]]:
+    """Numbers of things in rows that are no wider than the room, if one thing is not."""
+    rows: list[list[int]] = []
+    left = 0.0
+    for number, width in enumerate(widths):
+        if not rows or width > left:
+            rows.append([])
+            left = room
+        rows[-1].append(number)
+        left -= width
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """Where the wires of causal links are: upwards by producer, downwards by consumer, along tracks by link."""
+
+    rises: Mapping[str, float]
+    falls: Mapping[str, float]
+    tracks: Mapping[Link, int]
+    count: int
+
+    @staticmethod
+    def of(links: Iterable[Link], places: Mapping[str | int, Point], widths: Mapping[str | int, float]) -> Wiring:
+        """Wires between columns: after that of the producer, before that of the consumer; links between the same two
+        events are one wire with all labels."""
+        labels: dict[tuple[str, str], list[str]] = {}
+        for producer, consumer, label in links:
+            labels.setdefault((producer, consumer), []).append(label)
+        joined = [Link(*ends, ", ".join(dict.fromkeys(texts))) for ends, texts in labels.items()]
+        edges: dict[float, float] = {}
+        for node, (x, _) in places.items():
+            edges[x] = max(edges.get(x, 0.0), widths[node] / 2)
+        columns = sorted(edges)
+        after: dict[float, list[tuple[str, bool]]] = {}
+        for producer in dict.fromkeys(link.producer for link in joined):
+            after.setdefault(places[producer][0], []).append((producer, True))
+        for consumer in dict.fromkeys(link.consumer for link in joined):
+            at = columns.index(places[consumer][0])
+            after.setdefault(columns[at - 1] if at else columns[0] - 1.0, []).append((consumer, False))
+        found: dict[tuple[str, bool], float] = {}
+        for column, wires in after.items():
+            right = next((each for each in columns if each > column), column + edges.get(column, 0.0) + 0.6)
+            start, end = column + edges.get(column, 0.0) + 0.05, right - edges.get(right, 0.0) - 0.05
+            # Those that come from far below are nearer to their nodes: fewer wires cross there.
+            for number, wire in enumerate(sorted(wires, key=lambda wire: (not wire[1], places[wire[0]][1])), start=1):
+                found[wire] = start + (end - start) * number / (len(wires) + 1)
+        rises = {event: x for (event, up), x in found.items() if up}
+        falls = {event: x for (event, up), x in found.items() if not up}
+        tracks: dict[Link, int] = {}
+        taken: list[list[tuple[float, float]]] = []
+        for link in sorted(joined, key=lambda link: abs(rises[link.producer] - falls[link.consumer])):
+            one, other = sorted((rises[link.producer], falls[link.consumer]))
+            half = max(other - one, _LABEL * len(link.label)) / 2 + 0.05
+            low, high = (one + other) / 2 - half, (one + other) / 2 + half
+            free = (row for row, spans in enumerate(taken) if all(high <= a or b <= low for a, b in spans))
+            row = next(free, len(taken))
+            if row == len(taken):
+                taken.append([])
+            taken[row].append((low, high))
+            tracks[link] = row
+        return Wiring(rises, falls, tracks, len(taken))
 
 
 def _is_implied(constraint: Constraint, orders: Iterable[Constraint], epsilon: Fraction) -> bool:
@@ -240,13 +379,6 @@ def _note(axes: Axes, place: Point, text: str, colour: str, *, zorder: int) -> N
     """Write what belongs to a line over it, on white."""
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
     axes.text(*place, text, fontsize=6, color=colour, ha="center", va="center", bbox=box, zorder=zorder)
-
-
-def _entry(axes: Axes, place: Point, text: str) -> float:
-    """Write a legend's text; where the next entry begins."""
-    x, y = place
-    axes.text(x + 0.17, y, text, fontsize=7, ha="left", va="center")
-    return x + 0.45 + _LETTER * len(text)
 
 
 def _room(label: str) -> float:

@@ -80,7 +80,11 @@ def draw_region(
     (_draw_line if flat else draw_plane)(canvas, shown, rectangle, boxes, points, words=words, exact=exact)
     if inner is not None:
         _draw_inner(canvas, inner, shown.parameters, rectangle)
-    figure.suptitle(_title(at or {}, words, exact=exact), fontsize=10, x=0.01, ha="left")
+    title = _title(at or {}, words, exact=exact)
+    view = Polyhedron(shown.parameters, tuple(_clip(shown.parameters, rectangle)))
+    if shown.intersection(Region.union_of(shown.parameters, [view])).is_empty:
+        title += "\nnone of them in this view"
+    figure.suptitle(title, fontsize=10, x=0.01, ha="left")
     legend(canvas)
     return figure
 

@@ -52,12 +52,9 @@ def _figure(result: RiskResult) -> Figure:
     else:
         right = figure.subplots()
     _draw_shares(right, shown, names)
-    for canvas in figure.axes:
-        handles, labels = canvas.get_legend_handles_labels()
-        once = dict(zip(labels, handles, strict=True))
-        if once:
-            below: Any = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 2}
-            canvas.legend(once.values(), once.keys(), fontsize=8, frameon=False, **below)
+    known = [canvas.get_legend_handles_labels() for canvas in figure.axes]
+    handles = {label: handle for pair in known for handle, label in zip(*pair, strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=3, fontsize=8, frameon=False)
     return figure
 
 
