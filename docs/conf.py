@@ -12,6 +12,12 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
 import robust
+import robust.api
+from robust.irr import check, repair
+
+# Results that are imported for type checkers only: their names are resolved instead of guessed.
+for module, name in ((check, "CheckResult"), (repair, "Repair")):
+    setattr(robust.api, name, getattr(module, name))
 
 project = "robust"
 author = "The robust developers"
