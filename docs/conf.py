@@ -6,6 +6,7 @@ The source directory is the whole checkout, so that a link from a page to any ot
 
 from __future__ import annotations
 
+import ast
 import sys
 from pathlib import Path
 
@@ -13,11 +14,10 @@ sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
 import robust
 import robust.api
-from robust.irr import check, repair
 
-# Results that are imported for type checkers only: their names are resolved instead of guessed.
-for module, name in ((check, "CheckResult"), (repair, "Repair")):
-    setattr(robust.api, name, getattr(module, name))
+for statement in ast.parse(Path(robust.api.__file__).read_text(encoding="utf-8")).body:
+    if isinstance(statement, ast.If):  # what is imported for type checkers only: names are resolved, not guessed
+        exec(compile(ast.Module(statement.body, []), "types", "exec"), vars(robust.api))  # noqa: S102 - our own
 
 project = "robust"
 author = "The robust developers"
