@@ -6,12 +6,18 @@ The source directory is the whole checkout, so that a link from a page to any ot
 
 from __future__ import annotations
 
+import ast
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
 import robust
+import robust.api
+
+for statement in ast.parse(Path(robust.api.__file__).read_text(encoding="utf-8")).body:
+    if isinstance(statement, ast.If):  # what is imported for type checkers only: names are resolved, not guessed
+        exec(compile(ast.Module(statement.body, []), "types", "exec"), vars(robust.api))  # noqa: S102 - our own
 
 project = "robust"
 author = "The robust developers"

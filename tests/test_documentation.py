@@ -10,6 +10,7 @@ session, in a directory with these files.
 
 import ast
 import importlib.util
+import json
 import os
 import re
 import subprocess
@@ -89,11 +90,15 @@ def steps_of(block: str) -> tuple[tuple[str, tuple[str, ...]], ...]:
 
 def run(session: Session, directory: Path) -> list[str]:
     """What each command of the session prints, run in a directory that looks like the checkout."""
-    for name in ("robust", "benchmarks"):
+    for name in ("robust", "benchmarks", "docs"):
         (directory / name).symlink_to(ROOT / name)
     for name, text in session.files:
         (directory / name).write_text(text, encoding="utf-8")
-    script = [f'robust() {{ "{sys.executable}" -m robust "$@"; }}', "shown=0"]
+    script = [
+        f'robust() {{ "{sys.executable}" -m robust "$@"; }}',
+        f'python3() {{ "{sys.executable}" "$@"; }}',
+        "shown=0",
+    ]
     for command, _ in session.steps:
         # `$?` is that of the command before, as in a terminal.
         script += [f"echo '{MARK}'", "(exit $shown)", command, "shown=$?"]
@@ -227,6 +232,41 @@ def test_documented_python_says_what_is_so(page, monkeypatch, tmp_path):
                 continue
             claimed = comment.split(":")[0].split(",")[0].strip()
             assert str(eval(code, names)) == claimed, code  # noqa: S307 - our own documentation
+
+
+# -- notebooks -------------------------------------------------------------------------------------------------------
+
+NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
+
+
+def cells(notebook: Path) -> list[dict]:
+    return [cell for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.name)
+def test_a_notebook_runs_from_any_directory_and_keeps_no_output(notebook, tmp_path):
+    assert [cell for cell in cells(notebook) if cell["outputs"] or cell["execution_count"]] == []
+    script = "\n\n".join("".join(cell["source"]) for cell in cells(notebook))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "agg"}
+    words = [sys.executable, "-W", "error", "-c", script]
+    ended = subprocess.run(
+        words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False, timeout=300
+    )
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_notebooks_say_what_their_text_promises():
+    """The table of ε beside gaps, of which unified-planning's own validator gets some cells wrong."""
+    script = "".join("".join(cell["source"]) + "\n" for cell in cells(ROOT / "docs/notebooks/unified-planning.ipynb"))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    ended = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    assert ended.stdout.splitlines() == [
+        "gap 1/100, epsilon 1/10: INVALID",
+        "gap 1/100, epsilon 1/1000: VALID",
+        "gap 1/100000, epsilon 1/10: INVALID",
+        "gap 1/100000, epsilon 1/1000: INVALID",
+        "STNPlan VALID",
+    ]
 
 
 # -- links -----------------------------------------------------------------------------------------------------------

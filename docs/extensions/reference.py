@@ -39,7 +39,9 @@ def typed(name: str, one: Option) -> str:
     words = ", ".join(sorted(names_of(name, one), key=lambda word: word.startswith("--"))).replace("/", ", ")
     if one.flag:
         return words
-    value = f"<{'|'.join(one.choices)}>" if one.choices else one.metavar or ("N" if type(one.default) is int else "TEXT")
+    value = (
+        f"<{'|'.join(one.choices)}>" if one.choices else one.metavar or ("N" if type(one.default) is int else "TEXT")
+    )
     return f"{words} {value}"
 
 

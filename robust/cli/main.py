@@ -123,7 +123,7 @@ def _run(arguments: list[str], guard: Guard) -> int:
 
 
 def _typed_so_far() -> list[str]:
-    """The words after `robust` on the line that a shell wants completed: bash says them in one way, the others in another."""
+    """The words after `robust` on the line that is to be completed; bash says them unlike other shells."""
     return (os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")).split()[1:]
 
 

@@ -1,4 +1,4 @@
-"""Completion: what each of four shells is given, and that those which are installed complete commands, options, values."""
+"""Completion: what each of four shells is given; those which are installed complete commands, options and values."""
 
 import shutil
 import subprocess
