@@ -285,15 +285,14 @@ class Measure:
 
         active = [(halves(base), tuple(map(halves, removed))) for base, removed in parts]
         self._heap: list[tuple[int, int, int, int, Cell, list[Active]]] = []
-        self._total = [0, 0]
         self._made = 0
-        for cell in every(*(axis.roots() for axis in self._axes)):
-            self._add(cell, active)
+        found = [self._share(cell, active) for cell in every(*(axis.roots() for axis in self._axes))]
+        self._total = sum(lower for lower, _ in found), sum(upper for _, upper in found)
 
     @property
     def bounds(self) -> Bounds:
         """What is known by now."""
-        return Bounds.of((self._total[0], self._total[1]))
+        return Bounds.of(self._total)
 
     @property
     def cells(self) -> int:
@@ -305,7 +304,8 @@ class Measure:
         """Whether no cell can be split that would make a difference."""
         return not self._heap
 
-    def _add(self, cell: Cell, active: Sequence[Active]) -> None:
+    def _share(self, cell: Cell, active: Sequence[Active]) -> tuple[int, int]:
+        """Bounds of how much of the parts is in a cell, which is to be split if they differ."""
         self._made += 1
         rest = _unsettled(active, cell)
         mass = ONE
@@ -313,10 +313,9 @@ class Measure:
             mass = product(mass, span.mass)
         share = share_of(rest, cell)
         lower, upper = mass[0] * share[0] // WHOLE, -(-mass[1] * share[1] // WHOLE)
-        self._total[0] += lower
-        self._total[1] += upper
         if share[0] < share[1]:
             heappush(self._heap, (lower - upper, self._made, lower, upper, cell, rest))
+        return lower, upper
 
     def step(self) -> None:
         """Split the cell with the widest bounds."""
@@ -324,10 +323,11 @@ class Measure:
         axis = self._choice(cell, active)
         if axis is None:
             return
-        self._total[0] -= lower
-        self._total[1] -= upper
+        least, most = self._total[0] - lower, self._total[1] - upper
         for span in self._axes[axis].split(cell[axis]):
-            self._add((*cell[:axis], span, *cell[axis + 1 :]), active)
+            lower, upper = self._share((*cell[:axis], span, *cell[axis + 1 :]), active)
+            least, most = least + lower, most + upper
+        self._total = least, most  # at once: whoever interrupts this finds bounds that hold
 
     def _choice(self, cell: Cell, active: Sequence[Active]) -> int | None:
         """The axis to split: what makes several sides cut the cell, or else whose density is least like a line."""

@@ -40,6 +40,8 @@ EFFORT = 30.0
 """Seconds of a stage, with many parameters."""
 FINER = 10
 """How much closer bounds of shares are to be."""
+TICK = 0.5
+"""Seconds between two looks at bounds that are being computed."""
 DRAWS = 10_000
 """Random points of an estimate."""
 
@@ -237,18 +239,23 @@ class Risk:
         deadline = Deadline.after(self._share(Fraction(1, 2)))
         inner = None if region.is_exact else Measure(region.inner().parts(), self._distributions)
         within = self._within if inner is None else self._within / 4
-        while True:
-            width = max(whole.bounds.width / 2, within)
-            try:
-                found = whole.run(width, deadline)
-                below = found if inner is None else inner.run(width, deadline)
-            except OutOfTimeError:
-                found, below = whole.bounds, whole.bounds if inner is None else inner.bounds
-                width = within
-            self._know(below.lower, found.upper)
-            self._cells = whole.cells + (0 if inner is None else inner.cells)
-            if width <= within or self._bounds.width <= self._within:
-                return
+        measures: list[Measure | RegionMeasure] = [whole] if inner is None else [whole, inner]
+
+        def tell() -> None:
+            self._know(measures[-1].bounds.lower, whole.bounds.upper)
+            self._cells = sum(one.cells for one in measures)
+
+        width = Fraction(1)
+        try:
+            while width > within and self._bounds.width > self._within:
+                width = max(width / 2, within)
+                for one in measures:
+                    _run_telling(one, width, deadline, tell)
+                tell()
+        except OutOfTimeError:
+            pass
+        finally:
+            tell()
 
     def _keep(self, method: str) -> None:
         """The box of a method, and its probability: it is inside, so that success is at least as probable."""
@@ -305,3 +312,16 @@ class Risk:
         except OutOfTimeError as stopped:
             if stopped.reason is not None:
                 raise
+
+
+def _run_telling(one: Measure | RegionMeasure, within: Fraction, deadline: Deadline, tell: Callable[[], None]) -> None:
+    """Until the bounds are close, and tell them now and then; OutOfTimeError if the deadline passes first."""
+    while True:
+        left = deadline.remaining
+        try:
+            one.run(within, Deadline.after(TICK if left is None else min(TICK, left)))
+        except OutOfTimeError:
+            deadline.enforce()
+            tell()
+        else:
+            return

@@ -1,6 +1,7 @@
 """The probability of success: known figures, brute force on drawn plans, many parameters, and limits."""
 
 from fractions import Fraction
+from itertools import pairwise
 from random import Random
 
 import pytest
@@ -14,6 +15,8 @@ from robust.execute.worlds import parse_rules
 from robust.irr.containment import Containment
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import Parameter
+from robust.probability import measure as measures
+from robust.probability import risk as risks
 from robust.probability.measure import box_probability
 from robust.probability.packing import Packing
 from robust.probability.risk import Risk, RiskStatus
@@ -224,3 +227,34 @@ def test_a_world_without_a_rule_about_a_parameter_is_an_error():
     world = parse_rules('[[draw]]\nduration = "fly"\ndistribution = "uniform"\nlower = 1\nupper = 2\n')
     with pytest.raises(InputError, match="found no rule about a parameter"):
         distributions_of(shipped("two_sample_navigation"), (), world)
+
+
+def test_bounds_are_those_of_the_moment_when_it_is_interrupted(monkeypatch):
+    """Whatever is interrupted in the middle of a split, the bounds hold and are the latest."""
+    plan, kinds = shipped("two_sample_navigation"), normal(5, to_ridge=30, to_crater=40)
+    exact = robust.risk(plan, kinds).probability
+    original, calls = measures.share_of, []
+
+    def interrupting(active, cell):
+        calls.append(cell)
+        if len(calls) == 120:
+            raise KeyboardInterrupt
+        return original(active, cell)
+
+    monkeypatch.setattr(measures, "share_of", interrupting)
+    told = []
+    found = robust.risk(plan, kinds, on_bounds=told.append)
+    assert found.status is RiskStatus.INTERRUPTED
+    assert found.probability.lower <= exact.lower <= exact.upper <= found.probability.upper
+    assert found.probability == told[-1]
+    assert found.probability.width < F(1, 4)
+    assert found.cells >= 119
+
+
+def test_bounds_are_told_while_they_are_computed(monkeypatch):
+    monkeypatch.setattr(risks, "TICK", 0.001)
+    told = []
+    robust.risk(shipped("two_sample_navigation"), normal(5, to_ridge=30, to_crater=40), within="1/50",
+                on_bounds=told.append)  # fmt: skip
+    assert len(told) > 5
+    assert all(wide.lower <= close.lower and close.upper <= wide.upper for wide, close in pairwise(told))
