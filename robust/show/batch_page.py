@@ -8,7 +8,7 @@ from fractions import Fraction
 from html import escape
 from string import Template
 
-from robust.show.batch import NAMES, RATIOS, STYLES, answer_lines, ratio, summary_lines
+from robust.show.batch import NAMES, STYLES, answer_lines, ratio, summary_lines
 from robust.sweeps.batch import Batch, BatchRow, PlanRun
 
 
@@ -44,7 +44,7 @@ def batch_page(found: Batch) -> str:
     for one in found.asked:
         before = f"{NAMES[one.name]}: " if found.verb == "compare" else ""
         head += [f"{before}{word}" for word in ("answer", "seconds", "what it says")]
-    head += RATIOS if found.verb == "compare" else []
+    head += ["volume IRR/CCMMZ", "width IRR/CCMMZ"] if found.verb == "compare" else []
     return _PAGE.substitute(
         title=escape(title),
         suite=escape(found.suite),
