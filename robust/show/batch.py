@@ -143,7 +143,7 @@ def _both_lines(found: Batch) -> list[str]:
             f"Volume of IRR's box as a share of CCMMZ's, of {plural(len(shares), 'plan')} with both: median "
             f"{ratio(median(shares))}, least {ratio(least)}, most {ratio(most)}."
         )
-    lines.append("Above, volume and total width of IRR's box as shares of CCMMZ's; – where one is infinite or zero.")
+    lines.append("In the table: volume and width of IRR's box as shares of CCMMZ's; – where one is infinite or zero.")
     return lines
 
 
