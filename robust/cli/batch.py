@@ -45,6 +45,7 @@ def _carry_out(verb: str, options: BatchCommand, run: Run) -> int:
         from robust.api import run_batch
         from robust.show import batch as shown
     run.guard.hand_over()  # it starts processes, and returns what it has by itself
+    run.display.say("asking")
     found = run_batch(verb, options.suite, options.changed(on_result=run.display.batch))
     if options.csv is not None:
         atomic_write(options.csv, shown.csv_text(found), place_of("csv"))

@@ -8,7 +8,7 @@ whatever the others take. If an executor knows one share per action, then the le
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
@@ -20,6 +20,7 @@ from robust.plan.model import (
     Expression,
     ParameterReference,
     ParametrizedPlan,
+    TimePoint,
     comparisons,
     fluents_in,
 )
@@ -42,6 +43,7 @@ class Overrun:
         closed: whether that duration itself is proved, or only all shorter ones.
         reason: why no more than the planned duration is proved, where that is not the box.
         parameters: what the duration depends on.
+        shortest: below it nothing is proved; None where no more than the planned duration is.
     """
 
     instance: ActionInstance
@@ -50,6 +52,7 @@ class Overrun:
     closed: bool = True
     reason: str | None = None
     parameters: tuple[str, ...] = ()
+    shortest: Fraction | None = None
 
     @property
     def percent(self) -> Fraction | None:
@@ -103,8 +106,9 @@ def overruns(plan: ParametrizedPlan, box: Box) -> Iterator[Overrun]:
 
 
 def _overrun(
-    plan: ParametrizedPlan, box: Box, instance: ActionInstance, limits: list[Limit], uses: Mapping[str, set[str]]
+    plan: ParametrizedPlan, box: Box, instance: ActionInstance, found: Limits, uses: Mapping[str, set[str]]
 ) -> Overrun:
+    limits = found.most
     nominal = {ParameterReference(name): value for name, value in plan.nominal.items()}
     planned = min((limit.evaluate(nominal) for limit in limits), default=None)
     if planned is None:
@@ -127,7 +131,9 @@ def _overrun(
     least = min(constants, default=None)
     if least is not None and (proved is None or least < proved):
         proved, closed = least, True
-    return Overrun(instance, planned, proved, closed, None, names)
+    below = (_greatest(-limit, box)[0] for limit in found.least)
+    shortest = max((-least for least in below if least is not None), default=Fraction(0))
+    return Overrun(instance, planned, proved, closed, None, names, shortest)
 
 
 def _greatest(limit: Limit, box: Box) -> tuple[Fraction | None, bool]:
@@ -145,19 +151,34 @@ def _greatest(limit: Limit, box: Box) -> tuple[Fraction | None, bool]:
     return total, reached
 
 
-def _limits(plan: ParametrizedPlan) -> dict[str, list[Limit]]:
-    """What the network, and the domain without regard to the state, say a duration is at most; by instance."""
-    found: dict[str, list[Limit]] = {instance.identifier: [] for instance in plan.instances}
-    ends = {(one.start, one.end): one.identifier for one in plan.instances if one.durative}
+@dataclass(slots=True)
+class Limits:
+    """What a duration is at most, and at least."""
+
+    most: list[Limit] = field(default_factory=list)
+    least: list[Limit] = field(default_factory=list)
+
+
+def _limits(plan: ParametrizedPlan) -> dict[str, Limits]:
+    """What the network, and the domain without regard to the state, say of durations; by instance."""
+    found = {instance.identifier: Limits() for instance in plan.instances}
+    ends = {(one.start, one.end): found[one.identifier] for one in plan.instances if one.durative}
+
+    def add(source: TimePoint, target: TimePoint, least: Limit) -> None:
+        """The target is at least so much after the source."""
+        if (source, target) in ends:
+            ends[source, target].least.append(least)
+        if (target, source) in ends:
+            ends[target, source].most.append(-least)
+
     for item in plan.constraints:
-        if (item.source, item.target) in ends and item.upper is not None:
-            found[ends[item.source, item.target]].append(item.upper)
-        if (item.target, item.source) in ends and item.lower is not None:
-            found[ends[item.target, item.source]].append(-item.lower)
+        if item.lower is not None:
+            add(item.source, item.target, item.lower)
+        if item.upper is not None:
+            add(item.target, item.source, -item.upper)
     for rule in duration_rules(plan, Writes(plan)):
         for bound in rule.bounds:
-            if (bound.source, bound.target) == (rule.instance.end, rule.instance.start):
-                found[rule.instance.identifier].append(-bound.weight)
+            add(bound.source, bound.target, bound.weight)
     return found
 
 

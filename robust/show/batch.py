@@ -27,8 +27,6 @@ NAMES = {IRR: "IRR", CCMMZ: "CCMMZ", REGION: "region"}
 """What is compared, as people call it."""
 STYLES = {"proved": "green", "complete": "green", "refuted": "bold red", "invalid": "bold red"}
 """Colours of verdicts and endings; of the others yellow."""
-RATIOS = ("volume IRR/CCMMZ", "width IRR/CCMMZ")
-"""Headings: of boxes, and of the sums of their widths."""
 FIRST = 3
 """Lines of an answer that tables show."""
 _NOTHING = "–"
@@ -66,8 +64,8 @@ def ratio(value: Fraction | None) -> str:
     return _NOTHING if value is None else f"{float(value) * 100:.3g} %"
 
 
-def _seconds(run: PlanRun | None) -> str:
-    return _NOTHING if run is None else f"{run.seconds:.2f}"
+def _time(run: PlanRun | None) -> str:
+    return _NOTHING if run is None else duration(run.seconds)
 
 
 # -- for people --------------------------------------------------------------------------------------------------------
@@ -84,22 +82,22 @@ def print_batch(out: Console, found: Batch, *, quiet: bool) -> None:
 
 
 def _print_answers(out: Console, found: Batch) -> None:
-    columns = ("plan", "answer", "seconds", "what it says")
+    columns = ("plan", "answer", "time", "what it says")
     rows: list[Sequence[str | Text]] = []
     for row in found.rows:
         (run,) = row.runs.values()
-        rows.append((row.instance.name, _word(run), _seconds(run), first_lines(run)))
-    show_table(out, table(columns, rows, right=("seconds",)))
+        rows.append((row.instance.name, _word(run), _time(run), first_lines(run)))
+    show_table(out, table(columns, rows, right=("time",)))
 
 
 def _print_compared(out: Console, found: Batch) -> None:
     names = [one.name for one in found.asked]
-    timed = [word for name in names for word in (NAMES[name], f"{NAMES[name]}, s")]
+    head = ("plan", *(word for name in names for word in (NAMES[name], "time")), "volume", "width")
     rows: list[Sequence[str | Text]] = []
     for row in found.rows:
-        cells = [cell for name in names for cell in (_word(row.runs.get(name)), _seconds(row.runs.get(name)))]
+        cells = [cell for name in names for cell in (_word(row.runs.get(name)), _time(row.runs.get(name)))]
         rows.append((row.instance.name, *cells, ratio(row.volume_ratio), ratio(row.width_ratio)))
-    show_table(out, table(("plan", *timed, *RATIOS), rows, right=(*timed[1::2], *RATIOS)))
+    show_table(out, table(head, rows, right=("time", "volume", "width")))
     for row in found.rows:
         for message in dict.fromkeys(run.message for run in row.runs.values() if run.message is not None):
             out.print(Text(f"{row.instance.name}: {message}"), soft_wrap=True)
@@ -142,9 +140,10 @@ def _both_lines(found: Batch) -> list[str]:
     if shares:
         least, most = shares[0], shares[-1]
         lines.append(
-            f"Volume of IRR's box as a share of CCMMZ's, of {plural(len(shares), 'plan')}: median "
+            f"Volume of IRR's box as a share of CCMMZ's, of {plural(len(shares), 'plan')} with both: median "
             f"{ratio(median(shares))}, least {ratio(least)}, most {ratio(most)}."
         )
+    lines.append("In the table: volume and width of IRR's box as shares of CCMMZ's; – where one is infinite or zero.")
     return lines
 
 

@@ -107,7 +107,7 @@ def _obligation(result: EnvelopeResult) -> list[str]:
         "each instance of an action may take any duration in its own. PlanSys2 knows one percentage for each action:",
         "the least of its instances, which is at most what is proved for each. Rounded down, never up.",
         "Presupposed: durations as in this plan, time points within its network (the executor does not check that",
-        "either), and no action shorter than the interval below says: PlanSys2 has no limit for that.",
+        "either), and no action shorter than is proved below: PlanSys2 has no limit for that.",
     ]
     if result.status.value != "complete":
         lines.append(f"The search was {result.status.value}: what is here is proved, but more may be possible.")
@@ -139,13 +139,13 @@ def _instance(one: Overrun) -> str:
     """`n0 (move dock shelf): planned 20, proved up to 24 (20 %)`."""
     planned = "no planned duration" if one.planned is None else f"planned {readable(one.planned)}"
     if one.proved is None:
-        proved = "any longer one is proved"
+        proved = f"proved from {readable(one.shortest or Fraction(0))}"
     elif one.reason is not None:
         proved = f"nothing more: {one.reason}"
     else:
         limit = "up to" if one.closed else "below"
         share = "" if one.percent is None else f" ({percentage(one.percent)})"
-        proved = f"proved {limit} {readable(one.proved)}{share}"
+        proved = f"proved {limit} {readable(one.proved)}{share}, and from {readable(one.shortest or Fraction(0))}"
     return f"{one.instance.identifier} {one.instance}: {planned}, {proved}"
 
 

@@ -229,10 +229,11 @@ def _on_cluster(tasks: list[Numbered], work: Work, address: str, deadline: Deadl
 def _connected(distributed: Any, address: str) -> Iterator[Any]:
     try:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
+    except (OSError, TimeoutError, ValueError, RuntimeError, TypeError) as error:
+        # The last two are said of TLS: it is demanded and the address is without, or the other way round.
         raise InputError(
-            f"found no Dask scheduler at {address!r} ({str(error).splitlines()[0]}), expected one; "
-            "start it with `dask scheduler`, and give the address that it prints"
+            f"found no Dask scheduler at {address!r} ({(str(error).splitlines() or ['no message'])[0]}), expected one; "
+            "start it with `dask scheduler`, give the address that it prints, and for tls:// configure the certificates"
         ) from None
     with client:
         try:

@@ -305,7 +305,7 @@ def test_failures_on_a_cluster(cluster, tmp_path):
 def test_no_cluster(monkeypatch, tmp_path):
     pytest.importorskip("distributed")
     monkeypatch.setattr(pool, "PATIENCE", 0.3)
-    for address in ("tcp://127.0.0.1:9", "nonsense://x", "x y"):
+    for address in ("tcp://127.0.0.1:9", "tls://127.0.0.1:9", "nonsense://x", "x y"):
         with pytest.raises(InputError, match="found no Dask scheduler at") as caught:
             sweep_of(tasks(tmp_path / "log", 1), cluster=address)
         assert "\n" not in str(caught.value)

@@ -97,6 +97,7 @@ def test_the_least_of_several_instances(tmp_path):
     move, load = action_overruns(plan, box(a=(0, 15), b=(0, 25), c=(0, 33)))
     assert (move.action, move.percent, move.decisive.instance.identifier) == ("move", 25, "n")
     assert [one.percent for one in move.overruns] == [50, 25]
+    assert [one.shortest for one in action_overruns(plan, box(a=(4, 15), b=(0, 25), c=(0, 33)))[0].overruns] == [4, 0]
     assert (load.action, load.percent) == ("load", 10)
     # what the domain says ends it before the box does
     (_, load) = action_overruns(plan, box(a=(0, 15), b=(0, None), c=(0, None)))

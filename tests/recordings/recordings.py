@@ -68,12 +68,12 @@ LIMIT = 900.0
 
 
 SLOW = re.compile(
-    r"bench|compare-(?!timeout|navigation|flexible)|certify-(json|positions|text-maximal|generator|delivery|box-file|box-not|alethe$)"
+    r"bench|batch|compare-(?!timeout|navigation|flexible)|certify-(json|positions|text-maximal|generator|delivery|box-file|box-not|alethe$)"
     r"|envelope-optimal-positions|execute-(aries|kairos)$|pike-check-cross|region-(positions|generator-(z3|cvc5))"
     r"|pike-compile-(.*-)?sat$|pike-run-(disturb-explained|explain|fails-json)"
 )
 """Names of cases, from the beginning, that take more than about 1.5 s."""
-MASKED = re.compile(r"bench-.*-text|(check|envelope)-verbose")
+MASKED = re.compile(r"(bench|batch)-.*-text|(check|envelope)-verbose")
 """Names of cases in which all numbers of text are masked."""
 
 
@@ -102,9 +102,9 @@ class Case:
         """Whether what it says depends on the process: on stdin, on how long a start takes, on the memory of cvc5."""
         if self.name.startswith("help-"):
             return False
-        # What is wrong ends before anything is read from stdin or computed, but experiments change the process.
+        # What is wrong ends before anything is read from stdin or computed, but some commands change the process.
         wrong = self.name.startswith("bad-")
-        words = ("bench",) if wrong else ("--stdio", "--timeout", "cvc5", "bench")
+        words = ("bench", "batch") if wrong else ("--stdio", "--timeout", "cvc5", "bench", "batch")
         return any(word in line for line in self.lines for word in words)
 
     @property
