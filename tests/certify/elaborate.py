@@ -152,10 +152,10 @@ SAYS: dict[str, Any] = {
 
 PLAIN = Texts(
     "(define (domain d) (:predicates (p ?x)) (:constants a) (:action b :effect (p a)))",
-    "(define (problem x) (:domain d) (:init) (:goal (exists (?x) (and (p ?x) (= ?x a)))))",
-    "action instance i : (b);",
+    "(define (problem x) (:domain d) (:init (at 9 (p a)) (at 1 (p a))) (:goal (exists (?x) (and (p ?x) (= ?x a)))))",
+    "action instance i : (b); c: i - .zero in [0, inf];",
 )
-"""No types and no parameters, and one action at one time."""
+"""No types and no parameters, one action at one time, and what happens later than what is written after it."""
 
 VARIED = Texts(
     "(define (domain d) (:predicates (p)) (:functions (f)) (:durative-action a :parameters ()"
@@ -167,6 +167,17 @@ VARIED = Texts(
 )
 BESIDE = '[parameters.x]\nduration = "i"\n[parameters.y]\nfluent = "(f)"\n'
 """A plan with parameters that are written beside it: of how long an action takes, and an initial value."""
+
+OTHERS = (
+    "(define (domain d) (:synth-parameters ?s)"
+    " (:durative-action a :parameters () :duration (<= ?duration 9) :effect ())"
+    " (:durative-action e :parameters () :duration (= ?duration ?s) :effect ()))",
+    "(define (problem x) (:domain d) (:init) (:goal (and)))",
+    "parameter s default 2; durative-action instance i : (a); c: i.end - i.start in [s, s];"
+    " durative-action instance j : (e);",
+    '[parameters.s]\nduration = "i"',
+)
+"""The parameter is how long another action takes, and nothing that the action says."""
 
 WRONG_BESIDE = (
     '[parameters.x]\nduration = "j"', '[parameters.x]\nduration = "k"', '[parameters.z]\nduration = "i"',
@@ -388,11 +399,12 @@ WRONG: Changes = {
     "default 1/2 lb": ["default 1/0 lb", "default inf lb"],
     "lb -inf ub +inf": ["lb inf ub +inf", "lb -inf ub -inf", "lb -inf ub top", "lb low ub +inf"],
     "parameter k.x default": ["parameter k.x default 3; parameter k.x default"],
-    "# A plan; of everything.": ["A plan; of everything.", ";"],
+    "# A plan; of everything.": ["A plan; of everything.", ";", "parameter K default 1; parameter K default 1;"],
     "instance go-1 :": ["instance go--1 :", "instance go-1"],
     "instance m2 :": ["instance go-1 :"],
     "durative-action instance go-1": ["durative-action go-1", "action instance go-1", "instance go-1"],
     "action instance m2": ["durative-action instance m2"],
+    "action instance r": ["durative-action instance r"],
     "action instance m2 : (mark b1 b1);": ["action instance m2 : (mark b1 b1); action instance m2 : (mark b1 b1);"],
     "(MOVE t1 depot Hall)": [
         "(MOVE t1 depot)", "(MOVE t1 depot Hall Hall)", "()", "(go t1 depot Hall)", "(MOVE b1 depot Hall)",
@@ -483,6 +495,7 @@ def probes() -> Iterator[tuple[str, Callable[[Checker], bool]]]:
         texts = texts_with("(when (busy) (decrease", f"(when {guard} (decrease")
         yield f"texts guard {guard}", partial(_may_happen, texts=texts, known=known)
     yield "texts beside", _says_beside
+    yield "texts beside another action", partial(refuses, texts=OTHERS)
     for number, beside in enumerate(WRONG_BESIDE):
         yield f"texts wrong beside {number}", partial(refuses, texts=[*VARIED, beside])
     for old, every in WRONG_VARIED.items():
@@ -500,12 +513,17 @@ def _says(by: Checker) -> bool:
 
 def _says_plainly(by: Checker) -> bool:
     ground = by.reader.ground(*PLAIN)
-    adds = [("add", "(p a)", None, True, (1, 1))]
+    unknown = by.reader.ground(PLAIN.domain, PLAIN.problem, f"parameter k lb 0; {PLAIN.plan}")
+    late = [("add", "(p a)", ("number", True), True, None)]
+    one, nine = Fraction(1), Fraction(9)
+    timed = [(0, 2, {"": one}), (2, 0, {"": -one}), (0, 3, {"": nine}), (3, 0, {"": -nine})]
     return bool(
-        said(ground)["effects"] == {0: [], 1: adds}
-        and [(duty.label, duty.condition) for duty in ground.duties]
+        said(ground)["effects"] == {0: [], 1: [("add", "(p a)", None, True, (1, 1))], 2: late, 3: late}
+        and [(each.label, each.condition) for each in ground.duties]
         == [("goal 1", ("or", ("and", ("atom", "(p a)"), True)))]
-        and (ground.points, ground.edges) == ([".zero", "i"], [(0, 1, {})])
+        and ground.points == [".zero", "i", "@1", "@9"]
+        and ground.edges == [(0, 1, {}), *timed, (0, 1, {}), (0, 2, {}), (0, 3, {})]
+        and said(unknown)["parameters"] == {"k": (None, Fraction(0), None)}
     )
 
 
