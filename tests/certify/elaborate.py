@@ -22,7 +22,7 @@ DOMAIN = """(define (domain Rich) ; Comments (end with the line
  (:synth-parameters ?limit)
  (:predicates (at ?v - vehicle ?p - place) (in ?c - crate ?w - (either vehicle place)) (busy) (big ?c) (z)
   (in_place ?c))
- (:functions (fuel ?v - vehicle) (level) (rate) - number (cost) - number)
+ (:functions (fuel ?v - vehicle) (level) (rate) - number (cost) - number (toll ?v - vehicle))
  (:durative-action move
   :parameters (?v - vehicle ?from ?to - place)
   (:synth-parameters ?slack ?more)
@@ -32,7 +32,7 @@ DOMAIN = """(define (domain Rich) ; Comments (end with the line
    (forall (?c - crate) (at end (imply (big ?c) (in_vehicle ?c ?v)))))
   :effect (and
    (at start (not (at ?v ?from))) (at end (and (at ?v ?to) (scale-down (level) 2)))
-   (decrease (fuel ?v) (* #t (rate))) (increase (cost) (* 0.5 #t))
+   (decrease (fuel ?v) (* #t (rate))) (increase (cost) (* (+ ?slack (toll ?v)) #t))
    (forall (?c - box) (when (at start (in ?c ?v)) (at start (not (big ?c)))))
    (at end (when (> (- level 1) -3) (forall (?p ?q - place) (when (not (= ?p ?q)) (assign (cost)
      (- (* 2 level ?duration))))))))
@@ -48,7 +48,7 @@ PROBLEM = """(define (problem one) (:domain RICH) (:requirements :typing)
  (:objects t1 - truck s1 - ship b1 - box c1 - crate hall - place)
  (:init (at t1 depot) (in_vehicle B1 t1) (not (busy)) (= (fuel t1) 5) (= (fuel s1) (- 2)) (= level 1e1) (= (cost) .5)
   (= (rate) +2) (at 4 (not (busy))) (at 2.5 (= (rate) 3)) (at 2.5 (busy)) (at 4 (at t1 hall)) (at 0 (z)) (z)
-  (in_place c1))
+  (in_place c1) (= (toll t1) 1))
  (:goal (and (at t1 hall) (forall (?c - crate) (or (big ?c) (>= (fuel t1) ?limit)))))
  (:metric minimize (total-time)))
 """
@@ -75,6 +75,7 @@ def _all(*parts: Any) -> Any:
 
 
 DURATION, LEVEL, RATE = ("duration",), ("fluent", "(level)"), ("fluent", "(rate)")
+SLACK = ("parameter", "go-1.slack")
 BUSY, IN = ("atom", "(busy)"), ("atom", "(in b1 t1)")
 DECIDED = _all(True, (">", ("-", LEVEL, _number(1)), _number(-3)))
 COST = ("-", ("*", _number(2), LEVEL, DURATION))
@@ -101,7 +102,7 @@ SAYS: dict[str, Any] = {
     ],
     "duties": [
         ((">=", DURATION, _number(0)), 1, None, (1, 2)),
-        ((">=", DURATION, ("parameter", "go-1.slack")), 1, None, (1, 2)),
+        ((">=", DURATION, SLACK), 1, None, (1, 2)),
         (("<=", DURATION, ("+", RATE, _number(2), ("parameter", "limit"))), 2, None, (1, 2)),
         (("atom", "(at t1 depot)"), 1, None, (1, 2)),
         (("not", BUSY), 1, 2, (1, 2)),
@@ -140,11 +141,11 @@ SAYS: dict[str, Any] = {
             ("add", "(at t1 hall)", ("number", True), True, None),
         ],
     },
-    "flows": [(1, 2, "(fuel t1)", ("-", RATE)), (1, 2, "(cost)", _number("1/2"))],
+    "flows": [(1, 2, "(fuel t1)", ("-", RATE)), (1, 2, "(cost)", ("+", SLACK, ("fluent", "(toll t1)")))],
     "initial": {
         "(at t1 depot)": True, "(in b1 t1)": True, "(busy)": False, "(z)": True, "(in_place c1)": True,
         "(fuel t1)": Fraction(5), "(fuel s1)": Fraction(-2), "(level)": Fraction(10),
-        "(cost)": Fraction(1, 2), "(rate)": Fraction(2),
+        "(cost)": Fraction(1, 2), "(rate)": Fraction(2), "(toll t1)": Fraction(1),
     },
     "guessed": {"in_vehicle as in"},
     "timed": {5, 6, 7},
@@ -355,7 +356,8 @@ WRONG: Changes = {
     ],
     "(< 1 ?much)": ["(< 1 ?duration)"],
     "(at start (not (at ?v ?from)))": [
-        "(not (at ?v ?from))", "(over all (busy))", "(at start (at start (busy)))", "(at start busy)",
+        "(not (at ?v ?from))", "(over all (busy))", "(over start (busy))",
+        "(at start (at start (busy)))", "(at start busy)",
         "(at end (at start (busy)))", "(at start (busy) (busy))", "(at start (not (not (busy))))", "(at start (not))",
         "(at start (not (busy) (busy)))", "(at start (or (busy)))", "(at start (level))", "(at start (assign (level)))",
         "(at start (assign (level) 1 2))", "(at start (assign (busy) 1))", "(at start (assign ?v 1))",
