@@ -29,7 +29,6 @@ from robust.certify.hints import Line
 from robust.certify.produce import PlanCertificate, execution, knowledge
 from robust.certify.tape import write
 from robust.certify.verify import verify
-from robust.encode import create_encoding
 from robust.errors import RobustError
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.compile import checked_assumptions
@@ -112,7 +111,7 @@ def _measure(name: str, files: Files, directory: Path, processes: bool, seconds:
     region_s, whole = _timed(lambda: region(plan, timeout=seconds))
 
     def lines(kind: str) -> list[Line]:
-        made = PlanCertificate(files, create_encoding("relational", plan), deadline=_deadline(kind, seconds))
+        made = PlanCertificate(files, plan, deadline=_deadline(kind, seconds))
         if kind == "region":
             if not whole.is_exact:
                 raise OutOfTimeError

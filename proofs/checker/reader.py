@@ -447,7 +447,7 @@ class Ground:
             self.edges.append((b, a, {name: -value for name, value in self.bound(high).items()}))
 
     def bound(self, text: str) -> Linear:
-        if text in self.parameters and not NUMBER.fullmatch(text):
+        if text in self.parameters:
             return {text: Fraction(1)}
         value = number(text)
         return {"": value} if value else {}
@@ -499,14 +499,14 @@ class Ground:
                 need(len(rest) == 2 and rest[0] in ("start", "end"), f"{name}: a duration's time")
                 self.durations(name, rest[1], inner, ends, ends[rest[0] == "end"])
             else:
-                need(head in COMPARISONS and rest[:1] == ["?duration"], f"found a malformed duration in {name}")
+                need(rest[:1] == ["?duration"], f"found a malformed duration in {name}")
                 condition = self.model.condition([head, *rest], inner)
                 if head == "=" and ("duration", name) in self.varied:
                     condition = (head, ("duration",), ("parameter", self.varied["duration", name]))
                 self.state(f"{name}: duration", condition, ends, point)
 
     def conditions(self, name: str, tree: Tree, scope: Scope, ends: tuple[int, int]) -> None:
-        where = {("at", "start"): (ends[0], None), ("at", "end"): (ends[1], None), ("over", "all"): ends}
+        where = {("at", "start"): ends[:1], ("at", "end"): ends[1:], ("over", "all"): ends}
         for head, rest, inner in self.spread(tree, scope):
             words = (head, *rest[:1])
             need(len(rest) == 2 and type(rest[0]) is str and words in where, f"{name}: a condition without a time")

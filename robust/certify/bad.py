@@ -7,16 +7,17 @@ critical region of a parametric linear program [Gal and Nedoma 1972]).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from math import lcm
 
 from robust.certify.checker.formulas import FALSE, Formulas, constant, plus, replaced
 from robust.certify.checker.reader import Ground, Linear
 from robust.certify.hints import Fact, KnownFacts, Line, Model, Side, implied, model, refutation
 from robust.certify.network import Orders, Point, positive_circle
-from robust.certify.tape import obligation_lines, schedule_lines, sums, texts
+from robust.certify.tape import Multiples, obligation_lines, schedule_lines, sums, texts
 from robust.encode.interface import Encoding
 from robust.encode.variables import Range
 from robust.errors import UnsupportedError
@@ -31,9 +32,11 @@ from robust.smt.limits import Deadline
 
 SEGMENT = "~"
 MARGIN = "margin"
+"""By how much strict constraints hold, at least; at most 1."""
+REACH = 1
+"""How far beyond a face bad values are looked for."""
 HALVINGS = 64
 """How often the way beyond a face is shortened in search of bad values near to it."""
-"""By how much strict constraints hold, at least; at most 1."""
 
 
 def _linear(half: LinearConstraint) -> Linear:
@@ -69,10 +72,9 @@ class Reasons:
         epsilon: the separation of mutex time points.
         bounds: the declared bounds.
         deadline: when to give up, with OutOfTimeError.
-        like: the name of an obligation that may break, as this package writes it.
     """
 
-    def __init__(self, ground: Ground, epsilon: Fraction, bounds: Box, deadline: Deadline, like: str = "") -> None:
+    def __init__(self, ground: Ground, epsilon: Fraction, bounds: Box, deadline: Deadline) -> None:
         self._ground = ground
         self._epsilon = epsilon
         self._names = tuple(ground.parameters)
@@ -84,13 +86,17 @@ class Reasons:
         self._obligations = self.formulas.obligations()
         self._literals: dict[int, int] = {}
         self._first: dict[int, None] = {}  # those that broke, the last one last: they will elsewhere, too
-        self._like = _about(like)
 
-    def breaking(self, assumed: Sequence[Side]) -> tuple[int, Model] | None:
-        """An obligation, by number, that some schedule breaks where the assumptions hold, and how."""
+    def breaking(self, assumed: Sequence[Side], like: str = "") -> tuple[int, Model] | None:
+        """An obligation, by number, that some schedule breaks where the assumptions hold, and how.
+
+        Those about the same as `like`, the name of one that may break as this package writes it, are tried first.
+        """
+        about = _about(like)
         others = [number for number in range(len(self._obligations)) if number not in self._first]
-        others.sort(key=lambda number: _about(self._obligations[number][0]) != self._like)
-        for number in [*reversed(self._first), *others]:
+        tried = [*reversed(self._first), *others]
+        tried.sort(key=lambda number: _about(self._obligations[number][0]) != about)
+        for number in tried:
             if number not in self._literals:
                 self._literals[number] = self._obligations[number][1]()
             if self._literals[number] == FALSE:
@@ -176,7 +182,8 @@ class Reasons:
         formulas, literal = self._placed(number, values, parameters)
         known = KnownFacts(region)
         times = [texts(formulas.ties[point]) for point in range(1, len(self._ground.points))]
-        kept = [sums(implied(known, formulas.slack(edge))) for edge in self._ground.edges]
+        finder = Multiples(region)
+        kept = [sums(finder.of(formulas.slack(edge))) for edge in self._ground.edges]
         instant = None
         if f"!{number}" in self.formulas.instants:
             instant = texts(formulas.at(("instant", f"!{number}")))
@@ -348,6 +355,7 @@ def face_lines(ground: Ground, encoding: Encoding, box: Box, *, solver: str, dea
     """
     bad = DiscoveredBadSet(encoding, solver=solver)
     bounds = declared_bounds(ground)
+    reasons = cache(lambda: _reasons(ground, encoding.epsilon, box, deadline))
     for name, interval in box.intervals.items():
         for side in (End.LOWER, End.UPPER):
             end = interval.end(side)
@@ -355,7 +363,7 @@ def face_lines(ground: Ground, encoding: Encoding, box: Box, *, solver: str, dea
                 continue
             face = _Face(
                 ground=ground,
-                encoding=encoding,
+                reasons=reasons,
                 box=box,
                 bad=bad,
                 name=name,
@@ -366,14 +374,25 @@ def face_lines(ground: Ground, encoding: Encoding, box: Box, *, solver: str, dea
             yield from face.lines()
 
 
+def _reasons(ground: Ground, epsilon: Fraction, box: Box, deadline: Deadline) -> Reasons:
+    """Of values in a box, and as far beyond its faces as bad ones are looked for."""
+    wider = {
+        name: Interval(
+            None if each.lower is None else each.lower - REACH, None if each.upper is None else each.upper + REACH
+        )
+        for name, each in box.intervals.items()
+    }
+    return Reasons(ground, epsilon, Box(wider), deadline)
+
+
 class _Face:
-    """One face of a box."""
+    """One face of a box; what can break beyond its faces is the same for all of them."""
 
     def __init__(
         self,
         *,
         ground: Ground,
-        encoding: Encoding,
+        reasons: Callable[[], Reasons],
         box: Box,
         bad: DiscoveredBadSet,
         name: str,
@@ -381,12 +400,12 @@ class _Face:
         end: Fraction,
         deadline: Deadline,
     ) -> None:
-        self._ground, self._encoding, self._box, self._bad = ground, encoding, box, bad
+        self._ground, self._reasons, self._box, self._bad = ground, reasons, box, bad
         self._name, self._side, self._end, self._deadline = name, side, end, deadline
         self._closed = box[name].is_closed_at(side)
 
     def lines(self) -> Iterator[Line]:
-        reach = self._end + self._side.sign
+        reach = self._end + REACH * self._side.sign
         for _ in range(HALVINGS):
             found = None
             beyond = self._beyond(reach)
@@ -399,10 +418,9 @@ class _Face:
                     yield from self._circle(*found)
                     return
             else:
-                reasons = Reasons(
-                    self._ground, self._encoding.epsilon, beyond, self._deadline, self._bad.reasons[piece]
-                )
-                broken = reasons.breaking([Side.of(dict(form), strict) for form, strict in _box_facts(beyond)])
+                reasons = self._reasons()
+                assumed = [Side.of(dict(form), strict) for form, strict in _box_facts(beyond)]
+                broken = reasons.breaking(assumed, self._bad.reasons[piece])
                 if broken is not None:
                     number, how = broken
                     found = self._approach(reasons, how, beyond)

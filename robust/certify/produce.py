@@ -13,8 +13,10 @@ from robust.certify.checker import choices, reader
 from robust.certify.hints import KnownFacts, Line, refutation
 from robust.certify.refute import NotRefutedError
 from robust.certify.tape import FORMAT, Progress, good_lines, header
-from robust.encode.interface import Encoding
+from robust.encode import create_encoding
+from robust.encode.interface import EPSILON
 from robust.errors import Location, RefutedError, UnsupportedError
+from robust.plan.model import ParametrizedPlan
 from robust.plan.pddl.forms import read_text
 from robust.qe.box import Box
 from robust.qe.region import Region
@@ -41,7 +43,9 @@ class PlanCertificate:
 
     Args:
         files: domain, problem and plan; parameters that a TOML file of the plan's name beside it adds count.
-        encoding: the plan's formulas, which only guide the search.
+        plan: the same, as this package reads it.
+        epsilon: the separation of mutex time points.
+        encoding: how the plan becomes formulas, which only guide the search for bad values near to a box.
         solver: `z3` or `cvc5`, likewise.
         deadline: when to give up, with OutOfTimeError.
         on_obligation: called with the number examined so far, of how many, and the obligation's name.
@@ -54,8 +58,10 @@ class PlanCertificate:
     def __init__(
         self,
         files: tuple[Path, ...],
-        encoding: Encoding,
+        plan: ParametrizedPlan,
+        epsilon: Fraction = EPSILON,
         *,
+        encoding: str = "relational",
         solver: str = "z3",
         deadline: Deadline = NEVER,
         on_obligation: Progress | None = None,
@@ -63,6 +69,8 @@ class PlanCertificate:
         beside = files[2].with_suffix(".toml")
         texts = [read_text(path) for path in (*files, *([beside] if beside.is_file() else []))]
         self.ground = supported(lambda: reader.ground(*texts))
+        self._plan = plan
+        self._epsilon = epsilon
         self._encoding = encoding
         self._solver = solver
         self._deadline = deadline
@@ -70,7 +78,7 @@ class PlanCertificate:
 
     def of_plan(self) -> list[Line]:
         """That the plan is valid at the nominal values; errors as of :meth:`of_box`."""
-        return [header("plan"), *self._good(Box.nominal(self._encoding.plan.parameters))]
+        return [header("plan"), *self._good(Box.nominal(self._plan.parameters))]
 
     def of_box(self, box: Box, *, maximal: bool = False) -> list[Line]:
         """That the plan is valid all over a box, and perhaps that no other valid box contains it.
@@ -82,27 +90,24 @@ class PlanCertificate:
         """
         lines = [header("maximal" if maximal else "box", box), *self._good(box)]
         if maximal:
-            found = supported(
-                lambda: [
-                    *face_lines(self.ground, self._encoding, box, solver=self._solver, deadline=self._deadline),
-                ]
+            encoding = create_encoding(self._encoding, self._plan, self._epsilon, self._deadline)
+            lines += supported(
+                lambda: [*face_lines(self.ground, encoding, box, solver=self._solver, deadline=self._deadline)]
             )
-            lines += found
         return lines
 
     def of_region(self, region: Region) -> list[Line]:
         """That a region is the whole envelope; errors as of :meth:`of_box`."""
-        epsilon = self._encoding.epsilon
         return [
             header("region"),
-            *supported(lambda: region_lines(self.ground, epsilon, region, deadline=self._deadline)),
+            *supported(lambda: region_lines(self.ground, self._epsilon, region, deadline=self._deadline)),
         ]
 
     def _good(self, box: Box) -> list[Line]:
         return supported(
             lambda: good_lines(
                 self.ground,
-                self._encoding.epsilon,
+                self._epsilon,
                 box,
                 solver=self._solver,
                 deadline=self._deadline,

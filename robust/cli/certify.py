@@ -234,14 +234,18 @@ def _network_of_steps(
 def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[Any], int | None]:
     from robust.api import load_plan
     from robust.certify.produce import PlanCertificate
-    from robust.encode import create_encoding
 
     if len(options.files) == 1:
         return _of_choices(options, deadline), None
     plan = load_plan(*options.files, nominal_needed=options.kind != "region")
-    encoding = create_encoding(options.encoding, plan, options.separation, deadline)
     made = PlanCertificate(
-        options.files, encoding, solver=options.solver, deadline=deadline, on_obligation=run.display.obligation
+        options.files,
+        plan,
+        options.separation,
+        encoding=options.encoding,
+        solver=options.solver,
+        deadline=deadline,
+        on_obligation=run.display.obligation,
     )
     if options.kind == "region":
         return made.of_region(_region(options, plan, deadline)), None
@@ -251,7 +255,9 @@ def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[
     if options.alethe is None:
         return lines, None
     from robust.certify.alethe import export
+    from robust.encode import create_encoding
 
+    encoding = create_encoding(options.encoding, plan, options.separation, deadline)
     return lines, export(encoding, box, options.alethe, deadline)
 
 

@@ -17,7 +17,7 @@ from random import Random
 from typing import Any
 
 from robust.api import envelope
-from robust.certify.bad import _Face
+from robust.certify.bad import _Face, _reasons
 from robust.certify.checker import reader
 from robust.certify.checker.formulas import TRUE
 from robust.certify.checker.proofs import RATIONAL
@@ -383,7 +383,14 @@ def face_of(ground: Any, encoding: Any, box: Any, name: str, side: Side) -> list
     assert end is not None
     bad = DiscoveredBadSet(encoding)
     face = _Face(
-        ground=ground, encoding=encoding, box=box, bad=bad, name=name, side=side, end=end, deadline=Deadline.after(60)
+        ground=ground,
+        reasons=lambda: _reasons(ground, encoding.epsilon, box, Deadline.after(60)),
+        box=box,
+        bad=bad,
+        name=name,
+        side=side,
+        end=end,
+        deadline=Deadline.after(60),
     )
     return face.lines()
 

@@ -22,7 +22,7 @@ DOMAIN = """(define (domain Rich) ; Comments (end with the line
  (:synth-parameters ?limit)
  (:predicates (at ?v - vehicle ?p - place) (in ?c - crate ?w - (either vehicle place)) (busy) (big ?c) (z)
   (in_place ?c))
- (:functions (fuel ?v - vehicle) (level) (rate) - number (cost) - number)
+ (:functions (fuel ?v - vehicle) (level) (rate) - number (cost) - number (toll ?v - vehicle))
  (:durative-action move
   :parameters (?v - vehicle ?from ?to - place)
   (:synth-parameters ?slack ?more)
@@ -32,7 +32,7 @@ DOMAIN = """(define (domain Rich) ; Comments (end with the line
    (forall (?c - crate) (at end (imply (big ?c) (in_vehicle ?c ?v)))))
   :effect (and
    (at start (not (at ?v ?from))) (at end (and (at ?v ?to) (scale-down (level) 2)))
-   (decrease (fuel ?v) (* #t (rate))) (increase (cost) (* 0.5 #t))
+   (decrease (fuel ?v) (* #t (rate))) (increase (cost) (* (+ ?slack (toll ?v)) #t))
    (forall (?c - box) (when (at start (in ?c ?v)) (at start (not (big ?c)))))
    (at end (when (> (- level 1) -3) (forall (?p ?q - place) (when (not (= ?p ?q)) (assign (cost)
      (- (* 2 level ?duration))))))))
@@ -48,7 +48,7 @@ PROBLEM = """(define (problem one) (:domain RICH) (:requirements :typing)
  (:objects t1 - truck s1 - ship b1 - box c1 - crate hall - place)
  (:init (at t1 depot) (in_vehicle B1 t1) (not (busy)) (= (fuel t1) 5) (= (fuel s1) (- 2)) (= level 1e1) (= (cost) .5)
   (= (rate) +2) (at 4 (not (busy))) (at 2.5 (= (rate) 3)) (at 2.5 (busy)) (at 4 (at t1 hall)) (at 0 (z)) (z)
-  (in_place c1))
+  (in_place c1) (= (toll t1) 1))
  (:goal (and (at t1 hall) (forall (?c - crate) (or (big ?c) (>= (fuel t1) ?limit)))))
  (:metric minimize (total-time)))
 """
@@ -75,6 +75,7 @@ def _all(*parts: Any) -> Any:
 
 
 DURATION, LEVEL, RATE = ("duration",), ("fluent", "(level)"), ("fluent", "(rate)")
+SLACK = ("parameter", "go-1.slack")
 BUSY, IN = ("atom", "(busy)"), ("atom", "(in b1 t1)")
 DECIDED = _all(True, (">", ("-", LEVEL, _number(1)), _number(-3)))
 COST = ("-", ("*", _number(2), LEVEL, DURATION))
@@ -101,7 +102,7 @@ SAYS: dict[str, Any] = {
     ],
     "duties": [
         ((">=", DURATION, _number(0)), 1, None, (1, 2)),
-        ((">=", DURATION, ("parameter", "go-1.slack")), 1, None, (1, 2)),
+        ((">=", DURATION, SLACK), 1, None, (1, 2)),
         (("<=", DURATION, ("+", RATE, _number(2), ("parameter", "limit"))), 2, None, (1, 2)),
         (("atom", "(at t1 depot)"), 1, None, (1, 2)),
         (("not", BUSY), 1, 2, (1, 2)),
@@ -140,11 +141,11 @@ SAYS: dict[str, Any] = {
             ("add", "(at t1 hall)", ("number", True), True, None),
         ],
     },
-    "flows": [(1, 2, "(fuel t1)", ("-", RATE)), (1, 2, "(cost)", _number("1/2"))],
+    "flows": [(1, 2, "(fuel t1)", ("-", RATE)), (1, 2, "(cost)", ("+", SLACK, ("fluent", "(toll t1)")))],
     "initial": {
         "(at t1 depot)": True, "(in b1 t1)": True, "(busy)": False, "(z)": True, "(in_place c1)": True,
         "(fuel t1)": Fraction(5), "(fuel s1)": Fraction(-2), "(level)": Fraction(10),
-        "(cost)": Fraction(1, 2), "(rate)": Fraction(2),
+        "(cost)": Fraction(1, 2), "(rate)": Fraction(2), "(toll t1)": Fraction(1),
     },
     "guessed": {"in_vehicle as in"},
     "timed": {5, 6, 7},
@@ -152,10 +153,10 @@ SAYS: dict[str, Any] = {
 
 PLAIN = Texts(
     "(define (domain d) (:predicates (p ?x)) (:constants a) (:action b :effect (p a)))",
-    "(define (problem x) (:domain d) (:init) (:goal (exists (?x) (and (p ?x) (= ?x a)))))",
-    "action instance i : (b);",
+    "(define (problem x) (:domain d) (:init (at 9 (p a)) (at 1 (p a))) (:goal (exists (?x) (and (p ?x) (= ?x a)))))",
+    "action instance i : (b); c: i - .zero in [0, inf];",
 )
-"""No types and no parameters, and one action at one time."""
+"""No types and no parameters, one action at one time, and what happens later than what is written after it."""
 
 VARIED = Texts(
     "(define (domain d) (:predicates (p)) (:functions (f)) (:durative-action a :parameters ()"
@@ -167,6 +168,17 @@ VARIED = Texts(
 )
 BESIDE = '[parameters.x]\nduration = "i"\n[parameters.y]\nfluent = "(f)"\n'
 """A plan with parameters that are written beside it: of how long an action takes, and an initial value."""
+
+OTHERS = (
+    "(define (domain d) (:synth-parameters ?s)"
+    " (:durative-action a :parameters () :duration (<= ?duration 9) :effect ())"
+    " (:durative-action e :parameters () :duration (= ?duration ?s) :effect ()))",
+    "(define (problem x) (:domain d) (:init) (:goal (and)))",
+    "parameter s default 2; durative-action instance i : (a); c: i.end - i.start in [s, s];"
+    " durative-action instance j : (e);",
+    '[parameters.s]\nduration = "i"',
+)
+"""The parameter is how long another action takes, and nothing that the action says."""
 
 WRONG_BESIDE = (
     '[parameters.x]\nduration = "j"', '[parameters.x]\nduration = "k"', '[parameters.z]\nduration = "i"',
@@ -344,7 +356,8 @@ WRONG: Changes = {
     ],
     "(< 1 ?much)": ["(< 1 ?duration)"],
     "(at start (not (at ?v ?from)))": [
-        "(not (at ?v ?from))", "(over all (busy))", "(at start (at start (busy)))", "(at start busy)",
+        "(not (at ?v ?from))", "(over all (busy))", "(over start (busy))",
+        "(at start (at start (busy)))", "(at start busy)",
         "(at end (at start (busy)))", "(at start (busy) (busy))", "(at start (not (not (busy))))", "(at start (not))",
         "(at start (not (busy) (busy)))", "(at start (or (busy)))", "(at start (level))", "(at start (assign (level)))",
         "(at start (assign (level) 1 2))", "(at start (assign (busy) 1))", "(at start (assign ?v 1))",
@@ -388,11 +401,12 @@ WRONG: Changes = {
     "default 1/2 lb": ["default 1/0 lb", "default inf lb"],
     "lb -inf ub +inf": ["lb inf ub +inf", "lb -inf ub -inf", "lb -inf ub top", "lb low ub +inf"],
     "parameter k.x default": ["parameter k.x default 3; parameter k.x default"],
-    "# A plan; of everything.": ["A plan; of everything.", ";"],
+    "# A plan; of everything.": ["A plan; of everything.", ";", "parameter K default 1; parameter K default 1;"],
     "instance go-1 :": ["instance go--1 :", "instance go-1"],
     "instance m2 :": ["instance go-1 :"],
     "durative-action instance go-1": ["durative-action go-1", "action instance go-1", "instance go-1"],
     "action instance m2": ["durative-action instance m2"],
+    "action instance r": ["durative-action instance r"],
     "action instance m2 : (mark b1 b1);": ["action instance m2 : (mark b1 b1); action instance m2 : (mark b1 b1);"],
     "(MOVE t1 depot Hall)": [
         "(MOVE t1 depot)", "(MOVE t1 depot Hall Hall)", "()", "(go t1 depot Hall)", "(MOVE b1 depot Hall)",
@@ -483,6 +497,7 @@ def probes() -> Iterator[tuple[str, Callable[[Checker], bool]]]:
         texts = texts_with("(when (busy) (decrease", f"(when {guard} (decrease")
         yield f"texts guard {guard}", partial(_may_happen, texts=texts, known=known)
     yield "texts beside", _says_beside
+    yield "texts beside another action", partial(refuses, texts=OTHERS)
     for number, beside in enumerate(WRONG_BESIDE):
         yield f"texts wrong beside {number}", partial(refuses, texts=[*VARIED, beside])
     for old, every in WRONG_VARIED.items():
@@ -500,12 +515,17 @@ def _says(by: Checker) -> bool:
 
 def _says_plainly(by: Checker) -> bool:
     ground = by.reader.ground(*PLAIN)
-    adds = [("add", "(p a)", None, True, (1, 1))]
+    unknown = by.reader.ground(PLAIN.domain, PLAIN.problem, f"parameter k lb 0; {PLAIN.plan}")
+    late = [("add", "(p a)", ("number", True), True, None)]
+    one, nine = Fraction(1), Fraction(9)
+    timed = [(0, 2, {"": one}), (2, 0, {"": -one}), (0, 3, {"": nine}), (3, 0, {"": -nine})]
     return bool(
-        said(ground)["effects"] == {0: [], 1: adds}
-        and [(duty.label, duty.condition) for duty in ground.duties]
+        said(ground)["effects"] == {0: [], 1: [("add", "(p a)", None, True, (1, 1))], 2: late, 3: late}
+        and [(each.label, each.condition) for each in ground.duties]
         == [("goal 1", ("or", ("and", ("atom", "(p a)"), True)))]
-        and (ground.points, ground.edges) == ([".zero", "i"], [(0, 1, {})])
+        and ground.points == [".zero", "i", "@1", "@9"]
+        and ground.edges == [(0, 1, {}), *timed, (0, 1, {}), (0, 2, {}), (0, 3, {})]
+        and said(unknown)["parameters"] == {"k": (None, Fraction(0), None)}
     )
 
 

@@ -181,10 +181,10 @@ def test_what_is_not_true_has_no_certificate() -> None:
 def test_a_construct_that_the_checker_does_not_know(tmp_path) -> None:
     texts = Texts(SMALL.format("()"), PROBLEM, FLEXIBLE)
     files = tools.written(texts, tmp_path)
-    encoding = create_encoding("relational", load_plan(*files))
+    plan = load_plan(*files)
     files[0].write_text(texts.domain.replace("(:functions (f))", "(:functions (f)) (:event x)"), encoding="utf-8")
     with pytest.raises(UnsupportedError, match="the checker of certificates does not read this"):
-        PlanCertificate(files, encoding)
+        PlanCertificate(files, plan)
 
 
 def test_epsilon_zero_and_conditions_of_one_name(tmp_path) -> None:

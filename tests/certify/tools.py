@@ -17,7 +17,6 @@ from robust.certify.checker import choices, claims, formulas, proofs, reader
 from robust.certify.hints import Line
 from robust.certify.produce import PlanCertificate
 from robust.certify.tape import write
-from robust.encode import create_encoding
 from robust.plan.load import assemble, load_plan
 from robust.plan.model import ParametrizedPlan
 from robust.plan.pddl.reader import parse_domain, parse_problem
@@ -52,7 +51,7 @@ MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeE
 def made(files: Sequence[Path], kind: str, *, box: Box | None = None, epsilon: Fraction = EPSILON) -> list[Line]:
     """The lines of a certificate of the plan in `files`."""
     plan = load_plan(*files)
-    certificate = PlanCertificate(tuple(files), create_encoding("relational", plan, epsilon))
+    certificate = PlanCertificate(tuple(files), plan, epsilon)
     if kind == "plan":
         return certificate.of_plan()
     if kind == "region":
