@@ -115,7 +115,7 @@ class _Waiting:
         return Question(
             terms,
             self._reader,
-            tuple(formulas),
+            tuple(dict.fromkeys(formulas)),  # those of what copies share are the same
             self._statements,
             frozenset(),
             lambda _values: ALWAYS,
