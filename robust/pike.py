@@ -1,4 +1,4 @@
-"""Plans with choices in Python: written as programs, read from files, and asked how far reality may deviate.
+"""Plans with choices in Python: written as programs, read from files, executed, and asked how far reality may deviate.
 
 from robust import pike
 
@@ -20,13 +20,20 @@ from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize,
 from robust.pike_bridge.envelopes.search import LabeledRegion, LabeledRegionSearch, TeamEnvelope, TeamEnvelopeSearch
 from robust.pike_bridge.files import read_tpnu, write_tpnu
 from robust.pike_bridge.model import EPSILON, TeamPlan, Tpnu
+from robust.pike_bridge.online.executive import PlanExecutive
+from robust.pike_bridge.online.progress import Completion, Estimate, Outcome
+from robust.pike_bridge.online.reasoners import make_reasoner
 from robust.smt.limits import Deadline, noticing_interrupts
 
 __all__ = [
     "EPSILON",
+    "Completion",
+    "Estimate",
     "Instance",
     "LabeledRegion",
+    "Outcome",
     "ParametricPlan",
+    "PlanExecutive",
     "TeamEnvelope",
     "TeamPlan",
     "Tpnu",
@@ -35,6 +42,7 @@ __all__ = [
     "choose",
     "envelope",
     "load",
+    "make_reasoner",
     "parallel",
     "parametrize",
     "read_tpnu",

@@ -209,7 +209,14 @@ def test_documented_parameter_file_is_read(name, tmp_path):
     assert [parameter.name for parameter in plan.parameters] == ["to_ridge", "to_crater", "endurance"]
 
 
-PYTHON = ["README.md", "docs/api.md", "docs/choices.md", "docs/stnu.md", "docs/how-to/plan-with-choices.md"]
+PYTHON = [
+    "README.md",
+    "docs/api.md",
+    "docs/choices.md",
+    "docs/executives.md",
+    "docs/stnu.md",
+    "docs/how-to/plan-with-choices.md",
+]
 
 
 @pytest.mark.parametrize("page", PYTHON)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 from robust.pike_bridge.envelopes.differences import Cycle, Edge, cycles
@@ -65,24 +66,41 @@ class Piece:
 
 
 class ParametricSemantics(Semantics):
-    """The formulas of a plan with parameters for bounds; those of several copies of it are apart.
+    """The formulas of a plan with parameters for bounds, or of a copy of it.
 
     Args:
         parametric: the plan.
         terms: where formulas are built.
         reader: reads them.
-        copy: the name of the copy.
+        copies: by event, the name of the copy that its time is of.
+        given: choices that are made in this copy: nothing is said of what they exclude.
+        shared: by choice, a copy that makes it alike.
     """
 
-    def __init__(self, parametric: ParametricPlan, terms: Terms, reader: Reader, copy: str = "") -> None:
-        self._copy = copy
+    def __init__(
+        self,
+        parametric: ParametricPlan,
+        terms: Terms,
+        reader: Reader,
+        *,
+        copies: Mapping[str, str] = MappingProxyType({}),
+        given: Guard = ALWAYS,
+        shared: Mapping[str, ParametricSemantics] = MappingProxyType({}),
+    ) -> None:
+        self._copies = copies
+        self._given = dict(given)
+        self._shared = shared
         plan = parametric.plan
         bare = replace(plan.network, constraints=(), activities=())
-        super().__init__(replace(plan, network=bare), terms)
+        conditions = tuple(one for one in plan.conditions if not contradicts(given, one.guard))
+        effects = tuple(one for one in plan.effects if not contradicts(given, one.guard))
+        super().__init__(replace(plan, network=bare, conditions=conditions, effects=effects), terms)
         self.statements: dict[Leaf, Statement] = {}
         """What each inequality of times says."""
         bounds = []
         for place, one in enumerate(plan.network.temporal_constraints):
+            if contradicts(given, one.guard):
+                continue
             difference: Polynomial[Any] = self._time(one.target) - self._time(one.source)
             lower, upper = parametric.bounds[place]
             sides = [] if lower is None else [(self.terms.at_least(difference - lower), False)]
@@ -93,6 +111,15 @@ class ParametricSemantics(Semantics):
         for (earlier, later), formula in self._orders.items():
             self._note(reader, formula, OrderStatement(earlier, later))
         self.formulas = (*self.formulas, *bounds)
+
+    def _declare(self, variable: str) -> Iterator[Formula]:
+        assignments = [Assignment(variable, value) for value in self._domains[variable]]
+        if variable in self._given:
+            self._values.update((each, self.terms.truth(self._given[variable] == each.value)) for each in assignments)
+        elif variable in self._shared:
+            self._values.update((each, self._shared[variable].guard([each])) for each in assignments)
+        else:
+            yield from super()._declare(variable)
 
     def _note(self, reader: Reader, formula: Formula, statement: Statement) -> None:
         found = reader.read(formula)
@@ -113,7 +140,7 @@ class ParametricSemantics(Semantics):
 
     def _time(self, event: str) -> Polynomial[str]:
         super()._time(event)  # an unknown event is an error
-        return Polynomial.variable(f"time of {event}{self._copy}")
+        return Polynomial.variable(f"time of {event}{self._copies.get(event, '')}")
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from itertools import combinations as pairs
 
 from robust.pike_bridge.envelopes.parameters import ParametricPlan
 from robust.pike_bridge.envelopes.pieces import ParametricSemantics, Question, Statement
-from robust.pike_bridge.model import ALWAYS, Assignment, Choice, Event, Guard
+from robust.pike_bridge.model import ALWAYS, Assignment, Choice, Event, Guard, reachable
+from robust.plan.model import ParameterReference
 from robust.qe.nnf import Leaf, Reader
 from robust.smt.terms import Formula, Terms
 
@@ -28,29 +29,85 @@ def waiting_question(parametric: ParametricPlan, alternatives: Sequence[Guard], 
     return _Waiting(parametric, alternatives, assume).question()
 
 
+class _Order:
+    """Which events are no later than others, whatever the parameters are, by lower bounds that are not negative."""
+
+    def __init__(self, parametric: ParametricPlan) -> None:
+        network = parametric.plan.network
+        self._guards = network.guards
+        least = {ParameterReference(one.name): one.lower for one in parametric.declared if one.lower is not None}
+        self._after: dict[str, list[tuple[str, Guard]]] = {}
+        for one, (lower, _) in zip(network.temporal_constraints, parametric.bounds, strict=True):
+            # Bounds are numbers to which parameters are added.
+            if lower is not None and lower.variables <= least.keys() and lower.evaluate(least) >= 0:
+                label = one.guard | self._guards[one.target]
+                self._after.setdefault(one.source, []).append((one.target, label))
+
+    def no_later(self, event: str, other: str) -> bool:
+        """Whether the event is not after the other one whenever both are executed."""
+        both = self._guards[event] | self._guards[other]
+        after = {each: [target for target, label in found if label <= both] for each, found in self._after.items()}
+        return other in reachable(after, event)
+
+
 class _Waiting:
     def __init__(self, parametric: ParametricPlan, alternatives: Sequence[Guard], assume: Guard) -> None:
         self._plan = parametric.plan
         self._terms = Terms()
         self._reader = Reader(self._terms)
         self._alternatives = alternatives
-        self._assume = assume
-        self._copies = [
-            ParametricSemantics(parametric, self._terms, self._reader, f" ({number})")
-            for number in range(len(alternatives))
-        ]
+        self._order = _Order(parametric)
         self._statements: dict[Leaf, Statement] = {}
         self._decided_at: dict[str, list[Choice]] = {}
         asked = {one.variable for each in alternatives for one in each}
         for choice in self._plan.network.choices:
             if choice.event is not None and choice.name not in asked:
                 self._decided_at.setdefault(choice.event, []).append(choice)
+        self._copies: list[ParametricSemantics] = []
+        alike = {event.name: self._alike(event.name) for event in self._plan.network.events}
+        for number, alternative in enumerate(alternatives):
+            self._copies.append(
+                ParametricSemantics(
+                    parametric,
+                    self._terms,
+                    self._reader,
+                    copies={event: f" ({first[number]})" for event, first in alike.items()},
+                    given=alternative | assume,
+                    shared={
+                        choice.name: self._copies[alike[event][number]]
+                        for event, choices in self._decided_at.items()
+                        for choice in choices
+                        if alike[event][number] < number and not self._plan.network.guards[event]
+                    },
+                )
+            )
+
+    def _alike(self, event: str) -> list[int]:
+        """For each copy the first one of those which all have the event, if they do, at one time.
+
+        So it is if the event is never after what tells two copies apart.
+        """
+        groups: list[list[int]] = []
+        found = []
+        for number in range(len(self._alternatives)):
+            group = next((each for each in groups if all(self._untold(event, one, number) for one in each)), None)
+            if group is None:
+                groups.append(group := [])
+            group.append(number)
+            found.append(group[0])
+        return found
+
+    def _untold(self, event: str, one: int, other: int) -> bool:
+        """Whether an event is never after a choice by which two copies are told apart."""
+        names = self._telling(one, other)
+        told_at = (choice.event for choice in self._plan.network.choices if choice.name in names)
+        return all(each is None or self._order.no_later(event, each) for each in told_at)
 
     def question(self) -> Question:
         """The formulas of all copies, and what joins them."""
         formulas: list[Formula] = []
-        for copy, alternative in zip(self._copies, self._alternatives, strict=True):
-            formulas += [*copy.formulas, copy.guard(alternative | self._assume)]
+        for copy in self._copies:
+            formulas += copy.formulas
             self._statements |= copy.statements
         for one, other in self._neighbours():
             formulas += self._together(one, other)
@@ -58,7 +115,7 @@ class _Waiting:
         return Question(
             terms,
             self._reader,
-            tuple(formulas),
+            tuple(dict.fromkeys(formulas)),  # those of what copies share are the same
             self._statements,
             frozenset(),
             lambda _values: ALWAYS,
@@ -98,11 +155,16 @@ class _Waiting:
         terms, first, second = self._terms, self._copies[one], self._copies[other]
         here, there = first.active(event.name), second.active(event.name)
         neither = terms.conjunction((terms.negation(here), terms.negation(there)))
-        alike = [here, there, terms.equal(first.clock(event.name) - second.clock(event.name))]
+        if neither is terms.true:
+            return neither
+        same = [terms.equal(first.clock(event.name) - second.clock(event.name))]
         for choice in self._decided_at.get(event.name, ()):
             for value in choice.domain:
-                assignment = [Assignment(choice.name, value)]
-                alike.append(terms.equivalence(first.guard(assignment), second.guard(assignment)))
+                made, other = (each.guard([Assignment(choice.name, value)]) for each in (first, second))
+                same.append(terms.true if made is other else terms.equivalence(made, other))
+        if here is there and all(each is terms.true for each in same):
+            return terms.true
+        alike = [here, there, *same]
         apart = (self._after(first, event, telling, there), self._after(second, event, telling, here))
         return terms.disjunction((neither, terms.conjunction(alike), terms.conjunction(apart)))
 
@@ -111,6 +173,8 @@ class _Waiting:
     ) -> Formula:
         """That in one copy the event comes after a choice that tells both copies apart, if it comes at all."""
         terms, epsilon = self._terms, self._plan.epsilon
+        if copy.active(event.name) is terms.false:
+            return terms.true
         ways = [terms.negation(copy.active(event.name))]
         for choice in telling:
             if choice.event is None or choice.event == event.name:

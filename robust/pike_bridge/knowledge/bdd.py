@@ -171,22 +171,6 @@ class BddKnowledgeBase(KnowledgeBase):
     def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
         return bool(self._narrowed(asked, deadline) != self._diagrams.manager.false)
 
-    def _model(self, asked: Narrowing, preferred: Mapping[str, str], deadline: Deadline) -> Mapping[str, str] | None:
-        """One variable after the other keeps its preferred value, if it can."""
-        root = self._narrowed(asked, deadline)
-        false = self._diagrams.manager.false
-        if root == false:
-            return None
-        model = {}
-        for variable, values in self.theory.domains.items():
-            first = preferred.get(variable)
-            for value in values if first is None else (first, *values):
-                rest = root & self._diagrams.environment([Assignment(variable, value)])
-                if rest != false:
-                    root, model[variable] = rest, value
-                    break
-        return model
-
     def _count(self, deadline: Deadline) -> int:
         """Exact: CUDD's own count is a floating-point number."""
         known: dict[Node, int] = {}

@@ -228,35 +228,6 @@ def allows(factor: Factor, asked: Partial, deadline: Deadline) -> bool:
     return next(extensions(factor, asked, deadline), None) is not None
 
 
-def find_model(
-    factors: Sequence[Factor], asked: Partial, conflicts: Sequence[Conflict], preferred: Environment, deadline: Deadline
-) -> Environment | None:
-    """Assignments that entail what is asked, resolve all conflicts and have only models as extensions; None if there
-    are none.
-
-    Args:
-        preferred: an assignment to every variable, of which each factor is given its part if that is allowed.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-    """
-    for resolved in resolutions(asked, conflicts, deadline, factors):
-        whole = resolved.environment
-        for factor in factors:
-            rest = factor.scope & ~resolved.scope
-            kept = Partial(resolved.environment | preferred & rest, resolved.scope | rest)
-            if allows(factor, kept, deadline):
-                whole |= kept.environment
-                continue
-            part = next(extensions(factor, resolved, deadline), None)
-            if part is None:
-                break
-            whole |= part.environment
-        else:
-            return whole
-    return None
-
-
 def require(factors: Sequence[Factor], asked: Partial, effort: Effort) -> list[Factor]:
     """The factors with all assignments of an environment conjoined.
 

@@ -59,22 +59,13 @@ class Goal:
                 parts = self._excluding(parts, self.diagrams.choices(conflict), deadline)
         return Goal(self.diagrams, (FALSITY,) if any(part.function == FALSE for part in parts) else parts)
 
-    def find(self, asked: Narrowing, preferred: Mapping[str, str], deadline: Deadline) -> dict[str, str] | None:
-        """A model that satisfies what is asked; None if there is none.
-
-        Args:
-            preferred: a value of every variable, which it keeps where that is possible.
-        """
-        found = _Search(self.diagrams.functions, self.parts, self._asked(asked, preferred), deadline).run()
-        return None if found is None else {each.variable: each.value for each in self.diagrams.decode(found.items())}
-
     def possible(self, asked: Narrowing, deadline: Deadline) -> bool:
         """Whether some model satisfies what is asked, of which only the parts that it is about need be searched."""
-        question = self._asked(asked, {})
+        question = self._asked(asked)
         mentioned = {variable for conflict in question.conflicts for variable, _ in conflict}
         mentioned |= question.required.keys()
         relevant = [part for part in self.parts if part.function == FALSE or part.variables & mentioned]
-        return _Search(self.diagrams.functions, relevant, question, deadline).run() is not None
+        return _Search(self.diagrams.functions, relevant, question, deadline).succeeds()
 
     def count(self, deadline: Deadline) -> int:
         """How many models there are."""
@@ -106,11 +97,10 @@ class Goal:
         """How many nodes the functions have."""
         return self.diagrams.functions.size(part.function for part in self.parts)
 
-    def _asked(self, asked: Narrowing, preferred: Mapping[str, str]) -> _Question:
+    def _asked(self, asked: Narrowing) -> _Question:
         choices = self.diagrams.choices
         required = dict(choices(asked.required.items()))
-        values = dict.fromkeys(range(len(self.diagrams.functions.sizes)), 0)
-        values |= dict(choices(preferred.items())) | required
+        values = dict.fromkeys(range(len(self.diagrams.functions.sizes)), 0) | required
         return _Question(required, [choices(conflict) for conflict in asked.conflicts], values)
 
     def _joined(self, parts: Iterable[Part], new: Part, deadline: Deadline) -> tuple[Part, ...]:
@@ -147,8 +137,8 @@ class _Question:
 
     required: Mapping[int, int]
     conflicts: Sequence[Sequence[Choice]]
-    preferred: Mapping[int, int]
-    """A value of every variable."""
+    begin: Mapping[int, int]
+    """A value of every variable, with which the search begins."""
 
 
 @dataclass(slots=True)
@@ -163,8 +153,8 @@ class _Search:
     question: _Question
     deadline: Deadline
 
-    def run(self) -> dict[int, int] | None:
-        """A model; None if there is none."""
+    def succeeds(self) -> bool:
+        """Whether there is a model."""
         required = [choice for item in self.question.required.items() for choice in self._others(*item)]
         stack = [frozenset(required)]
         while stack:
@@ -175,16 +165,16 @@ class _Search:
                 continue
             conflict = next((each for each in self.question.conflicts if _manifests(model, each)), None)
             if conflict is None:
-                return model
+                return True
             earlier: set[Choice] = set()
             for choice in conflict:
                 stack.append(forbidden | earlier | {choice})
                 earlier.update(self._others(*choice))
-        return None
+        return False
 
     def _model(self, forbidden: frozenset[Choice]) -> dict[int, int] | None:
-        """Of the parts, with what no part says as preferred, if that is not forbidden."""
-        model = dict(self.question.preferred)
+        """Of the parts, with what no part says as in the beginning, if that is not forbidden."""
+        model = dict(self.question.begin)
         for variable in {variable for variable, _ in forbidden}:
             left = [number for number in range(self.functions.sizes[variable]) if (variable, number) not in forbidden]
             if not left:

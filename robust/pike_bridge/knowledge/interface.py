@@ -112,17 +112,6 @@ class KnowledgeBase(ABC):
     def commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> None:
         """CommitToConstraints: from now on only models that satisfy the commitments count."""
 
-    def find_model(
-        self, commitments: Sequence[Commitment], preferred: Mapping[str, str], deadline: Deadline = NEVER
-    ) -> Mapping[str, str] | None:
-        """A model that satisfies the commitments as well; None if there is none.
-
-        Args:
-            preferred: values that variables keep where that costs nothing; each back end tries in its own way.
-        """
-        asked = self._asked(commitments, deadline)
-        return self._model(asked, preferred, deadline) if asked.consistent else None
-
     def count_models(self, deadline: Deadline = NEVER) -> int:
         """How many models are left."""
         self._asked((), deadline)
@@ -131,10 +120,6 @@ class KnowledgeBase(ABC):
     @abstractmethod
     def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
         """Whether a model satisfies what is asked, which does not contradict itself."""
-
-    @abstractmethod
-    def _model(self, asked: Narrowing, preferred: Mapping[str, str], deadline: Deadline) -> Mapping[str, str] | None:
-        """A model that satisfies what is asked, which does not contradict itself."""
 
     @abstractmethod
     def _count(self, deadline: Deadline) -> int: ...

@@ -156,12 +156,6 @@ class SatKnowledgeBase(KnowledgeBase):
         with self._session.frame(*self._narrow(asked)):
             return satisfiable(self._session, "models left", deadline)
 
-    def _model(self, asked: Narrowing, preferred: Mapping[str, str], deadline: Deadline) -> Mapping[str, str] | None:
-        """The model that the solver finds; it has preferences of its own."""
-        with self._session.frame(*self._narrow(asked)):
-            possible = satisfiable(self._session, "models left", deadline)
-            return self._propositions.chosen(self._session.values(self._propositions.choices)) if possible else None
-
     def _count(self, deadline: Deadline) -> int:
         """By listing, in a session of its own, which excludes each model once it is found."""
         session = self._start(deadline)

@@ -12,7 +12,7 @@ from itertools import product
 from math import prod
 from typing import Any, ClassVar
 
-from robust.pike_bridge.knowledge.factors import FALSITY, Partial, could_hold, exclude, factors, find_model, require
+from robust.pike_bridge.knowledge.factors import FALSITY, Partial, could_hold, exclude, factors, require
 from robust.pike_bridge.knowledge.goal import LARGEST_GOAL, compile_goal
 from robust.pike_bridge.knowledge.interface import (
     LARGEST_LABEL,
@@ -153,10 +153,6 @@ class LabelKnowledgeBase(KnowledgeBase):
     def _effort(self, deadline: Deadline) -> Effort:
         return Effort(self.statistics, deadline, self._largest_label)
 
-    def _kept(self, preferred: Mapping[str, str]) -> dict[str, str]:
-        """A value of every variable, the preferred one if there is one."""
-        return {variable: preferred.get(variable, values[0]) for variable, values in self.theory.domains.items()}
-
     def _conflict(self, environment: Guard) -> Conflict:
         return conflict(self._vocabulary.encode(environment), self._vocabulary)
 
@@ -204,14 +200,6 @@ class Atms(LabelKnowledgeBase):
     def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
         conflicts = list(map(self._conflict, asked.conflicts))
         return could_hold(self._factors, self._partial(asked.required), conflicts, deadline)
-
-    def _model(self, asked: Narrowing, preferred: Mapping[str, str], deadline: Deadline) -> Mapping[str, str] | None:
-        """Independent parts keep all of their preferred values, if they can."""
-        kept = self._kept(preferred)
-        wanted = self._vocabulary.encode(Assignment(*item) for item in kept.items()) & self._vocabulary.made
-        conflicts = list(map(self._conflict, asked.conflicts))
-        found = find_model(self._factors, self._partial(asked.required), conflicts, wanted, deadline)
-        return None if found is None else kept | dict(self._vocabulary.decode(found))
 
     def _count(self, deadline: Deadline) -> int:
         effort = self._effort(deadline)
@@ -287,10 +275,6 @@ class PiTms(LabelKnowledgeBase):
 
     def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
         return self._goal.possible(asked, deadline)
-
-    def _model(self, asked: Narrowing, preferred: Mapping[str, str], deadline: Deadline) -> Mapping[str, str] | None:
-        """Preferred values are kept where neither earlier variables nor conflicts prevent it."""
-        return self._goal.find(asked, self._kept(preferred), deadline)
 
     def _count(self, deadline: Deadline) -> int:
         return self._goal.count(deadline)

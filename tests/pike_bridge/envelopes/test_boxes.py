@@ -11,6 +11,7 @@ from robust.irr.search import Status
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
 from robust.pike_bridge.envelopes.search import TeamEnvelopeSearch
+from robust.pike_bridge.envelopes.waiting import _Order
 from robust.pike_bridge.model import guard
 from robust.pike_bridge.online.world import Ending, Rehearsal, Story
 from robust.pike_bridge.semantics import Existence, Oracle
@@ -193,6 +194,27 @@ def test_waiting_promises_no_more_than_knowing():
         knowing = TeamEnvelopeSearch(plan, for_all=for_all).run()
         waiting = TeamEnvelopeSearch(plan, for_all=for_all, waiting=True).run()
         assert waiting.region.is_subset_of(knowing.region)
+
+
+def waited(plan, for_all):
+    return TeamEnvelopeSearch(plan, for_all=for_all, waiting=True).run()
+
+
+def test_what_copies_share_makes_no_difference(monkeypatch):
+    kitchen = parametric(stories.kitchen().plan(), "coffee=duration:make-coffee", "late=hesitation:xA1")
+    asked = [(kitchen, ["xA1"]), (kitchen, ["xA1", "xA3"])]
+    asked += [(parametric(race(9, robot_first=first), "late=hesitation:x"), ["x"]) for first in (True, False)]
+    for seed in range(24):
+        plan = random_parameters(structured(seed), seed)
+        asked.append((plan, [one.name for one in plan.plan.network.choices if not one.controllable][:2]))
+    together = [waited(*each) for each in asked]
+    monkeypatch.setattr(_Order, "no_later", lambda *_: False)
+    apart = [waited(*each) for each in asked]
+    for one, other in zip(together, apart, strict=True):
+        assert (one.box, one.verified, one.status) == (other.box, other.verified, other.status)
+        assert one.region.is_subset_of(other.region)
+        assert other.region.is_subset_of(one.region)
+    assert sum(one.verified for one in together) > 5
 
 
 def test_nobody_can_wait_for_what_comes_too_late():

@@ -41,25 +41,9 @@ def test_answers_are_those_of_brute_force(name, data):
         assert knowledge.count_models() == len(left)
         step = data.draw(commitments(theory.domains))
         assert knowledge.could_commit(step) == any(allowed(model, step) for model in left)
-        found = knowledge.find_model(step, data.draw(st.sampled_from([*left, {}])))
-        assert (found is not None) == any(allowed(model, step) for model in left)
-        assert found is None or (allowed(found, step) and found in left)
         knowledge.commit(step)
         left = [model for model in left if allowed(model, step)]
     assert [one for one in scenarios(theory.domains) if knowledge.could_commit([Require(guard(one))])] == left
-
-
-@pytest.mark.parametrize("name", ["pitms", "atms", "bdd"])
-@settings(max_examples=60)
-@given(data=st.data())
-def test_what_is_preferred_and_allowed_is_kept(name, data):
-    theory = data.draw(theories())
-    left = models(theory)
-    knowledge = create_knowledge_base(name, theory)
-    for model in left:
-        assert knowledge.find_model([], model) == model
-        some = dict(data.draw(st.lists(st.sampled_from(sorted(model.items())), max_size=2))) if model else {}
-        assert knowledge.find_model([Require(guard(some))], model) == model
 
 
 @each
@@ -72,7 +56,6 @@ def test_every_question_is_counted_and_an_expired_deadline_changes_nothing(name)
     questions = (
         knowledge.satisfiable,
         lambda *deadline: knowledge.could_commit(step, *deadline),
-        lambda *deadline: knowledge.find_model(step, {}, *deadline),
         knowledge.count_models,
     )
     for ask in questions:
@@ -81,7 +64,7 @@ def test_every_question_is_counted_and_an_expired_deadline_changes_nothing(name)
             ask(EXPIRED)
     with pytest.raises(OutOfTimeError):
         knowledge.commit(step, EXPIRED)
-    assert knowledge.statistics.queries == before + 5
+    assert knowledge.statistics.queries == before + 4
     assert knowledge.count_models() == count == len(models(ROOMS))
     knowledge.commit(step)
     assert knowledge.count_models() == 1
@@ -157,7 +140,8 @@ def test_formulas_may_be_deep(name):
     for _ in range(3001):
         deep = Not(All((deep,)))
     knowledge = create_knowledge_base(name, Theory({"x": ("1", "2")}, (deep,)))
-    assert (knowledge.count_models(), knowledge.find_model([], {})) == (1, {"x": "2"})
+    assert knowledge.count_models() == 1
+    assert knowledge.could_commit([Require(guard({"x": "2"}))])
 
 
 @each
@@ -198,8 +182,7 @@ def test_a_choice_may_be_too_slow(solver):
     )
     knowledge = SatKnowledgeBase(Theory(late.domains), late, solver=solver)
     assert not knowledge.could_commit([Require(guard({"100% sure": "slow"}))])
-    assert knowledge.find_model([Require(guard({"100% sure": "slow"}))], {}) is None
-    assert knowledge.find_model([], {}) == {"100% sure": "fast"}
+    assert knowledge.could_commit([Require(guard({"100% sure": "fast"}))])
     assert not knowledge.could_commit([Exclude(guard({"100% sure": "fast"}))])
     knowledge.commit([Exclude(guard({"100% sure": "slow"}))])
     assert knowledge.count_models() == 1
