@@ -281,6 +281,35 @@ def test_the_best_so_far_has_a_gap(monkeypatch) -> None:
     assert search.so_far(timed_out=True).status is RepairStatus.FEASIBLE
 
 
+@given(broken(), st.integers(1, 12))
+@settings(max_examples=15, deadline=None)
+def test_whenever_time_is_out_the_gap_holds(plan, steps) -> None:
+    """The least cost is between the bound and the cost of the best repair so far, which is proved."""
+    least, left = RepairSearch(plan).run(), steps
+    search = RepairSearch(plan)
+    original = search._clause_at
+
+    def until(candidate):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise OutOfTimeError
+        return original(candidate)
+
+    search._clause_at = until
+    found = search.run()
+    if left >= 0:
+        assert (found.status, found.bound) == (least.status, least.bound)
+        return
+    assert found.cut_short
+    if least.cost is not None:
+        assert found.bound <= least.bound
+    if found.plan is not None:
+        assert found.cost is not None
+        assert least.bound <= found.cost
+        assert is_proved(found.plan)
+
+
 def test_a_check_that_disagrees_is_an_error(monkeypatch) -> None:
     def refuting(self) -> CheckResult:
         return CheckResult(Answer.REFUTED, self.box, {}, {}, 0.0, reason="no reason")

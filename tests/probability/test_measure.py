@@ -13,6 +13,7 @@ from robust.probability.measure import Bounds, Measure, RegionMeasure, box_proba
 from robust.qe.box import Box, Interval
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron, union_volume
+from robust.qe.share import proportion_bounds
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 F = Fraction
@@ -126,6 +127,45 @@ def test_independent_parameters_cost_the_sum_and_not_the_product():
     found = measure.run(F(1, 10**4), NEVER)
     assert found.width <= F(1, 10**4)
     assert measure.cells < 5000
+
+
+def drawn_groups(random: Random) -> tuple[list[list[str]], Polyhedron, list[Polyhedron]]:
+    """Two or three groups of parameters that no side and no removed polyhedron has in common."""
+    groups = [
+        [f"{letter}{number}" for number in range(random.randint(1, 2))] for letter in "abc"[: random.randint(2, 3)]
+    ]
+    names = [name for group in groups for name in group]
+    sides, removed = [], []
+    for group in groups:
+        sides += drawn_polyhedron(random, group).constraints
+        if random.random() < 0.5:
+            removed.append(Polyhedron(tuple(names), drawn_polyhedron(random, group).constraints))
+    return groups, Polyhedron(tuple(names), tuple(sides)), removed
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_factors_agree_with_random_points_and_with_the_whole(seed):
+    """What is computed group by group is what points drawn in all parameters say, and the measure without groups."""
+    random = Random(f"groups {seed}")  # noqa: S311 - reproducible
+    groups, base, removed = drawn_groups(random)
+    kinds = ("normal:1:2", "uniform:-2:3", "exponential:2", "triangular:-1:0:4", "normal:1:2:0:clip")
+    distributions = of(**{name: random.choice(kinds) for name in base.parameters})
+    measure = RegionMeasure(base, removed, distributions)
+    found = measure.run(F(1, 500), NEVER)
+    assert base.is_empty or len(measure._measures) >= len(groups)
+    whole = Measure([(base, tuple(removed))], distributions)
+    for _ in range(300):
+        if not whole.is_done:
+            whole.step()
+    assert whole.bounds.lower <= found.upper
+    assert found.lower <= whole.bounds.upper
+    draws, good = 2000, 0
+    for _ in range(draws):
+        point = {name: one.settled.draw(random, None) for name, one in distributions.items()}
+        good += point in base and not any(point in piece for piece in removed)
+    least, most = proportion_bounds(good, draws, 0.9999)
+    assert found.lower <= most
+    assert found.upper >= least
 
 
 def test_boxes_are_exact():
