@@ -85,8 +85,8 @@ class EnvelopeOptions(Separation, Solving, Export):
 
     method: str = option(
         "widen",
-        "widen: exact, no valid box contains the result; irr: step by step, up to a precision; "
-        "optimal: exact, the greatest total width of all boxes; risk: the most probable box",
+        "widen: exact, no valid box contains the result; irr: step by step, up to a precision (IRR); "
+        "optimal: exact, the greatest total width of all boxes, which CCMMZ asks for; risk: the most probable box",
         choices=(*METHODS, "risk"),
     )
     distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions(_FOR_RISK)
