@@ -133,7 +133,7 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
 
     def begin() -> Search[EnvelopeResult]:
         nonlocal plan
-        about_nominal = not {options.plot, options.controllability, options.export} <= {None}
+        about_nominal = options.plot is not None or options.controllability is not None
         plan = load(options, run, nominal_needed=options.from_nominal or about_nominal)
         run.display.say("encoding, then checking the nominal values")
         return searching_envelope(plan, options.changed(timeout=run.remaining, on_step=run.display.step))

@@ -173,6 +173,9 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
             raise InputError(f"found no --export, expected one of {', '.join(EXPORTS)}", place_of("output"))
         if self.export is not None and self.output is None and self.json:
             raise InputError("found it with --json, expected --output FILE, or one of the two", place_of("export"))
+        if self.export == "plansys2" and not self.from_nominal:
+            expected = "--contain-nominal as well, or another method: percentages are of planned durations"
+            raise InputError(f"found it with --method optimal, expected {expected}", place_of("export"))
 
 
 class RegionOptions(Search):

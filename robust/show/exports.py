@@ -44,7 +44,8 @@ def export(plan: ParametrizedPlan, result: EnvelopeResult, form: str) -> str:
             planned duration; `csv`: a line for each parameter; `yaml`: both as one document.
 
     Raises:
-        InputError: for another form, or an envelope that is not verified: nothing is proved then.
+        InputError: for another form, or an envelope that is not verified: nothing is proved then; for PlanSys2, if it
+            does not hold the planned durations, of which percentages are.
         UnsupportedError: if PlanSys2 has no place for an action.
     """
     if form not in EXPORTS:
@@ -79,6 +80,8 @@ def percentage_text(percent: Fraction, *, closed: bool) -> str:
 
 def plansys2(plan: ParametrizedPlan, result: EnvelopeResult) -> str:
     """`action_timeouts` of PlanSys2's executor, in its YAML, with what is proved in comments."""
+    if not _holds_plan(plan, result):
+        raise InputError("found an envelope without the nominal values, expected one around them for percentages")
     found = action_overruns(plan, result.box)
     listed = [one for one in found if one.percent is not None]
     for one in listed:
@@ -96,6 +99,11 @@ def plansys2(plan: ParametrizedPlan, result: EnvelopeResult) -> str:
         text = percentage_text(one.percent or Fraction(0), closed=one.closed)
         lines += [f"      {_key(one.action)}:", f"        duration_overrun_percentage: {text}"]
     return "\n".join(lines) + "\n"
+
+
+def _holds_plan(plan: ParametrizedPlan, result: EnvelopeResult) -> bool:
+    """Whether there are planned durations, and the box is around them."""
+    return plan.has_nominal and all(value in result.box[name] for name, value in plan.nominal.items())
 
 
 def _obligation(result: EnvelopeResult) -> list[str]:
@@ -202,7 +210,7 @@ def yaml_document(plan: ParametrizedPlan, result: EnvelopeResult) -> str:
             "overrun_percentage_closed": one.closed,
             "instances": [_instance(each) for each in one.overruns],
         }
-        for one in action_overruns(plan, result.box)
+        for one in (action_overruns(plan, result.box) if _holds_plan(plan, result) else ())
     ]
     answer = {
         "schema": "robust/envelope-export/1",

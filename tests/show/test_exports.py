@@ -166,6 +166,18 @@ def test_nothing_limits_an_action(tmp_path):
     assert "# wait: left out, which is no limit; any longer duration is proved as well." in text
 
 
+def test_percentages_are_of_planned_durations_in_the_box(solved):
+    plan, found = solved
+    moved = tuple(replace(one, nominal=found.box[one.name].upper + 1) for one in plan.parameters)
+    elsewhere = replace(plan, parameters=moved)
+    with pytest.raises(InputError, match="found an envelope without the nominal values"):
+        export(elsewhere, found, "plansys2")
+    assert export(elsewhere, found, "yaml").endswith("\nactions: []\n")
+    unplanned = replace(plan, parameters=tuple(replace(one, has_nominal=False) for one in plan.parameters))
+    with pytest.raises(InputError, match="found an envelope without the nominal values"):
+        export(unplanned, found, "plansys2")
+
+
 # -- CSV ---------------------------------------------------------------------------------------------------------------
 
 
@@ -221,6 +233,10 @@ def test_nothing_is_exported_of_an_invalid_plan(tmp_path):
         (
             ["--export", "csv", "-o", "none/x.csv"],
             "--output: found no directory 'none', expected one to write the export to",
+        ),
+        (
+            ["--export", "plansys2", "--method", "optimal"],
+            "--export: found it with --method optimal, expected --contain-nominal as well, or another method",
         ),
         (["--export", "xml"], "Invalid value for '--export'"),
     ],
