@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import robust
+from robust.cli.main import run_command
 from robust.errors import InputError, UnsupportedError
 from robust.irr.overruns import action_overruns
 from robust.show.exports import COLUMNS, export, percentage_text, quoted, yaml_lines
@@ -212,6 +213,25 @@ def test_to_stdout_or_to_a_file(tmp_path, solved):
     written = command(*FILES, *OPTIONS, "--export", "plansys2", "-o", str(path), "--json")
     assert json.loads(written.stdout)["status"] == "complete"
     assert path.read_text() == printed.stdout
+
+
+def test_of_a_box_that_is_to_be_controllable_the_part_that_is(solved):
+    dynamic = command(*FILES, *OPTIONS, "--export", "plansys2", "--controllability", "dynamic")
+    assert parameters_of(dynamic.stdout) == parameters_of(export(*solved, "plansys2"))
+    assert "the box is dynamically controllable." in dynamic.stdout
+    assert "that durations are known beforehand" in export(*solved, "plansys2")
+    strong = command(*FILES, "--export", "csv", "--controllability", "strong")
+    first = dict(zip(*csv.reader(strong.stdout.splitlines()[:2]), strict=True))
+    assert (first["name"], first["lower"], first["upper"], first["stopped_above"]) == ("to_ridge", "30", "30", "")
+
+
+def test_nothing_is_exported_where_no_controllable_part_is_known(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("robust.execute.controllability.assess", lambda *_, **__: None)
+    words = ["envelope", *FILES, "--export", "csv", "-o", str(tmp_path / "x.csv"), "--controllability", "dynamic"]
+    assert run_command(words) == 3
+    said = "nothing is exported: no part of the box is known that is controllable as wanted (no time was left)"
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "x.csv").exists()
 
 
 def test_nothing_is_exported_of_an_invalid_plan(tmp_path):
