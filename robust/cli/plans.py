@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robust.cli.build import action
+from robust.cli.guard import UNDECIDED
 from robust.errors import RobustError
 from robust.files import atomic_write
 from robust.numbers import readable
@@ -133,7 +134,7 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
 
     def begin() -> Search[EnvelopeResult]:
         nonlocal plan
-        about_nominal = not {options.plot, options.controllability, options.export} <= {None}
+        about_nominal = options.plot is not None or options.controllability is not None
         plan = load(options, run, nominal_needed=options.from_nominal or about_nominal)
         run.display.say("encoding, then checking the nominal values")
         return searching_envelope(plan, options.changed(timeout=run.remaining, on_step=run.display.step))
@@ -170,10 +171,8 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
     if plan is not None and options.controllability is not None and result.verified:
         report = _controllability(options, run, plan, result)
     if plan is not None and options.export is not None and result.verified:
-        from robust.show.exports import export
-
-        exported = export(plan, result, options.export)
-        if options.output is not None:
+        exported = _exported(options, run, plan, result, report)
+        if exported is not None and options.output is not None:
             atomic_write(options.output, exported, place_of("output"))
     show(result, counterexample, report)
     if options.plot is not None and result.verified:
@@ -181,7 +180,31 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
         from robust.show.words import Words
 
         plot_envelope(result, options.plot, None if plan is None else Words(plan).parameters)
-    return CODES[result.status.value]
+    missing = options.export is not None and result.verified and exported is None
+    return UNDECIDED if missing else CODES[result.status.value]
+
+
+def _exported(
+    options: EnvelopeCommand,
+    run: Run,
+    plan: ParametrizedPlan,
+    result: EnvelopeResult,
+    report: ControllabilityReport | None,
+) -> str | None:
+    """What is exported: of a box that is to be controllable, the part of it that is; None if that is not known."""
+    from robust.show.exports import export
+
+    kind = options.controllability
+    if kind is None:
+        return export(plan, result, options.export or "")
+    if report is None or report.shrunk is None:
+        reason = "no time was left" if report is None else report.failure
+        run.note(f"nothing is exported: no part of the box is known that is controllable as wanted ({reason})")
+        return None
+    box = report.shrunk.box
+    whole = result.box
+    kept = {face: one for face, one in result.stops.items() if box[face[0]].end(face[1]) == whole[face[0]].end(face[1])}
+    return export(plan, replace(result, box=box, stops=kept), options.export or "", controllable=kind)
 
 
 def _probability(options: EnvelopeCommand, plan: ParametrizedPlan, result: EnvelopeResult) -> Bounds | None:

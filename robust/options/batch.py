@@ -106,8 +106,8 @@ class BatchEnvelopeOptions(BatchOptions):
 
     method: str = option(
         "widen",
-        "widen: exact, no valid box contains the result; irr: step by step, up to a precision; "
-        "optimal: exact, the greatest total width of all boxes",
+        "widen: exact, no valid box contains the result; irr: step by step, up to a precision (IRR); "
+        "optimal: exact, the greatest total width of all boxes, which CCMMZ asks for",
         choices=METHODS,
     )
     beta: Number | None = option(

@@ -85,8 +85,8 @@ class EnvelopeOptions(Separation, Solving, Export):
 
     method: str = option(
         "widen",
-        "widen: exact, no valid box contains the result; irr: step by step, up to a precision; "
-        "optimal: exact, the greatest total width of all boxes; risk: the most probable box",
+        "widen: exact, no valid box contains the result; irr: step by step, up to a precision (IRR); "
+        "optimal: exact, the greatest total width of all boxes, which CCMMZ asks for; risk: the most probable box",
         choices=(*METHODS, "risk"),
     )
     distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions(_FOR_RISK)
@@ -173,6 +173,9 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
             raise InputError(f"found no --export, expected one of {', '.join(EXPORTS)}", place_of("output"))
         if self.export is not None and self.output is None and self.json:
             raise InputError("found it with --json, expected --output FILE, or one of the two", place_of("export"))
+        if self.export == "plansys2" and not self.from_nominal:
+            expected = "--contain-nominal as well, or another method: percentages are of planned durations"
+            raise InputError(f"found it with --method optimal, expected {expected}", place_of("export"))
 
 
 class RegionOptions(Search):

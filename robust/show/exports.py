@@ -34,7 +34,7 @@ _WORDS = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 """What YAML reads as something else than a text."""
 
 
-def export(plan: ParametrizedPlan, result: EnvelopeResult, form: str) -> str:
+def export(plan: ParametrizedPlan, result: EnvelopeResult, form: str, *, controllable: str | None = None) -> str:
     """An envelope as a file for other tools.
 
     Args:
@@ -42,16 +42,20 @@ def export(plan: ParametrizedPlan, result: EnvelopeResult, form: str) -> str:
         result: what :func:`robust.envelope` found.
         form: `plansys2`: the parameters of PlanSys2's executor, with the percentage by which each action may exceed its
             planned duration; `csv`: a line for each parameter; `yaml`: both as one document.
+        controllable: `dynamic` or `strong` if the box is known to be so controllable; the file for PlanSys2 says it.
 
     Raises:
-        InputError: for another form, or an envelope that is not verified: nothing is proved then.
+        InputError: for another form, or an envelope that is not verified: nothing is proved then; for PlanSys2, if it
+            does not hold the planned durations, of which percentages are.
         UnsupportedError: if PlanSys2 has no place for an action.
     """
     if form not in EXPORTS:
         raise InputError(f"unknown form {form!r}, expected {', '.join(EXPORTS)}")
     if not result.verified:
         raise InputError(f"found an envelope that is {result.status.value}, expected a verified one to export")
-    return {"plansys2": plansys2, "csv": csv_rows, "yaml": yaml_document}[form](plan, result)
+    if form == "plansys2":
+        return plansys2(plan, result, controllable)
+    return (csv_rows if form == "csv" else yaml_document)(plan, result)
 
 
 # -- percentages -------------------------------------------------------------------------------------------------------
@@ -77,14 +81,16 @@ def percentage_text(percent: Fraction, *, closed: bool) -> str:
 # -- PlanSys2 ----------------------------------------------------------------------------------------------------------
 
 
-def plansys2(plan: ParametrizedPlan, result: EnvelopeResult) -> str:
+def plansys2(plan: ParametrizedPlan, result: EnvelopeResult, controllable: str | None = None) -> str:
     """`action_timeouts` of PlanSys2's executor, in its YAML, with what is proved in comments."""
+    if not _holds_plan(plan, result):
+        raise InputError("found an envelope without the nominal values, expected one around them for percentages")
     found = action_overruns(plan, result.box)
     listed = [one for one in found if one.percent is not None]
     for one in listed:
         if one.action == "actions":
             raise UnsupportedError("found an action named 'actions', expected another name: PlanSys2 needs it itself")
-    lines = [*_obligation(result), ""]
+    lines = [*_obligation(result, controllable), ""]
     for one in found:
         if one.percent is None:
             lines += [f"# {one.action}: left out, which is no limit; any longer duration is proved as well."]
@@ -98,7 +104,20 @@ def plansys2(plan: ParametrizedPlan, result: EnvelopeResult) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _obligation(result: EnvelopeResult) -> list[str]:
+def _holds_plan(plan: ParametrizedPlan, result: EnvelopeResult) -> bool:
+    """Whether there are planned durations, and the box is around them."""
+    return plan.has_nominal and all(value in result.box[name] for name, value in plan.nominal.items())
+
+
+_KNOWN = {
+    "weak": "that durations are known beforehand (--controllability dynamic: only when an action has ended)",
+    "dynamic": "that each duration is seen when its action has ended: the box is dynamically controllable",
+    "strong": "nothing about durations while it executes: the box is strongly controllable",
+}
+"""What somebody who keeps to the network has to know of the values in a box."""
+
+
+def _obligation(result: EnvelopeResult, controllable: str | None) -> list[str]:
     """What is claimed, and under which conditions."""
     lines = [
         f"Written by robust {__version__}: by how much actions may exceed their planned durations, proved.",
@@ -107,7 +126,8 @@ def _obligation(result: EnvelopeResult) -> list[str]:
         "each instance of an action may take any duration in its own. PlanSys2 knows one percentage for each action:",
         "the least of its instances, which is at most what is proved for each. Rounded down, never up.",
         "Presupposed: durations as in this plan, time points within its network (the executor does not check that",
-        "either), and no action shorter than is proved below: PlanSys2 has no limit for that.",
+        "either), and no action shorter than is proved below: PlanSys2 has no limit for that. Whoever keeps to the",
+        f"network has to know {_KNOWN[controllable or 'weak']}.",
     ]
     if result.status.value != "complete":
         lines.append(f"The search was {result.status.value}: what is here is proved, but more may be possible.")
@@ -202,7 +222,7 @@ def yaml_document(plan: ParametrizedPlan, result: EnvelopeResult) -> str:
             "overrun_percentage_closed": one.closed,
             "instances": [_instance(each) for each in one.overruns],
         }
-        for one in action_overruns(plan, result.box)
+        for one in (action_overruns(plan, result.box) if _holds_plan(plan, result) else ())
     ]
     answer = {
         "schema": "robust/envelope-export/1",

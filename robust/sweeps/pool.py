@@ -23,7 +23,7 @@ from typing import Any
 
 import robust
 from robust.codec import plain
-from robust.errors import InputError, missing
+from robust.errors import InputError, RobustError, missing
 from robust.processes import Processes
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
@@ -77,7 +77,8 @@ def attempt(work: Work, task: Task) -> Outcome:
         return Outcome(text_of(work(*task.given)))
     except Exception as error:
         lines = str(error).splitlines() or ["no message"]
-        return Outcome(f"{type(error).__name__}: {lines[0]}", failed=True)
+        kind = "" if isinstance(error, RobustError) else f"{type(error).__name__}: "
+        return Outcome(f"{kind}{lines[0]}", failed=True)
 
 
 def outcomes_of(
@@ -243,10 +244,11 @@ def _connected(distributed: Any, address: str) -> Iterator[Any]:
                 f"found no worker at the Dask scheduler {address!r}, expected at least one; start it with "
                 f"`dask worker {address}`"
             ) from None
-        for worker, version in client.run(_version).items():
+        for worker, version in client.run(_version, on_error="return").items():
             if version != robust.__version__:
+                found = f"robust {version}" if isinstance(version, str) else f"no such robust ({version})"
                 raise InputError(
-                    f"found robust {version} on worker {worker}, expected {robust.__version__} as here; install that"
+                    f"found {found} on worker {worker}, expected {robust.__version__} as here; install that there"
                 )
         yield client
 

@@ -302,6 +302,16 @@ def test_failures_on_a_cluster(cluster, tmp_path):
     assert reasons["square -1"] == "ValueError: negative"
 
 
+def test_workers_with_another_version_or_none(cluster, monkeypatch, tmp_path):
+    with monkeypatch.context() as patched:
+        patched.setattr(robust, "__version__", "9.0")
+        with pytest.raises(InputError, match=r"found robust 0\..* on worker tcp:.*, expected 9\.0 as here"):
+            sweep_of(tasks(tmp_path / "log", 1), cluster=cluster.scheduler_address)
+    monkeypatch.setattr(pool, "_version", lambda: 1 / 0)
+    with pytest.raises(InputError, match=r"found no such robust \(.*division by zero.*\) on worker tcp:"):
+        sweep_of(tasks(tmp_path / "log", 1), cluster=cluster.scheduler_address)
+
+
 def test_no_cluster(monkeypatch, tmp_path):
     pytest.importorskip("distributed")
     monkeypatch.setattr(pool, "PATIENCE", 0.3)

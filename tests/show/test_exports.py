@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import robust
+from robust.cli.main import run_command
 from robust.errors import InputError, UnsupportedError
 from robust.irr.overruns import action_overruns
 from robust.show.exports import COLUMNS, export, percentage_text, quoted, yaml_lines
@@ -166,6 +167,18 @@ def test_nothing_limits_an_action(tmp_path):
     assert "# wait: left out, which is no limit; any longer duration is proved as well." in text
 
 
+def test_percentages_are_of_planned_durations_in_the_box(solved):
+    plan, found = solved
+    moved = tuple(replace(one, nominal=found.box[one.name].upper + 1) for one in plan.parameters)
+    elsewhere = replace(plan, parameters=moved)
+    with pytest.raises(InputError, match="found an envelope without the nominal values"):
+        export(elsewhere, found, "plansys2")
+    assert export(elsewhere, found, "yaml").endswith("\nactions: []\n")
+    unplanned = replace(plan, parameters=tuple(replace(one, has_nominal=False) for one in plan.parameters))
+    with pytest.raises(InputError, match="found an envelope without the nominal values"):
+        export(unplanned, found, "plansys2")
+
+
 # -- CSV ---------------------------------------------------------------------------------------------------------------
 
 
@@ -202,6 +215,25 @@ def test_to_stdout_or_to_a_file(tmp_path, solved):
     assert path.read_text() == printed.stdout
 
 
+def test_of_a_box_that_is_to_be_controllable_the_part_that_is(solved):
+    dynamic = command(*FILES, *OPTIONS, "--export", "plansys2", "--controllability", "dynamic")
+    assert parameters_of(dynamic.stdout) == parameters_of(export(*solved, "plansys2"))
+    assert "the box is dynamically controllable." in dynamic.stdout
+    assert "that durations are known beforehand" in export(*solved, "plansys2")
+    strong = command(*FILES, "--export", "csv", "--controllability", "strong")
+    first = dict(zip(*csv.reader(strong.stdout.splitlines()[:2]), strict=True))
+    assert (first["name"], first["lower"], first["upper"], first["stopped_above"]) == ("to_ridge", "30", "30", "")
+
+
+def test_nothing_is_exported_where_no_controllable_part_is_known(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("robust.execute.controllability.assess", lambda *_, **__: None)
+    words = ["envelope", *FILES, "--export", "csv", "-o", str(tmp_path / "x.csv"), "--controllability", "dynamic"]
+    assert run_command(words) == 3
+    said = "nothing is exported: no part of the box is known that is controllable as wanted (no time was left)"
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "x.csv").exists()
+
+
 def test_nothing_is_exported_of_an_invalid_plan(tmp_path):
     invalid = [*FILES[:2], str(NAVIGATION / "plan-flexible-wait.stn")]
     path = tmp_path / "timeouts.yaml"
@@ -221,6 +253,10 @@ def test_nothing_is_exported_of_an_invalid_plan(tmp_path):
         (
             ["--export", "csv", "-o", "none/x.csv"],
             "--output: found no directory 'none', expected one to write the export to",
+        ),
+        (
+            ["--export", "plansys2", "--method", "optimal"],
+            "--export: found it with --method optimal, expected --contain-nominal as well, or another method",
         ),
         (["--export", "xml"], "Invalid value for '--export'"),
     ],
