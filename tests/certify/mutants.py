@@ -41,7 +41,7 @@ ASKED = {
     "formulas": ("reading", "free", "forged", "oracle", "honest"),
     "proofs": ("small", "forged", "leaves of plan", "leaves of network", "honest two"),
     "claims": ("within", "small", "forged plan", "leaves of plan", "honest", "demanded"),
-    "choices": ("oracle", "executions", "wrong network", "knowledge", "leaves of network", "leaves of ex", "honest"),
+    "choices": ("oracle", "executions", "wrong network", "knowledge", "leaves of ex", "leaves of kn", "kitchen"),
     "__main__": ("wrong", "honest", "demanded", "kitchen", "main"),
 }
 """What is asked of a change of a module: beginnings of the names of probes."""
@@ -282,7 +282,8 @@ def load(changed: str | None = None, code: Any = None) -> Checker:
             sys.modules[module.__name__] = module
             if name:
                 made.append(module)
-                exec(code if name == changed else CODE[name], module.__dict__)  # noqa: S102 - this is the checker
+                module.__dict__["CODE"] = code if name == changed else CODE[name]
+                exec(module.__dict__["CODE"], module.__dict__)  # noqa: S102 - this is the checker
     finally:
         for key in [key for key in sys.modules if key.partition(".")[0] == package]:
             del sys.modules[key]
