@@ -106,13 +106,14 @@ def require(plan: Ground, claim: Claim, demanded: Any) -> None:
 def box_in(plan: Ground, document: Any) -> Box:
     """A box as `robust envelope --json` prints it; parameters that it leaves out have their nominal values."""
     ends = document.get("parameters", document)
-    demand(ends.keys() <= plan.parameters.keys(), "the demanded box has other parameters")
-    found: Box = {} if ends.keys() == plan.parameters.keys() else nominal(plan)
+    known = plan.parameters.keys()
+    demand(ends.keys() <= known, f"the box that is demanded has other parameters than {', '.join(known)}")
+    found: Box = {} if ends.keys() == known else nominal(plan)
     for name, each in ends.items():
         low, high = (None if each[key] in ("inf", "-inf", "+inf") else number(each[key]) for key in ("lower", "upper"))
         closed = [each.get(f"{key}_closed") is not False for key in ("lower", "upper")]
         found[name] = Range(low, closed[0] and low is not None, high, closed[1] and high is not None)
-    return {name: found[name] for name in plan.parameters}
+    return {name: found[name] for name in known}
 
 
 def report(arguments: Any, inputs: Inputs) -> tuple[int, dict[str, Any]]:
