@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import cache, partial
+from itertools import chain
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -46,31 +47,21 @@ DELIVERY = tuple(tools.EXAMPLES / "delivery" / name for name in ("domain.pddl", 
 KITCHEN = tools.EXAMPLES / "kitchen" / "kitchen.tpnu.json"
 
 
-def probes() -> list[tuple[str, Holds]]:
-    """All of them; they take some seconds to make, and some to ask."""
+def probes(asked: tuple[str, ...]) -> list[tuple[str, Holds]]:
+    """Those whose names begin with one of these; they take some seconds to make, and some to ask."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return _probes()
+        every = [each for names, make in SECTIONS if _overlap(names, asked) for each in _made(make)]
+    return [each for each in every if each[0].startswith(asked)]
+
+
+def _overlap(names: tuple[str, ...], asked: tuple[str, ...]) -> bool:
+    return any(name.startswith(one) or one.startswith(name) for name in names for one in asked)
 
 
 @cache
-def _probes() -> list[tuple[str, Holds]]:
-    folder = Path(tempfile.mkdtemp(prefix="robust-bank-"))
-    return [
-        *elaborate.probes(),
-        *readings(),
-        *free(),
-        *meanings(),
-        *wrong_texts(),
-        *within(),
-        *small(),
-        *forged(),
-        *with_choices(folder),
-        *small_networks(folder),
-        *random_networks(folder),
-        *commands(folder),
-        *command_lines(folder),
-    ]
+def _made(make: Callable[[Path], Iterator[tuple[str, Holds]]]) -> list[tuple[str, Holds]]:
+    return list(make(Path(tempfile.mkdtemp(prefix="robust-bank-"))))
 
 
 # -- plans -------------------------------------------------------------------------------------------------------------
@@ -530,3 +521,20 @@ def random_networks(folder: Path) -> Iterator[tuple[str, Holds]]:
         if found.witness is not None:
             known = networks.executions(plan, found.witness, Random(seed))
             yield f"executions of network {seed}", partial(networks.referees, path=path, known=known)
+
+
+SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Path], Iterator[tuple[str, Holds]]]], ...] = (
+    (("texts",), lambda _: elaborate.probes()),
+    (("reading",), lambda _: readings()),
+    (("free",), lambda _: chain(free(), meanings())),
+    (("wrong text",), lambda _: wrong_texts()),
+    (("within",), lambda _: within()),
+    (("small",), lambda _: small()),
+    (("forged", "leaves of plan", "leaves of network"), lambda _: forged()),
+    (("oracle", "executions", "knowledge", "kitchen", "leaves of ex", "leaves of kn"), with_choices),
+    (("wrong network",), small_networks),
+    (("oracle", "executions"), random_networks),
+    (("honest", "demanded"), commands),
+    (("main",), command_lines),
+)
+"""What makes probes, by how their names begin."""

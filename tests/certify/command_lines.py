@@ -136,7 +136,7 @@ def of_boxes(place: Path) -> Iterator[tuple[Any, Words]]:
     every = place / "every.cert"
     write(tools.made(unbounded, "maximal"), every)
     yield 0, (str(every), *map(str, unbounded), "--json")
-    ends = {"k": {"lower": "-inf", "upper": "2"}, "m": {"lower": "1", "upper": "+inf"}}
+    ends = {"k": {"lower": "-inf", "upper": "2"}, "m": {"lower": "1", "upper": "inf"}}
     for kind in ((), ("--kind", "maximal"), ("--kind", "box")):
         maximal = kind[-1:] == ("maximal",)
         for code, box in (
@@ -144,12 +144,15 @@ def of_boxes(place: Path) -> Iterator[tuple[Any, Words]]:
             (1, {**ends, "other": ends["k"]}), (1, {"other": ends["k"]}),
             (int(maximal), {**ends, "k": {"lower": "1", "upper": "2"}}),
             (1, {**ends, "m": {"lower": "0", "upper": "2"}}), (1, {**ends, "m": {"lower": "-inf", "upper": "2"}}),
-            (int(maximal), {**ends, "m": {**ends["m"], "lower_closed": False}}),
+            (int(maximal), {**ends, "m": {**ends["m"], "lower_closed": False, "upper": "+inf"}}),
+            (0, {**ends, "k": {**ends["k"], "lower_closed": False}, "m": {**ends["m"], "upper": "+inf"}}),
+            (int(maximal), {**ends, "k": {**ends["k"], "upper_closed": False}}),
             (0, {**ends, "m": {**ends["m"], "lower_closed": "text", "upper_closed": True}}),
             (int(maximal), {"k": ends["k"]}), (int(maximal), {}), (1, {"k": {"lower": "1"}}), (2, []), (1, {"k": 1}),
             (4, {**ends, "k": {"lower": "x", "upper": "2"}}), (4, {**ends, "k": {"lower": 1, "upper": 2}}),
         ):  # fmt: skip
             yield code, (str(every), *map(str, unbounded), "--box", json.dumps(box), *kind)
+    yield from of_no_nominal_value(place)
     wanted = place / "wanted.json"
     wanted.write_text(json.dumps(ends), encoding="utf-8")
     yield 0, (str(every), *map(str, unbounded), "--box", str(wanted))
@@ -159,6 +162,19 @@ def of_boxes(place: Path) -> Iterator[tuple[Any, Words]]:
     )
     for kind, code in (("plan", 0), ("box", 0), ("maximal", 0), ("region", 1)):
         yield code, (str(place / f"{kind}.cert"), *files, "--box", point)
+
+
+def of_no_nominal_value(place: Path) -> Iterator[tuple[Any, Words]]:
+    """A parameter needs no nominal value, unless a box that is demanded leaves it out."""
+    paths = tools.written(
+        forgeries.PLAIN._replace(plan=forgeries.PLAIN.plan.replace(" default 5", "")), folder_in(place, "open")
+    )
+    (lines,) = (lines for name, _, lines in forgeries.honest() if name == "box")
+    path = place / "open.cert"
+    write(lines, path)
+    yield 0, (str(path), *map(str, paths), "--kind", "box", "--box", '{"k": {"lower": "0", "upper": "9"}}')
+    yield 4, (str(path), *map(str, paths), "--box", "{}")
+    yield 4, (str(path), *map(str, paths), "--kind", "plan")
 
 
 def folder_in(place: Path, name: str) -> Path:

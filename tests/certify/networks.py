@@ -196,6 +196,10 @@ def wrong_documents() -> Iterator[tuple[str, Document | str]]:
         yield f"guard of {end}", {**honest, "events": guarded}
     for values in ([], ["a", "a", "b=c"], ["a", ["b"]]):
         yield f"domain {values}", {**honest, "choices": [{**honest["choices"][0], "domain": values}]}
+        yield (
+            f"another {values}",
+            {**honest, "choices": [*honest["choices"], {**honest["choices"][0], "name": "y", "domain": values}]},
+        )
     span = {"from": "e1", "to": "e3", "lower": 0, "upper": None}
     for a, b in (("e1", "e3"), ("e3", "e1"), ("e3", "e3")):
         for guard in ({}, {"x": "b=c"}):
