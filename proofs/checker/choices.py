@@ -38,8 +38,7 @@ def network_of(text: str) -> dict[str, Any]:
     """The network, each of its lists there, numbers as text."""
     found = json.loads(text, parse_int=str, parse_float=str, object_pairs_hook=members)
     need(type(found) is dict and found.get("format") == "tpnu/1", "expected a network of format tpnu/1")
-    known = {"format", "name", "domain", "problem", "parameters", *KEYS}
-    need(found.keys() <= known, "found an unknown key in the network")
+    need(found.keys() <= {"format", "name", "domain", "problem", "parameters", *KEYS}, "found an unknown key")
     need(type(found.get("domain")) is type(found.get("problem")) is str, "expected the names of domain and problem")
     for kind, types in KEYS.items():
         need(type(found.setdefault(kind, [])) is list, f"expected a list of {kind}")
@@ -182,9 +181,7 @@ class Choices:
 
     def settled(self, tree: Tree, owner: Any) -> int:
         """A condition that nothing in the plan changes; it is the same at all moments."""
-        need(
-            not self.formulas.writes.keys() & {*names_in(tree)}, "found a condition that is no conjunction of literals"
-        )
+        need(not self.formulas.writes.keys() & {*names_in(tree)}, "found a condition that is no conjunction")
         return self.formulas.truth(tree, ("final", None), owner)
 
     def require(self, tree: Tree, owner: Any, where: tuple[str, str, Guard, int | None]) -> None:
@@ -201,7 +198,8 @@ class Choices:
     def met(self, condition: Condition) -> int:
         """Some producer is in time, and no threat is between it and the end of the condition.
 
-        What an activity does at its start is in time for its own condition over all, and at its end harms it no more.
+        What an activity does at its start is in time for its own condition over all, and what it does where a condition
+        of its own ends comes after that.
         """
         supports = []
         threats = [each for each in self.effects if each.atom == condition.atom and each.value != condition.value]
