@@ -225,7 +225,7 @@ def members_changed(one: Document) -> Iterator[Document]:
 
 
 def wrong_models() -> Iterator[tuple[str, str, str]]:
-    """Domains and problems with what certificates of plans with choices are not about."""
+    """Domains and problems with what certificates of plans with choices are not about, or hardly."""
     condition, effect = "(at start (p))", "(at start (q))"
     for new in (
         "(at start (or (p) (r)))", "(over all (not (and (p) (r))))", "(at start (not (not (p))))",
@@ -240,6 +240,8 @@ def wrong_models() -> Iterator[tuple[str, str, str]]:
     ):  # fmt: skip
         yield new, DOMAIN.replace(effect, f"{effect} {new}"), PROBLEM
         yield f"only {new}", DOMAIN.replace(effect, new), PROBLEM
+    for both in ("(at end (r)) (at end (not (r)))", "(at end (not (r))) (at end (r))"):
+        yield "an add wins", DOMAIN.replace("(at end (r))", both), PROBLEM
     yield "parameter", DOMAIN.replace("(?o)", "(?o) :synth-parameters (?v)"), PROBLEM
     yield "parameter of all", DOMAIN.replace("(:functions", "(:synth-parameters ?v) (:functions"), PROBLEM
     yield "goal", DOMAIN, PROBLEM.replace("(and (q) (r))", "(or (q) (r))")

@@ -26,7 +26,7 @@ def test_small_networks(tmp_path):
                 assert networks.is_true(path, lines), name
                 established.append(name)
     assert established[0] == "honest"
-    assert number > 300 > 15 * len(established)
+    assert number > 300 > 10 * len(established)
 
 
 @pytest.mark.parametrize(
