@@ -21,7 +21,7 @@ from .proofs import Rejected, Tape, demand
 from .reader import Ground, Unsupported, ground, need, number
 
 FORMAT, OLD = "robust/certificate/2", "robust/certificate/1"
-KINDS = {"plan": 1, "box": 2, "maximal": 3, "region": 0, "knowledge": 0, "execution": 0}
+KINDS = ("plan", "box", "maximal", "region", "knowledge", "execution")
 MALFORMED = (ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError, ValueError)
 LONGEST_LINE, LARGEST, MEMORY = 64 << 20, 512 << 20, 4 << 30  # bytes
 
@@ -36,7 +36,7 @@ class Inputs:
         data = path.read_bytes()
         self.digests[kind] = hashlib.sha256(data).hexdigest()
         need(b"\0" not in data, f"{path}: found binary data, expected text")
-        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+        return data.decode("utf-8-sig").replace("\r", "\n")
 
 
 def lines_of(path: Path) -> Iterator[str]:
@@ -56,7 +56,7 @@ def checked(certificate: Path, files: list[Path], epsilon: Fraction, inputs: Inp
         raise Rejected(f"found a certificate of format {OLD}, expected {FORMAT}: make it anew with `robust certify`")
     demand(type(first) is list and len(first) == 3 and first[0] == FORMAT, f"expected a certificate of format {FORMAT}")
     _, kind, stated = first
-    demand(type(kind) is str and kind in KINDS, "the certificate is of an unknown kind")
+    demand(kind in KINDS, "the certificate is of an unknown kind")
     with_choices = kind in ("knowledge", "execution")
     demand(len(files) == (1 if with_choices else 3), f"a certificate of kind {kind} is about other files")
     if with_choices:
@@ -77,9 +77,9 @@ def require_choices(claim: Claim, demanded: Any) -> None:
     """An execution has the choices that are demanded, at least; that there is none assumes these, at most."""
     demand(demanded.kind in (None, claim.kind), f"expected {demanded.kind}, the certificate establishes {claim.kind}")
     demand(demanded.box is None, "a plan with choices has no box")
-    wanted, found = [tuple(text.split("=", 1)) for text in demanded.assume], (claim.choices or {}).items()
+    wanted, found = {tuple(text.split("=", 1)) for text in demanded.assume}, claim.choices.items()
     if demanded.kind is not None or wanted:
-        enough = {*wanted} <= found if claim.kind == "execution" else found <= {*wanted}
+        enough = wanted <= found if claim.kind == "execution" else found <= wanted
         demand(enough, "the choices that are demanded are others")
 
 
@@ -91,32 +91,35 @@ def require(plan: Ground, claim: Claim, demanded: Any) -> None:
         inside = (values.within(claim.box[name]) for name, values in nominal(plan).items())
         demand(all(inside), f"expected plan, but the nominal values are outside of the box: {said}")
     elif demanded.kind is not None:
-        enough = claim.kind == demanded.kind or KINDS[claim.kind] > KINDS[demanded.kind] > 0
+        enough = claim.kind == demanded.kind or (claim.kind, demanded.kind) == ("maximal", "box")
         demand(enough, f"expected {demanded.kind}, {said}")
     if demanded.box is not None:
-        wanted = box_in(plan, json.loads(Path(demanded.box).read_text(encoding="utf-8")))
-        demand(claim.box is not None, f"expected a box, {said}")
-        equal = claim.box == wanted or (claim.kind != "maximal" or demanded.kind != "maximal")
-        inside = (values.within((claim.box or {})[name]) for name, values in wanted.items())
-        demand(equal and all(inside), "the box that is demanded is another one")
+        text = demanded.box if demanded.box[:1] == "{" else Path(demanded.box).read_bytes()
+        wanted = box_in(plan, json.loads(text))
+        if claim.box is None:
+            raise Rejected(f"expected a box, {said}")
+        inside = (values.within(claim.box[name]) for name, values in wanted.items())
+        enough = claim.box == wanted if demanded.kind == "maximal" else all(inside)
+        demand(enough, "the box that is demanded is another one")
 
 
 def box_in(plan: Ground, document: Any) -> Box:
-    """A box as `robust envelope --json` prints it."""
+    """A box as `robust envelope --json` prints it; parameters that it leaves out have their nominal values."""
     ends = document.get("parameters", document)
-    demand(ends.keys() == plan.parameters.keys(), "the demanded box has other parameters")
-    found: Box = {}
+    known = plan.parameters.keys()
+    demand(ends.keys() <= known, f"the box that is demanded has other parameters than {', '.join(known)}")
+    found: Box = {} if ends.keys() == known else nominal(plan)
     for name, each in ends.items():
         low, high = (None if each[key] in ("inf", "-inf", "+inf") else number(each[key]) for key in ("lower", "upper"))
-        closed = [each.get(f"{key}_closed", True) is True for key in ("lower", "upper")]
+        closed = [each.get(f"{key}_closed") is not False for key in ("lower", "upper")]
         found[name] = Range(low, closed[0] and low is not None, high, closed[1] and high is not None)
-    return {name: found[name] for name in plan.parameters}
+    return {name: found[name] for name in known}
 
 
 def report(arguments: Any, inputs: Inputs) -> tuple[int, dict[str, Any]]:
     try:
-        need(type(arguments.epsilon) is str and number(arguments.epsilon) >= 0, "epsilon has to be 0 or more")
         epsilon = number(arguments.epsilon)
+        need(epsilon >= 0, "epsilon has to be 0 or more")
         claim = checked(Path(arguments.certificate), [*map(Path, arguments.files)], epsilon, inputs, arguments)
     except (Rejected, OSError, EOFError, zlib.error, UnicodeError, Unsupported) as error:
         code = {Rejected: 1, Unsupported: 4}.get(type(error), 2)
@@ -139,7 +142,7 @@ def main() -> int:
     parser.add_argument("certificate")
     parser.add_argument("files", nargs="+", help="DOMAIN PROBLEM PLAN, or NETWORK")
     parser.add_argument("--kind", choices=KINDS, help="fail unless this, or more, is established")
-    parser.add_argument("--box", help="fail unless all of this box, as JSON, is established")
+    parser.add_argument("--box", help="fail unless all of this box is established: JSON, or a file of it")
     parser.add_argument("--assume", action="append", default=[], help="NAME=VALUE: the choices of a plan with choices")
     parser.add_argument("--epsilon", default="1/1000", help="how far apart mutex time points have to be")
     parser.add_argument("--json", action="store_true")

@@ -15,15 +15,18 @@ from typing import Any
 from .claims import Claim
 from .formulas import FALSE, TRUE, Formulas, constant, names_in, plus
 from .proofs import Facts, Tape, demand, listed, rational, refute, whole
-from .reader import Ground, Linear, Model, Scope, Tree, need, number
+from .reader import Ground, Linear, Model, Scope, Tree, conjuncts, need, number
 
 Guard = dict[str, str]
-KEYS = {
-    "choices": ({"name", "domain", "controllable", "at"}, set[str]()),
-    "events": ({"name"}, {"guard"}),
-    "constraints": ({"from", "to", "lower", "upper"}, {"guard"}),
-    "activities": ({"action", "from", "to", "lower", "upper"}, {"agent", "guard"}),
+NONE = type(None)
+SPAN: dict[str, set[type]] = {"from": {str}, "to": {str}, "lower": {str, NONE}, "upper": {str, NONE}, "guard": {dict}}
+KEYS: dict[str, dict[str, set[type]]] = {
+    "choices": {"name": {str}, "domain": {list}, "controllable": {bool}, "at": {str}},
+    "events": {"name": {str}, "guard": {dict}},
+    "constraints": SPAN,
+    "activities": {**SPAN, "lower": {str}, "action": {str}, "agent": {str, NONE}},
 }
+OPTIONAL = {"guard", "agent"}
 
 
 def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -33,17 +36,15 @@ def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def network_of(text: str) -> dict[str, Any]:
     """The network, each of its lists there, numbers as text."""
-    found = json.loads(text, parse_int=str, parse_float=str, parse_constant=str, object_pairs_hook=members)
+    found = json.loads(text, parse_int=str, parse_float=str, object_pairs_hook=members)
     need(type(found) is dict and found.get("format") == "tpnu/1", "expected a network of format tpnu/1")
-    need(
-        found.keys() <= {"format", "name", "domain", "problem", "parameters", *KEYS},
-        "found an unknown key in the network",
-    )
+    need(found.keys() <= {"format", "name", "domain", "problem", "parameters", *KEYS}, "found an unknown key")
     need(type(found.get("domain")) is type(found.get("problem")) is str, "expected the names of domain and problem")
-    for kind, (required, optional) in KEYS.items():
-        for each in found.setdefault(kind, []):
-            need(type(each) is dict and required <= each.keys() <= required | optional, f"found {kind} malformed")
-            need(all(type(each[key]) is str for key in ("name", "at", "from", "to", "action") if key in each), kind)
+    for kind, types in KEYS.items():
+        need(type(found.setdefault(kind, [])) is list, f"expected a list of {kind}")
+        for each in found[kind]:
+            complete = type(each) is dict and types.keys() - OPTIONAL <= each.keys() <= types.keys()
+            need(complete and all(type(each[key]) in types[key] for key in each), f"found {kind} malformed")
     return dict(found)
 
 
@@ -98,14 +99,14 @@ class Choices:
                 happens = guard.items() <= self.chosen.items()
                 demand((text is not None) == happens, f"found a time, or none, of {event}")
                 self.times[event] = {} if text is None else constant(rational(text))
-        given: dict[str, Linear] = {}
+        self.ends: dict[int | None, str] = {}  # the event of each time point of an activity
+        parameters = {*self.model.synth}
         for place, activity in enumerate(network["activities"]):
             call = activity["action"].lower().replace("(", " ").replace(")", " ").split()
-            ground.instance(str(place), True, call)
-            for point, event in zip((-2, -1), (activity["from"], activity["to"])):
-                given[f"@{len(ground.points) + point}"] = self.time(event)
-        need(not ground.flows and not ground.parameters, "found continuous effects or parameters")
-        self.formulas = Formulas(ground, epsilon, given)
+            parameters |= ground.instance(str(place), True, call)
+            self.ends |= {2 * place + 1: activity["from"], 2 * place + 2: activity["to"]}
+        need(not ground.flows and not parameters, "found continuous effects or parameters")
+        self.formulas = Formulas(ground, epsilon, {f"@{point}": self.time(event) for point, event in self.ends.items()})
         self.circuit = self.formulas.circuit
         self.values = {
             (name, value): self.circuit.compare(
@@ -116,7 +117,7 @@ class Choices:
         }
         self.parts: list[int] = []
         for name, values in self.domains.items():
-            need(type(values) is list and values and len({*values}) == len(values), f"found {name} without values")
+            need(values and len({*values}) == len(values), f"found {name} without values, or with one twice")
             each = [self.values[name, value] for value in values]
             self.parts.append(self.circuit.any(each))
             self.parts += [-self.circuit.all([a, b]) for i, a in enumerate(each) for b in each[:i]]
@@ -130,10 +131,9 @@ class Choices:
         self.conditions: list[Condition] = []
         self.effects: list[Effect] = []
         for place, activity in enumerate(network["activities"]):
-            self.activity(place, activity, 2 * place + 1)
-        goal = self.model.condition(self.model.goal, Scope({}, {}))
-        self.require(goal, ("final", None), None, Condition("", True, "e_goal", "e_goal", {}, None))
-        atoms = sorted({each.atom for each in self.conditions} | {each.atom for each in self.effects})
+            self.activity(place, activity.get("guard", {}))
+        self.require(self.model.condition(self.model.goal, Scope({}, {})), None, ("e_goal", "e_goal", {}, None))
+        atoms = sorted({each.atom for each in self.conditions})
         self.effects += [Effect(atom, bool(self.model.initial.get(atom)), "e_initial", {}, None) for atom in atoms]
         self.parts += [self.met(condition) for condition in self.conditions]
 
@@ -141,8 +141,7 @@ class Choices:
         need(event in self.times, f"found {event}, expected a declared event")
         return self.times[event]
 
-    def holds(self, guard: Any) -> int:
-        need(type(guard) is dict, "found a malformed guard")
+    def holds(self, guard: Guard) -> int:
         need(all((name, value) in self.values for name, value in guard.items()), f"found an unknown value in {guard}")
         return self.circuit.all([self.values[name, value] for name, value in guard.items()])
 
@@ -155,7 +154,7 @@ class Choices:
     def constrain(self, guard: Guard, a: str, b: str, low: Fraction | None, high: Fraction | None) -> None:
         gap = plus(self.time(b), self.time(a), -1)
         implied = {*self.guards[a].items(), *self.guards[b].items()}
-        need(type(guard) is dict and implied <= {*guard.items()}, f"found {a} and {b} related where they do not happen")
+        need(implied <= {*guard.items()}, f"found {a} and {b} related where they do not happen")
         if low is not None:
             self.parts.append(self.unless(guard, self.circuit.compare(plus(gap, constant(low), -1))))
         if high is not None:
@@ -163,61 +162,57 @@ class Choices:
 
     # -- activities ----------------------------------------------------------------------------------------------------
 
-    def activity(self, place: int, activity: dict[str, Any], start: int) -> None:
-        """Its durations, conditions and effects; `start` is the number of its first time point."""
-        ends, guard = {start: activity["from"], start + 1: activity["to"]}, activity.get("guard", {})
+    def activity(self, place: int, guard: Guard) -> None:
+        """Its durations, conditions and effects."""
+        ends = {point: self.ends[point] for point in (2 * place + 1, 2 * place + 2)}
         for duty in self.formulas.ground.duties:
-            if duty.owner == (start, start + 1):
-                first = duty.first or start
-                like = Condition("", True, ends[first], ends[duty.last or first], guard, place)
-                self.require(duty.condition, ("before", first), duty.owner, like)
+            if duty.first in ends:
+                where = ends[duty.first], ends[duty.last or duty.first], guard, place
+                self.require(duty.condition, duty.owner, where)
         for point, event in ends.items():
             happens = dict[str, bool]()
             for effect in self.formulas.ground.effects[point]:
                 need(effect.kind in ("add", "delete"), "found a change of a number")
-                if self.settled(effect.when, ("before", point), effect.owner) == TRUE:
+                if_so = self.settled(effect.when, effect.owner)
+                need(if_so in (TRUE, FALSE), "found a condition on durations of an effect")
+                if if_so == TRUE:
                     happens[effect.target] = happens.get(effect.target, False) or effect.kind == "add"
             self.effects += [Effect(atom, value, event, guard, place) for atom, value in happens.items()]
 
-    def settled(self, tree: Tree, moment: Any, owner: Any) -> int:
-        """A condition that nothing in the plan changes."""
-        need(
-            not self.formulas.writes.keys() & {*names_in(tree)}, "found a condition that is no conjunction of literals"
-        )
-        literal = self.formulas.truth(tree, moment, owner)
-        need(literal in (TRUE, FALSE), "found a condition on durations of an effect")
-        return literal
+    def settled(self, tree: Tree, owner: Any) -> int:
+        """A condition that nothing in the plan changes; it is the same at all moments."""
+        need(not self.formulas.writes.keys() & {*names_in(tree)}, "found a condition that is no conjunction")
+        return self.formulas.truth(tree, ("final", None), owner)
 
-    def require(self, tree: Tree, moment: Any, owner: Any, like: Condition) -> None:
+    def require(self, tree: Tree, owner: Any, where: tuple[str, str, Guard, int | None]) -> None:
         """The literals of a conjunction, and what is said of durations and of what never changes."""
-        kind = tree[0] if type(tree) is tuple else ""
-        inner = tree[1] if kind == "not" else tree
-        if kind == "and":
-            for each in tree[1:]:
-                self.require(each, moment, owner, like)
-        elif type(inner) is tuple and inner[0] == "atom":
-            self.conditions.append(Condition(inner[1], kind != "not", like.first, like.last, like.guard, like.activity))
-        else:
-            need(not self.formulas.writes.keys() & {*names_in(tree)}, "found a condition that is no conjunction")
-            self.parts.append(self.unless(like.guard, self.formulas.truth(tree, moment, owner)))
+        for part in conjuncts(tree):
+            match part:
+                case ("atom", atom):
+                    self.conditions.append(Condition(atom, True, *where))
+                case ("not", ("atom", atom)):
+                    self.conditions.append(Condition(atom, False, *where))
+                case _:
+                    self.parts.append(self.unless(where[2], self.settled(part, owner)))
 
     def met(self, condition: Condition) -> int:
-        """Some producer is in time, and no threat is between it and the end of the condition."""
+        """Some producer is in time, and no threat is between it and the end of the condition.
+
+        What an activity does at its start is in time for its own condition over all, and what it does where a condition
+        of its own ends comes after that.
+        """
         supports = []
         threats = [each for each in self.effects if each.atom == condition.atom and each.value != condition.value]
-        threats = [each for each in threats if not (self.own(each, condition) and each.event == condition.last)]
+        own = condition.activity, condition.last
+        threats = [each for each in threats if (each.activity, each.event) != own]
         for producer in self.effects:
             if producer.atom == condition.atom and producer.value == condition.value:
-                begins = self.own(producer, condition) and producer.event == condition.first != condition.last
+                begins = (producer.activity, producer.event) == (condition.activity, condition.first) != own
                 in_time = TRUE if begins else self.before(producer.event, condition.first)
                 apart = [[self.before(t.event, producer.event), self.before(condition.last, t.event)] for t in threats]
                 away = [self.unless(t.guard, self.circuit.any(each)) for t, each in zip(threats, apart)]
                 supports.append(self.circuit.all([self.holds(producer.guard), in_time, *away]))
         return self.unless(condition.guard, self.circuit.any(supports))
-
-    @staticmethod
-    def own(effect: Effect, condition: Condition) -> bool:
-        return effect.activity is not None and effect.activity == condition.activity
 
 
 def check_choices(
@@ -234,12 +229,10 @@ def check_choices(
         text = f"correct execution of the plan with choices: {shown(choices.chosen)}; {shown_times}"
     else:
         choices = Choices(*files, epsilon)
-        assumed = [listed(each, 2) for each in listed(stated)]
-        demand(all(type(name) is type(value) is str for name, value in assumed), "expected choices with values")
-        choices.chosen = dict(assumed)
+        choices.chosen = dict(listed(stated))
         parts = [*choices.parts, choices.holds(choices.chosen)]
-        refute(tape, choices.formulas, Facts(choices.formulas, [], network=False), choices.circuit.all(parts))
-        given = f" with {shown(choices.chosen)}" if assumed else ""
+        refute(tape, choices.formulas, Facts(choices.formulas, []), choices.circuit.all(parts))
+        given = f" with {shown(choices.chosen)}" if choices.chosen else ""
         text = f"no choices and times{given} are a correct execution of the plan with choices"
     tape.finish()
     refuted = int(kind == "knowledge")

@@ -7,7 +7,7 @@ schedule that keeps the network and breaks one obligation.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from .formulas import Formulas, constant, plus, replaced
@@ -68,7 +68,7 @@ class Claim:
     text: str = ""
     box: Box | None = None
     removed: list[list[Fact]] | None = None
-    choices: dict[str, str] | None = None
+    choices: dict[str, str] = field(default_factory=dict)
     obligations: int = 0
     refuted: int = 0
 

@@ -50,7 +50,7 @@ def verify(
     *,
     epsilon: Fraction,
     kind: str | None = None,
-    box: Path | None = None,
+    box: str | None = None,
     assume: Sequence[str] = (),
     deadline: Deadline = NEVER,
 ) -> Verification:
@@ -59,7 +59,8 @@ def verify(
     Args:
         epsilon: how far apart mutex time points have to be.
         kind: what has to be established, at least.
-        box: a JSON file of the box that has to be established.
+        box: the box that has to be established, in JSON, or a file of it; parameters that it leaves out have their
+            nominal values.
         assume: `NAME=VALUE` of choices: those of an execution that has to be established, or those that are made
             already if it has to be established that there is none.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from robust.cli.build import action
 from robust.errors import InputError, Location, RefutedError, UnsupportedError
 from robust.files import atomic_write
-from robust.numbers import parse_end, shorten
+from robust.numbers import exact_end, parse_end, shorten
 from robust.options.commands import CertifyCommand, VerifyCommand
-from robust.options.declare import place_of
+from robust.options.declare import place_of, settings
 from robust.plan.pddl.forms import read_bytes, read_text
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -91,8 +92,9 @@ def verify(options: VerifyCommand, run: Run) -> int:
     place = Location(str(options.certificate))
     if not run.only(lambda: read_bytes(options.certificate, CERTIFICATE)).startswith(GZIP):
         raise InputError(f"found a file that is not compressed by gzip, expected {CERTIFICATE}", place)
-    for file in (*_files(options), *([options.box] if options.box is not None else [])):
+    for file in _files(options):
         run.only(partial(read_bytes, file))
+    box = run.only(lambda: demanded_box(options.box))
 
     def work() -> tuple[Verification, float]:
         from robust.certify.verify import verify
@@ -103,7 +105,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
             options.files,
             epsilon=options.separation,
             kind=options.kind,
-            box=options.box,
+            box=box,
             assume=options.assume,
             deadline=Deadline.after(run.remaining),
         )
@@ -312,6 +314,26 @@ def _box(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) ->
     if found.status is not Status.COMPLETE:
         raise OutOfTimeError(found.reason)
     return found.box
+
+
+def demanded_box(texts: Sequence[str]) -> str | None:
+    """What the checker is asked for: the name of a file of a box, or values of parameters in the same format."""
+    files = [text for text in texts if "=" not in text or Path(text).is_file()]
+    if files:
+        if len(texts) > 1:
+            expected = "one FILE, or NAME=LOW:HIGH, which may be repeated"
+            raise InputError(f"found {shorten(files[0])} and something else, expected {expected}", place_of("box"))
+        read_bytes(Path(files[0]))
+        return str(Path(files[0]).absolute())
+    ends = {
+        name: Interval(value, value) if isinstance(value, Fraction) else value
+        for name, value in settings(texts, None, "box").items()
+    }
+    shown = {
+        name: {"lower": exact_end(each.lower, upper=False), "upper": exact_end(each.upper, upper=True)}
+        for name, each in ends.items()
+    }
+    return json.dumps({"parameters": shown}) if texts else None
 
 
 def read_box(path: Path, nominal: Box) -> Box:

@@ -179,11 +179,12 @@ class VerifyCommand(Separation, Limited, Json):
         "fail unless this, or more, is established",
         choices=CERTIFICATES,
     )
-    box: Path | None = option(
-        None,
-        "fail unless all of this box is established: an answer of robust envelope in JSON",
-        metavar="FILE",
-        path=True,
+    box: tuple[str, ...] = option(
+        (),
+        "fail unless all of this box is established: an answer of robust envelope in JSON; or the values of one "
+        "parameter, NAME=LOW:HIGH or NAME=VALUE: others have their nominal values; may be repeated then",
+        metavar="FILE|NAME=LOW:HIGH",
+        many=True,
     )
     assume: tuple[str, ...] = option(
         (),

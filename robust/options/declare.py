@@ -286,15 +286,19 @@ def writable(path: Path, place: Location, what: str) -> Path:
 
 
 def settings(
-    given: Mapping[str, Number | Interval] | Sequence[str], known: Sequence[str], option: str = "at"
+    given: Mapping[str, Number | Interval] | Sequence[str], known: Sequence[str] | None, option: str = "at"
 ) -> dict[str, Fraction | Interval]:
-    """Values and intervals of parameters, each at most once; of texts `NAME=VALUE` and `NAME=LOW:HIGH`, too."""
+    """Values and intervals of parameters, each at most once; of texts `NAME=VALUE` and `NAME=LOW:HIGH`, too.
+
+    Args:
+        known: the plan's parameters; None if somebody else says what is none.
+    """
     from robust.qe.box import Interval  # noqa: PLC0415 - options are read before anything else is imported
 
     found: dict[str, Fraction | Interval] = {}
     if isinstance(given, Mapping):
         for name, setting in given.items():
-            if name not in known:
+            if known is not None and name not in known:
                 raise InputError(f"unknown parameter {name!r}{did_you_mean(name, known)}")
             found[name] = setting if isinstance(setting, Interval) else exact(setting, place_of(option, name))
         return found
@@ -303,7 +307,7 @@ def settings(
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not name:
             raise InputError(f"found {shorten(text)}, expected NAME=VALUE or NAME=LOW:HIGH", place)
-        if name not in known:
+        if known is not None and name not in known:
             raise InputError(f"found unknown parameter {shorten(name)}{did_you_mean(name, known)}", place)
         if name in found:
             raise InputError(f"found a second value for {shorten(name)}, expected one", place)

@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import cache, partial
+from itertools import chain
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -19,9 +20,8 @@ from typing import Any
 from robust.api import envelope
 from robust.certify.bad import _Face, _reasons
 from robust.certify.checker import reader
-from robust.certify.checker.formulas import TRUE
 from robust.certify.checker.proofs import RATIONAL
-from robust.certify.hints import KnownFacts, Line, model
+from robust.certify.hints import Line
 from robust.certify.produce import execution, knowledge
 from robust.certify.tape import header, write
 from robust.encode import create_encoding
@@ -29,12 +29,13 @@ from robust.errors import RobustError
 from robust.irr.widen import DiscoveredBadSet
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.random_plans import Shape, random_plan
-from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
+from robust.pike_bridge.semantics import Existence, Oracle
 from robust.plan.load import load_plan
 from robust.plan.simulate import simulate
 from robust.qe.box import Interval, Side
 from robust.smt.limits import Deadline
-from tests.certify import adversary, elaborate, forgeries, tools
+from tests.certify import adversary, elaborate, forgeries, networks, tools
+from tests.certify.command_lines import command_lines
 from tests.certify.evaluation import Evaluation, broken_freely, free_formulas
 from tests.certify.test_reader import DOMAIN, PLAN, PROBLEM, WRONG, broken, compare, key
 from tests.certify.texts import Texts, random_texts, tangled_texts
@@ -46,28 +47,21 @@ DELIVERY = tuple(tools.EXAMPLES / "delivery" / name for name in ("domain.pddl", 
 KITCHEN = tools.EXAMPLES / "kitchen" / "kitchen.tpnu.json"
 
 
-def probes() -> list[tuple[str, Holds]]:
-    """All of them; they take some seconds to make, and some to ask."""
+def probes(asked: tuple[str, ...]) -> list[tuple[str, Holds]]:
+    """Those whose names begin with one of these; they take some seconds to make, and some to ask."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return _probes()
+        every = [each for names, make in SECTIONS if _overlap(names, asked) for each in _made(make)]
+    return [each for each in every if each[0].startswith(asked)]
+
+
+def _overlap(names: tuple[str, ...], asked: tuple[str, ...]) -> bool:
+    return any(name.startswith(one) or one.startswith(name) for name in names for one in asked)
 
 
 @cache
-def _probes() -> list[tuple[str, Holds]]:
-    folder = Path(tempfile.mkdtemp(prefix="robust-bank-"))
-    return [
-        *elaborate.probes(),
-        *readings(),
-        *free(),
-        *meanings(),
-        *wrong_texts(),
-        *within(),
-        *small(),
-        *forged(),
-        *with_choices(folder),
-        *commands(folder),
-    ]
+def _made(make: Callable[[Path], Iterator[tuple[str, Holds]]]) -> list[tuple[str, Holds]]:
+    return list(make(Path(tempfile.mkdtemp(prefix="robust-bank-"))))
 
 
 # -- plans -------------------------------------------------------------------------------------------------------------
@@ -469,11 +463,11 @@ def with_choices(folder: Path) -> Iterator[tuple[str, Holds]]:
         path = random_plan(seed, 0, Shape(top=4, inner=2)).write(folder / f"choices-{seed}")
         plan = load_team_plan(path)
         found = Oracle(plan).decide()
-        yield f"oracle {seed}", partial(_decides, path=path, exists=found.verdict is Existence.EXISTS)
+        yield f"oracle {seed}", partial(networks.decides, path=path, exists=found.verdict is Existence.EXISTS)
         if found.witness is not None:
             yield (
                 f"executions {seed}",
-                partial(_referees, path=path, known=executions(plan, found.witness, Random(seed))),
+                partial(networks.referees, path=path, known=networks.executions(plan, found.witness, Random(seed))),
             )
         else:
             lines = knowledge(path, tools.EPSILON, Deadline.after(60))
@@ -507,40 +501,47 @@ def with_choices(folder: Path) -> Iterator[tuple[str, Holds]]:
             )
 
 
-def _decides(by: Checker, path: Path, exists: bool) -> bool:
-    made = stated(by, path, None)
-    return (
-        model(made.formulas, KnownFacts([]), made.circuit.all(made.parts), Deadline.after(60)) is not None
-    ) == exists
+def small_networks(folder: Path) -> Iterator[tuple[str, Holds]]:
+    """A small network and its certificates, and what is no network, or none that the checker knows."""
+    for number, (name, path, tapes, epsilon) in enumerate(networks.small(folder / "small")):
+        for place, lines in enumerate(tapes):
+            certificate = folder / f"small-{number}-{place}.cert"
+            write(lines, certificate)
+            demanded = {"epsilon": epsilon}
+            if not answered(certificate, (path,), demanded)[0] and not networks.is_true(path, lines):
+                raise AssertionError(f"{name}: something false is accepted: {lines}")
+            yield f"wrong network {name}", partial(_answers, path=certificate, files=(path,), demanded=demanded)
 
 
-def stated(by: Checker, path: Path, found: list[Any] | None) -> Any:
-    document = by.choices.network_of(path.read_text(encoding="utf-8"))
-    texts = [(path.parent / document[each]).read_text(encoding="utf-8") for each in ("domain", "problem")]
-    return by.choices.Choices(document, *texts, tools.EPSILON, found)
+def random_networks(folder: Path) -> Iterator[tuple[str, Holds]]:
+    for seed in range(150):
+        path = networks.random_network(seed, folder / f"network-{seed}")
+        try:
+            plan = load_team_plan(path)
+        except RobustError:
+            continue
+        found = Oracle(plan).decide()
+        yield (
+            f"oracle of network {seed}",
+            partial(networks.decides, path=path, exists=found.verdict is Existence.EXISTS),
+        )
+        if found.witness is not None:
+            known = networks.executions(plan, found.witness, Random(seed))
+            yield f"executions of network {seed}", partial(networks.referees, path=path, known=known)
 
 
-def executions(plan: Any, witness: Execution, random: Random) -> list[tuple[Execution, bool]]:
-    """The witness and others like it, with whether they are correct."""
-    found = [(witness, True)]
-    step = Fraction(1, 1000)
-    for _ in range(14):
-        times = dict(witness.schedule)
-        for event in random.sample(sorted(times), random.choice([1, 1, 2, 3])):
-            other = random.choice(sorted(times))
-            away = random.choice([-step, step, step / 2, 2 * step, Fraction(0)])
-            times[event] = random.choice([times[event] + away, times[other] + away])
-        one = Execution(witness.scenario, times)
-        found.append((one, not faults(plan, one)))
-    return found
-
-
-def _referees(by: Checker, path: Path, known: list[tuple[Execution, bool]]) -> bool:
-    free = stated(by, path, None)
-    for one, correct in known:
-        values = [values.index(one.scenario[name]) for name, values in free.domains.items()]
-        times = [str(one.schedule[event]) if event in one.schedule else None for event in free.guards]
-        made = stated(by, path, [values, times])
-        if all(part == TRUE for part in made.parts) != correct:
-            return False
-    return True
+SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Path], Iterator[tuple[str, Holds]]]], ...] = (
+    (("texts",), lambda _: elaborate.probes()),
+    (("reading",), lambda _: readings()),
+    (("free",), lambda _: chain(free(), meanings())),
+    (("wrong text",), lambda _: wrong_texts()),
+    (("within",), lambda _: within()),
+    (("small",), lambda _: small()),
+    (("forged", "leaves of plan", "leaves of network"), lambda _: forged()),
+    (("oracle", "executions", "knowledge", "kitchen", "leaves of ex", "leaves of kn"), with_choices),
+    (("wrong network",), small_networks),
+    (("oracle", "executions"), random_networks),
+    (("honest", "demanded"), commands),
+    (("main",), command_lines),
+)
+"""What makes probes, by how their names begin."""

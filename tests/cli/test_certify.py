@@ -203,3 +203,70 @@ def test_choices_that_leave_no_execution(tmp_path):
         assert (ended.code, ended.out) == (1, "rejected: the choices that are demanded are others\n")
     ended = command("certify", KITCHEN, "-o", path, "--kind", "execution", *both)
     assert (ended.code, "found no correct execution" in ended.err) == (1, True)
+
+
+@pytest.fixture(scope="module")
+def box_certificate(tmp_path_factory):
+    path = tmp_path_factory.mktemp("certificate") / "box.cert"
+    assert command("certify", *example(), "-o", path, "--kind", "maximal").code == 0
+    return path
+
+
+@pytest.mark.parametrize(
+    ("texts", "code"),
+    [
+        (["to_ridge=25:36", "to_crater=35:46"], 0),
+        (["to_ridge=25:36", " to_crater = 40 "], 0),
+        (["to_ridge=25:36"], 0),
+        (["to_ridge=61/2"], 0),
+        (["to_ridge=25:37"], 1),
+        (["to_ridge=24.9:36"], 1),
+        (["to_ridge=-inf:36"], 1),
+        (["to_ridge=25:36", "to_crater=34"], 1),
+    ],
+)
+def test_values_that_are_demanded(box_certificate, texts, code):
+    """Of parameters that are not mentioned the nominal value is."""
+    words = [word for text in texts for word in ("--box", text)]
+    ended = command("verify", box_certificate, *example(), *words)
+    assert (ended.code, ended.err) == (code, "")
+    assert ended.out.startswith("established: " if code == 0 else "rejected: the box that is demanded is another one")
+    assert answer_of(command("verify", box_certificate, *example(), *words, "--json"), "robust/verify/1")["reason"] == (
+        None if code == 0 else "the box that is demanded is another one"
+    )
+
+
+def test_a_maximal_box_is_demanded_with_all_its_values(box_certificate):
+    words = ["--kind", "maximal", "--box", "to_ridge=25:36"]
+    assert command("verify", box_certificate, *example(), *words).code == 1
+    assert command("verify", box_certificate, *example(), *words, "--box", "to_crater=35:46").code == 0
+
+
+def test_a_parameter_that_the_plan_does_not_have(box_certificate):
+    ended = command("verify", box_certificate, *example(), "--box", "to_rigde=25:36")
+    found = "rejected: the box that is demanded has other parameters than to_ridge, to_crater\n"
+    assert (ended.code, ended.out) == (1, found)
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        (["to_ridge=36:25"], "found '36:25', expected LOW:HIGH with LOW not above HIGH"),
+        (["to_ridge=x"], "found 'x', expected a number"),
+        (["=1:2"], "found '=1:2', expected NAME=VALUE or NAME=LOW:HIGH"),
+        (["to_ridge=30", "to_ridge=31"], "found a second value for 'to_ridge', expected one"),
+        (["box.json", "to_ridge=30"], "found 'box.json' and something else, expected one FILE, or NAME=LOW:HIGH"),
+        (["nowhere.json"], "nowhere.json: found no such file, expected a readable text file"),
+    ],
+)
+def test_values_that_cannot_be_demanded(box_certificate, texts, message):
+    words = [word for text in texts for word in ("--box", text)]
+    ended = command("verify", box_certificate, *example(), *words)
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+    assert message in ended.err
+
+
+def test_a_file_whose_name_has_an_equals_sign(box_certificate, tmp_path):
+    box = tmp_path / "to_ridge=1.json"
+    box.write_text(command("envelope", *example(), "--json").out, encoding="utf-8")
+    assert command("verify", box_certificate, *example(), "--kind", "maximal", "--box", box).code == 0
