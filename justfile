@@ -47,6 +47,10 @@ bench:
 docs:
     {{python}} -m sphinx -W -c docs -b html . build/docs
 
+# the pictures of the documentation, also that of a page, for which chromium, chromedriver and selenium are needed
+pictures:
+    {{python}} -m tests.show.pictures
+
 # links of the documentation to other places
 links:
     {{python}} -m sphinx -W -c docs -b linkcheck . build/links

@@ -43,7 +43,7 @@ BOX_LINES: tuple[Mapping[str, Any], ...] = (
     {"color": SKY, "linewidth": 1.0},
 )
 """Outlines of boxes over one another: each is narrower than those before it, so that all are seen."""
-HATCHES = ("", "///", "...", "\\\\\\", "xx", "--", "||", "oo")
+HATCHES = ("", "///", "\\\\\\", "xx", "--", "||", "++", "..")
 """Of areas and bars, beside their colours."""
 NOMINAL: Mapping[str, Any] = {
     "marker": "D", "markersize": 6, "color": "white", "markeredgecolor": BLACK, "markeredgewidth": 1.3, "linestyle": ""

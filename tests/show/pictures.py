@@ -1,0 +1,43 @@
+"""The pictures of the documentation: `python -m tests.show.pictures` makes them in docs/images anew."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from tests.cli.running import EXAMPLES, REPOSITORY, command, example
+from tests.show.browser import browser, settle
+
+IMAGES = REPOSITORY / "docs" / "images"
+KITCHEN = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
+NORMAL = ("--distribution", "to_ridge=normal::5", "--distribution", "to_crater=normal::5")
+COFFEE = ("--parameter", "coffee=duration:make-coffee", "--parameter", "limit=at-most:e1:e44")
+PICTURES = {
+    "navigation-envelope.svg": ("envelope", *example(), "--plot"),
+    "navigation-compare.svg": ("compare", *example(), "--plot"),
+    "navigation-risk.svg": ("risk", *example(), *NORMAL, "--plot"),
+    "breakfast.svg": ("pike", "region", KITCHEN, *COFFEE, "--plot"),
+}
+"""Each with the command that draws it, but for the file."""
+
+
+def main() -> None:
+    for name, asked in PICTURES.items():
+        done = command(*asked, IMAGES / name)
+        assert done.code == 0, done.err
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "page.html"
+        assert command("compare", *example(), "--html", page).code == 0
+        with browser(width=1100) as window:
+            window.get(page.as_uri())
+            field = "document.getElementById('value-0')"
+            window.execute_script(f"{field}.value = '47'; {field}.dispatchEvent(new Event('input'))")
+            settle(window)
+            size = {"width": 1100, "height": 940, "deviceScaleFactor": 1, "mobile": False}
+            window.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+            settle(window)
+            window.save_screenshot(str(IMAGES / "compare-page.png"))
+
+
+if __name__ == "__main__":
+    main()
