@@ -60,6 +60,9 @@ class Answer(Protocol):
     def cut_short(self) -> bool:
         """Whether something ended the search before it was done."""
 
+    def as_dict(self) -> dict[str, Any]:
+        """What is printed for programs."""
+
 
 class Search(Protocol[Found_co]):
     """A computation that knows at any moment what it has found."""
@@ -258,7 +261,19 @@ def searching_check(plan: ParametrizedPlan, options: CheckOptions) -> Search[Che
         )
 
     def nothing(timed_out: bool, seconds: float) -> CheckResult:
-        return CheckResult(Answer.UNKNOWN, box, {}, {}, seconds, interrupted=not timed_out, timed_out=timed_out)
+        return CheckResult(
+            Answer.UNKNOWN,
+            box,
+            {},
+            {},
+            seconds,
+            interrupted=not timed_out,
+            timed_out=timed_out,
+            encoding=options.encoding,
+            solver=options.solver,
+            epsilon=options.separation,
+            every=options.every,
+        )
 
     return _Encoded(plan, options, make, nothing)
 
@@ -342,6 +357,7 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Sear
             first_widening_seconds=None,
             seconds=seconds,
             verified=False,
+            plan=plan,
         )
 
     return _Encoded(plan, options, make, nothing)

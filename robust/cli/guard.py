@@ -300,20 +300,17 @@ class Run:
             return so_far() or result
         return result
 
-    def reply(
-        self,
-        begin: Callable[[], Search[Known]],
-        document: Callable[[Known], Mapping[str, Any]],
-        text: Callable[[Console, Known], None],
-    ) -> Known:
+    def reply(self, begin: Callable[[], Search[Known]]) -> Known:
         """What a search finds, as :meth:`best`; it is the answer."""
-
-        def show(found: Known) -> None:
-            self.answer(lambda: document(found), lambda out: text(out, found))
-
-        found = self.best(begin, show)
-        show(found)
+        found = self.best(begin, self.show)
+        self.show(found)
         return found
+
+    def show(self, found: Answer) -> None:
+        """Print a result as an answer."""
+        from robust.show.presenting import print_result
+
+        self.answer(found.as_dict, lambda out: print_result(out, found, quiet=self._quiet))
 
     def only(self, work: Callable[[], Found], on_stuck: Callable[[], bool] | None = None) -> Found:
         """What the work returns.

@@ -18,7 +18,6 @@ from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Run, carry_out
 from robust.cli.output import answering, print_json
 from robust.errors import InputError, RefutedError
 from robust.files import atomic_write
-from robust.numbers import format_number, plural
 from robust.options.commands import ConvertCommand, DemoCommand, ExecuteCommand
 from robust.options.declare import place_of
 
@@ -57,7 +56,7 @@ def convert(options: ConvertCommand, run: Run) -> int:
         if not options.json:
             raise
         violations = getattr(error, "violations", ())
-        print_json(made.convert(options, None, None, None, {}, violations=violations))
+        print_json(made.unconverted(options, violations))
         return error.exit_code
     if options.stnu is not None:
         _write_stnu(options, run, found.plan)
@@ -136,13 +135,13 @@ def _show(options: ConvertCommand, run: Run, found: Conversion, notes: Sequence[
         if options.output is None:
             sys.stdout.write(stn)
             sys.stdout.flush()
-        for line in () if options.quiet else _summary(found, written):
+        for line in () if options.quiet else made.conversion_lines(found, written):
             if options.output is None:
                 print(line, file=sys.stderr)
             else:
                 out.print(line, soft_wrap=True)
 
-    run.answer(lambda: made.convert(options, found, stn, beside or None, written), tell)
+    run.answer(lambda: made.converted(found, written), tell)
 
 
 def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Converting]:
@@ -179,31 +178,6 @@ def _write(output: Path, stn: str, beside: str) -> Mapping[str, str]:
         atomic_write(parameters, beside, place_of("output"))
         written["parameters"] = str(parameters)
     return written
-
-
-def _summary(found: Conversion, written: Mapping[str, str]) -> list[str]:
-    instances, constraints = len(found.stn.instances), len(found.stn.constraints)
-    size = f"{plural(instances, 'instance')}, {plural(constraints, 'constraint')}"
-    lines = [f"{found.check.answer.value}: {size}, {plural(len(found.stn.parameters), 'parameter')}"]
-    broken = next(iter(found.check.counterexamples), None)
-    if broken is not None:
-        lines.append(f"an allowed schedule breaks {broken}; --mode causal gives a network that is proved")
-    for one in found.tightened:
-        lines.append(
-            f"needed: {one.edge.target} - {one.edge.source} >= {format_number(one.edge.weight)} for {one.obligation}"
-        )
-    if "plan" in written:
-        lines.append(f"plan: {written['plan']}")
-    if "stnu" in written:
-        lines.append(f"network with uncertainty: {written['stnu']}")
-    if "parameters" in written:
-        lines.append(f"parameters: {written['parameters']}, found there by whoever reads the plan")
-    elif found.beside:
-        from robust.execute.parametrization import option_of
-
-        given = " ".join(f"--parameter {shlex.quote(option_of(spec))}" for spec in found.beside)
-        lines.append(f"reading this plan needs {given}")
-    return lines
 
 
 # -- execute -----------------------------------------------------------------------------------------------------------

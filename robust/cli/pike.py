@@ -275,12 +275,8 @@ def check(options: PikeCheckCommand, run: Run) -> int:
     if options.patience:
         return _patience(options, run)
     from robust.pike_bridge.compile import Checking, Temporal
-    from robust.show import pike
-
-    plan: TeamPlan | None = None
 
     def begin() -> Search[PikeCheck]:
-        nonlocal plan
         plan = options.load()
         return Checking(
             plan,
@@ -293,9 +289,7 @@ def check(options: PikeCheckCommand, run: Run) -> int:
             on_stage=run.display.say,
         )
 
-    result = run.reply(
-        begin, pike.check_document, lambda out, found: pike.print_check(out, found, plan, quiet=options.quiet)
-    )
+    result = run.reply(begin)
     found = result.verdict.value
     return CODES[found] if result.complete or found == "refuted" else CODES["unknown"]
 
@@ -304,7 +298,6 @@ def _cross(options: PikeCheckCommand, run: Run) -> int:
     if options.random is not None:
         return _cross_random(options, options.random, run)
     from robust.pike_bridge.cross_check import Crossing
-    from robust.show import pike
 
     def begin() -> Search[Crossed]:
         return Crossing(
@@ -316,15 +309,12 @@ def _cross(options: PikeCheckCommand, run: Run) -> int:
             on_stage=run.display.say,
         )
 
-    crossed = run.reply(
-        begin, pike.cross_document, lambda out, found: pike.print_cross(out, found, quiet=options.quiet)
-    )
+    crossed = run.reply(begin)
     return 1 if crossed.outcome is not None and not crossed.outcome.agree else CODES[crossed.status]
 
 
 def _cross_random(options: PikeCheckCommand, number: int, run: Run) -> int:
     from robust.pike_bridge.cross_random import RandomCrossed, RandomCrossing
-    from robust.show import pike_plans
 
     def begin() -> Search[RandomCrossed]:
         return RandomCrossing(
@@ -338,17 +328,12 @@ def _cross_random(options: PikeCheckCommand, number: int, run: Run) -> int:
             on_stage=run.display.say,
         )
 
-    crossed = run.reply(
-        begin,
-        pike_plans.random_cross_document,
-        lambda out, found: pike_plans.print_random_cross(out, found, quiet=options.quiet),
-    )
+    crossed = run.reply(begin)
     return 1 if not crossed.agree else CODES[crossed.status]
 
 
 def _patience(options: PikeCheckCommand, run: Run) -> int:
     from robust.pike_bridge.online.moments import LatestMoments
-    from robust.show import pike
 
     def begin() -> Search[Moments]:
         plan = options.load()
@@ -356,9 +341,7 @@ def _patience(options: PikeCheckCommand, run: Run) -> int:
             plan, assumed(plan, options.assume), options.solver, deadline=Deadline.after(run.remaining)
         )
 
-    found = run.reply(
-        begin, pike.patience_document, lambda out, each: pike.print_patience(out, each, quiet=options.quiet)
-    )
+    found = run.reply(begin)
     return 1 if found.feasible is False else CODES[found.status]
 
 
@@ -368,7 +351,6 @@ def compile_(options: PikeCompileCommand, run: Run) -> int:
 
     from robust.pike_bridge.compile import Measuring, Temporal
     from robust.pike_bridge.knowledge import knowledge_bases
-    from robust.show import pike
 
     def begin() -> Search[Sizes]:
         able = [name for name, registration in knowledge_bases().items() if registration.knows_implicants]
@@ -389,9 +371,7 @@ def compile_(options: PikeCompileCommand, run: Run) -> int:
             on_stage=run.display.say,
         )
 
-    sizes = run.reply(
-        begin, pike.compile_document, lambda out, found: pike.print_sizes(out, found, quiet=options.quiet)
-    )
+    sizes = run.reply(begin)
     return CODES[sizes.status]
 
 
@@ -454,12 +434,8 @@ def run(options: PikeRunCommand, run: Run) -> int:
             patience=options.patience,
         )
     from robust.pike_bridge.online.world import Rehearsal
-    from robust.show import pike
-
-    plan: TeamPlan | None = None
 
     def begin() -> Search[ExecutionRecord]:
-        nonlocal plan
         plan = options.load()
         told = story(plan, options)
         run.display.say("executing")
@@ -476,18 +452,10 @@ def run(options: PikeRunCommand, run: Run) -> int:
             deadline=Deadline.after(run.remaining),
         )
 
-    def show(record: ExecutionRecord) -> None:
-        run.answer(
-            lambda: pike.run_document(record, seed=options.seed, reasoner=options.who, backend=options.deciding),
-            lambda out: pike.print_run(out, record, seed=options.seed, explained=options.explain, quiet=options.quiet),
-        )
-
-    record = run.best(begin, show)
-    if options.plot is not None and plan is not None:
-        from robust.show.gantt import draw_chart
-
-        draw_chart(pike.run_chart(plan, record), options.plot)
-    show(record)
+    record = run.best(begin, run.show)
+    if options.plot is not None:
+        record.plot(options.plot)
+    run.show(record)
     return {"succeeded": 0, "failed": 1}.get(record.ending.value, CODES["unknown"])
 
 

@@ -128,7 +128,7 @@ def region(options: PikeRegionCommand, run: Run) -> int:
     if not found.cut_short and (options.json or options.plot is not None):
         cells[0] = run.also("cutting", lambda: _cells(found, run))
     if options.plot is not None:
-        show.plot_layers(found.plan, show.region_layers(found, cells[0]), options.plot, options.drawn)
+        show.plot_cells(found, cells[0], options.plot, options.drawn)
     answer(found)
     if found.cut_short:
         return CODES[found.status.value]
@@ -147,7 +147,6 @@ def _cells(found: LabeledRegion, run: Run) -> Cells | None:
 def envelope(options: PikeEnvelopeCommand, run: Run) -> int:
     """How far may durations and limits of a plan with choices deviate: for some choices, or whatever people choose?"""
     from robust.pike_bridge.envelopes.search import TeamEnvelopeSearch
-    from robust.show import pike_envelopes as show
 
     def begin() -> Search[TeamEnvelope]:
         plan = options.parametric()
@@ -161,15 +160,8 @@ def envelope(options: PikeEnvelopeCommand, run: Run) -> int:
             on_stage=run.display.say,
         )
 
-    def answer(found: TeamEnvelope) -> None:
-        run.answer(
-            lambda: show.envelope_document(found), lambda out: show.print_envelope(out, found, quiet=options.quiet)
-        )
-
-    found = run.best(begin, answer)
+    found = run.best(begin, run.show)
     if options.plot is not None and found.combinations:
-        layers = [(show.promise(found), found.region)]
-        box = found.box if found.verified else None
-        show.plot_layers(found.plan, layers, options.plot, options.drawn, box)
-    answer(found)
+        found.plot(options.plot, axes=options.drawn)
+    run.show(found)
     return CODES[found.status.value]

@@ -9,14 +9,11 @@ from robust.cli.build import action
 from robust.cli.guard import UNDECIDED
 from robust.errors import RobustError
 from robust.files import atomic_write
-from robust.numbers import readable
 from robust.options.declare import place_of
 from robust.options.shared import AskCommand
 from robust.options.verbs import CheckCommand, CompareCommand, EnvelopeCommand, RegionCommand, RepairOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from rich.console import Console
 
     from robust.api import Search
@@ -73,7 +70,6 @@ def load(options: AskCommand, run: Run, *, nominal_needed: bool = True) -> Param
 def check(options: CheckCommand, run: Run) -> int:
     """Is the plan valid for every schedule that its network allows? If not, show one that fails."""
     from robust.api import searching_check
-    from robust.show import documents, text
 
     plan: ParametrizedPlan | None = None
 
@@ -83,21 +79,14 @@ def check(options: CheckCommand, run: Run) -> int:
         run.display.say("encoding")
         return searching_check(plan, options.changed(timeout=run.remaining, on_obligation=run.display.obligation))
 
-    def show(found: CheckResult, repair: Sequence[Change] | None = None) -> None:
-        run.answer(
-            lambda: documents.check(found, options, repair),
-            lambda out: text.print_check(out, found, repair, every=options.every, quiet=options.quiet),
-        )
-
-    result = run.best(begin, show)
-    repair = None
+    result = run.best(begin, run.show)
     if plan is not None and result.answer.value == "refuted" and not result.cut_short and not options.quiet:
-        repair = _repair(options, run, plan, result)
-    show(result, repair)
+        result = replace(result, repair=_repair(options, run, plan, result))
+    run.show(result)
     return CODES[result.answer.value]
 
 
-def _repair(options: CheckCommand, run: Run, plan: ParametrizedPlan, refuted: CheckResult) -> Sequence[Change] | None:
+def _repair(options: CheckCommand, run: Run, plan: ParametrizedPlan, refuted: CheckResult) -> tuple[Change, ...] | None:
     """The least change of bounds for what was refuted, if it is found soon, in a copy of this process."""
     from robust.api import searching_repair
     from robust.smt.limits import Deadline, from_copy
@@ -112,7 +101,7 @@ def _repair(options: CheckCommand, run: Run, plan: ParametrizedPlan, refuted: Ch
         resource.setrlimit(resource.RLIMIT_CPU, (HINT_SECONDS, HINT_SECONDS))
         return searching_repair(plan, asked).run()
 
-    def look() -> Sequence[Change] | None:
+    def look() -> tuple[Change, ...] | None:
         try:
             found: Repair = from_copy(work, Deadline.after(patience), "the search for a repair")
         except RobustError:
@@ -126,10 +115,11 @@ def _repair(options: CheckCommand, run: Run, plan: ParametrizedPlan, refuted: Ch
 def envelope(options: EnvelopeCommand, run: Run) -> int:
     """How far may parameters deviate, all at once, before the plan can fail? Ctrl-C prints the best box so far."""
     from robust.api import searching_envelope
-    from robust.show import documents, text
-    from robust.show.probabilities import greatest_text
+    from robust.show import documents
+    from robust.show.presenting import print_result
 
     plan: ParametrizedPlan | None = None
+    wanted = options.controllability is not None
     exported: str | None = None
 
     def begin() -> Search[EnvelopeResult]:
@@ -139,47 +129,32 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
         run.display.say("encoding, then checking the nominal values")
         return searching_envelope(plan, options.changed(timeout=run.remaining, on_step=run.display.step))
 
-    def show(
-        result: EnvelopeResult,
-        counterexample: Counterexample | None = None,
-        report: ControllabilityReport | None = None,
-    ) -> None:
+    def show(found: EnvelopeResult) -> None:
         def tell(out: Console) -> None:
             if exported is not None and options.output is None:
                 out.file.write(exported)
-                return
-            quiet = options.quiet
-            text.print_envelope(out, result, promise=_promise(options), quiet=quiet, counterexample=counterexample)
-            if report is not None:
-                from robust.show.execution import print_controllability
+            else:
+                print_result(out, found, quiet=options.quiet)
 
-                print_controllability(out, report, quiet=quiet)
-            if probability is not None:
-                out.print(greatest_text(result, probability), soft_wrap=True)
-
-        wanted = options.controllability is not None
-        probability = None if plan is None or not result.verified else _probability(options, plan, result)
+        if plan is not None and found.verified:
+            found = replace(found, probability=_probability(options, plan, found))
         run.answer(
-            lambda: documents.envelope(result, counterexample, report, controllability=wanted, probability=probability),
+            lambda: documents.envelope(found, controllability=wanted),
             tell,
         )
 
     result = run.best(begin, show)
-    counterexample = report = None
     if plan is not None and result.status.value == "invalid":
-        counterexample = _counterexample(options, run, plan)
-    if plan is not None and options.controllability is not None and result.verified:
-        report = _controllability(options, run, plan, result)
+        result = replace(result, counterexample=_counterexample(options, run, plan))
+    if plan is not None and wanted and result.verified:
+        result = replace(result, controllability=_controllability(options, run, plan, result))
     if plan is not None and options.export is not None and result.verified:
-        exported = _exported(options, run, plan, result, report)
+        exported = _exported(options, run, plan, result)
         if exported is not None and options.output is not None:
             atomic_write(options.output, exported, place_of("output"))
-    show(result, counterexample, report)
+    show(result)
     if options.plot is not None and result.verified:
-        from robust.show.plots import plot_envelope
-        from robust.show.words import Words
-
-        plot_envelope(result, options.plot, None if plan is None else Words(plan).parameters)
+        result.plot(options.plot)
     missing = options.export is not None and result.verified and exported is None
     return UNDECIDED if missing else CODES[result.status.value]
 
@@ -189,12 +164,11 @@ def _exported(
     run: Run,
     plan: ParametrizedPlan,
     result: EnvelopeResult,
-    report: ControllabilityReport | None,
 ) -> str | None:
     """What is exported: of a box that is to be controllable, the part of it that is; None if that is not known."""
     from robust.show.exports import export
 
-    kind = options.controllability
+    kind, report = options.controllability, result.controllability
     if kind is None:
         return export(plan, result, options.export or "")
     if report is None or report.shrunk is None:
@@ -215,17 +189,6 @@ def _probability(options: EnvelopeCommand, plan: ParametrizedPlan, result: Envel
     from robust.probability.measure import box_probability
 
     return box_probability(result.box, distributions_of(plan, options))
-
-
-def _promise(options: EnvelopeCommand) -> str:
-    """What a complete box of this method is, for people."""
-    if options.precision is not None:
-        gap = options.precision * 2 if options.doubling else options.precision
-        return f"no end can move outwards by {readable(gap)} or more"
-    if options.method == "optimal":
-        where = "around the nominal values" if options.contain_nominal else "in the envelope"
-        return f"no box {where} is wider"
-    return "no valid box contains this one"
 
 
 def _counterexample(options: EnvelopeCommand, run: Run, plan: ParametrizedPlan) -> Counterexample | None:
@@ -262,7 +225,6 @@ def region(options: RegionCommand, run: Run) -> int:
     from robust.api import searching_region
     from robust.show import region_documents, regions
 
-    plan: ParametrizedPlan | None = None
     search: RegionSearch | None = None
     found = {"bad": 0, "good": 0}
 
@@ -273,7 +235,7 @@ def region(options: RegionCommand, run: Run) -> int:
         run.display.say(f"{known}, open: {float(share.value):.1%}" if share else known)
 
     def begin() -> Search[RegionResult]:
-        nonlocal plan, search
+        nonlocal search
         plan = load(options, run, nominal_needed=False)
         if options.plot is not None:
             regions.shown_axes(plan, options.axes or ())
@@ -289,18 +251,16 @@ def region(options: RegionCommand, run: Run) -> int:
             else:
                 regions.print_region(out, result, quiet=options.quiet)
 
-        run.answer(lambda: region_documents.region(result, options.separation), tell)
+        run.answer(lambda: region_documents.region(result), tell)
 
     whole = run.best(begin, show)
     result = whole
     if run.guard.cause is None:  # else there is no time left for a shorter form
-        simpler = run.also("simplifying", lambda: replace(whole, region=regions.in_form(whole.region, options.form)))
+        simpler = run.also("simplifying", lambda: regions.formed(whole, options.form))
         result = simpler or whole
     show(result)
-    if options.plot is not None and plan is not None:
-        inner = None if result.is_exact else result.inner
-        axes, exact = options.axes or (), result.is_exact
-        regions.plot_slice(result.region, plan, options.plot, axes, inner=inner, exact=exact)
+    if options.plot is not None:
+        result.plot(options.plot, axes=options.axes or ())
     return 0 if result.is_exact else 3
 
 
@@ -312,7 +272,7 @@ def compare(options: CompareCommand, run: Run) -> int:
     point. Many plans, CCMMZ against IRR: robust batch compare.
     """
     from robust.api import searching_compare
-    from robust.show import region_documents, regions
+    from robust.show import regions
 
     def begin() -> Search[Comparison]:
         plan = load(options, run)
@@ -320,11 +280,9 @@ def compare(options: CompareCommand, run: Run) -> int:
             regions.shown_axes(plan, options.axes or ())
         return searching_compare(plan, options.changed(timeout=run.remaining, on_stage=run.display.say))
 
-    result = run.reply(
-        begin, region_documents.compare, lambda out, found: regions.print_comparison(out, found, quiet=options.quiet)
-    )
+    result = run.reply(begin)
     if options.plot is not None and result.region is not None:
-        regions.plot_comparison(result, options.plot, options.axes or ())
+        result.plot(options.plot, axes=options.axes or ())
     if options.html is not None:
         _write_page(options, run, result)
     return CODES[result.status.value]

@@ -52,8 +52,8 @@ def repair(options: RepairCommand, run: Run) -> int:
     def tell(found: Repair) -> None:
         written = None if options.output is None or found.plan is None else options.output
         run.answer(
-            lambda: show.repair_document(found, options, written),
-            lambda out: show.print_repair(out, found, written, count=options.count, quiet=options.quiet),
+            lambda: show.repair_document(found, written),
+            lambda out: show.print_repair(out, found, written, quiet=options.quiet),
         )
 
     found = run.best(begin, tell)

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 def risk(options: RiskCommand, run: Run) -> int:
     """How likely does the plan succeed if its parameters are random? Ctrl-C prints the bounds so far."""
     from robust.api import searching_risk
-    from robust.show import risk as shown
     from robust.show.probabilities import bounds_text
 
     def follow(bounds: Bounds) -> None:
@@ -31,9 +30,7 @@ def risk(options: RiskCommand, run: Run) -> int:
         callbacks = {"on_bounds": follow, "on_stage": run.display.say}
         return searching_risk(plan, options.changed(timeout=run.remaining, **callbacks))
 
-    result = run.reply(begin, shown.answer, lambda out, found: shown.print_risk(out, found, quiet=options.quiet))
+    result = run.reply(begin)
     if options.plot is not None:
-        from robust.show.risk_plot import plot_risk
-
-        plot_risk(result, options.plot)
+        result.plot(options.plot)
     return 3 if result.cut_short else 0

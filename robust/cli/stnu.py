@@ -137,13 +137,12 @@ def _each(
 
 
 def _status(found: list[Judged[Any]], cause: Cause | None) -> str:
-    """How it ended: a result that is not final was interrupted, or is out of time."""
+    """How it ended."""
     if cause is not None:
         return cause.value
-    short = [one.result for one in found if one.error is None and one.code == UNDECIDED]
-    if not short:
-        return "complete"
-    return "interrupted" if any(getattr(one, "interrupted", False) for one in short) else "timeout"
+    from robust.show.stnu import ended
+
+    return ended(found)
 
 
 def _code(found: list[Judged[Any]], cause: Cause | None) -> int:

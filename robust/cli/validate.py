@@ -39,8 +39,9 @@ def validate(options: ValidateCommand, run: Run) -> int:
         if not judged:
             raise
         cause = run.guard.cause or error.cause or Cause.INTERRUPTED
+    status = "complete" if cause is None else cause.value
     run.answer(
-        lambda: validation.validate(options, judged, "complete" if cause is None else cause.value),
+        lambda: validation.validate(judged, status, options.separation, options.rounding),
         lambda out: validation.print_verdicts(out, judged, quiet=options.quiet),
     )
     if cause is not None:

@@ -72,6 +72,7 @@ from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
+from robust.presented import Presented
 from robust.qe.box import Box
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
@@ -408,14 +409,14 @@ _ENDINGS = {
 
 
 @dataclass(frozen=True)
-class Conversion:
+class Conversion(Presented):
     """A plan with a temporal network that allows the schedule it was made from.
 
     `stn` is the plan to write, and `plan` what reading it gives. `beside` are the parameters that the plan file cannot
     hold by itself: initial values of fluents, and durations that the domain fixes. `schedule` is that of the
     time-triggered plan, `check` the verdict about all schedules at nominal values; PROVED in mode CAUSAL. `tightened`
     says which bounds were needed beyond what keeps atoms true, and `redundant` how many edges the others implied, or
-    the proof did not need.
+    the proof did not need. `epsilon` and `solver` are as they were asked for.
     """
 
     mode: Mode
@@ -428,6 +429,8 @@ class Conversion:
     tightened: tuple[Tightening, ...] = ()
     redundant: int = 0
     ended: Ended = Ended.COMPLETE
+    epsilon: Fraction = EPSILON
+    solver: str = "z3"
 
     @property
     def cut_short(self) -> bool:
@@ -589,7 +592,8 @@ class Converting:
         original, chosen, snapped = self._parts
         _assert_allowed(plan, original, self._timed)
         times, tightened, redundant = original.times, network.tightened, network.redundant
-        return Conversion(self._mode, stn, plan, chosen.beside, times, snapped, check, tightened, redundant, ended)
+        found = Conversion(self._mode, stn, plan, chosen.beside, times, snapped, check, tightened, redundant, ended)
+        return replace(found, epsilon=self._epsilon, solver=self._solver)
 
 
 @noticing_interrupts()

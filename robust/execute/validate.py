@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
+from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location
 from robust.execute import distances
 from robust.execute.snap import Snapped, TooFarError, snap
@@ -36,6 +37,7 @@ from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.simulate import Simulation, Violation, mutex_pairs, simulate
 from robust.plan.stn import InstanceDeclaration, STNPlan, is_network
 from robust.plan.timed import TimedPlan, parse_timed_plan
+from robust.presented import Presented
 
 _SEPARATION = "separation: "
 
@@ -99,7 +101,7 @@ class Remedies:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(Presented):
     """What becomes of a plan as it was printed.
 
     Attributes:
@@ -111,6 +113,8 @@ class Verdict:
             enough.
         remedies: what would make it valid.
         note: what of the file was picked and skipped, if not all was read.
+        epsilon: the separation that was asked for.
+        tolerance: the tolerance that was asked for; None is what printed digits say.
     """
 
     plan: str
@@ -120,6 +124,8 @@ class Verdict:
     snapped: Snapped | None = None
     remedies: Remedies = Remedies()
     note: str = ""
+    epsilon: Fraction = EPSILON
+    tolerance: Fraction | None = None
 
     @property
     def valid(self) -> bool:
@@ -197,6 +203,8 @@ def validate(
         snapped=outcome.snapped if outcome.snapped is not None and str(outcome.snapped) else None,
         remedies=_remedies(judge, outcome, epsilon, tolerance) if broken else Remedies(),
         note=timed.note,
+        epsilon=epsilon,
+        tolerance=tolerance,
     )
 
 

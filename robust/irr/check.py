@@ -7,17 +7,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
-from robust.encode.interface import Encoding, Facet, Obligation
+from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
 from robust.errors import SolverError
 from robust.irr.containment import no_schedule, require_some_schedule, within, worst_point
 from robust.plan.model import TimePoint
 from robust.plan.simulate import Simulation, simulate
+from robust.presented import Presented
 from robust.qe.box import Box
 from robust.smt.export import Exporter
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Statistics, Verdict
 from robust.smt.terms import Formula
+
+if TYPE_CHECKING:
+    from robust.irr.quantities import Change
 
 
 class Answer(Enum):
@@ -42,13 +47,16 @@ class Counterexample:
 
 
 @dataclass(frozen=True)
-class CheckResult:
+class CheckResult(Presented):
     """The verdict, that of each obligation examined, and a counterexample for each refuted one, by obligation.
 
     `settled` is how many of them shortest paths through the network prove, so that no solver is asked. Where the
     network has no schedule at all for some parameter values of the box, there is nothing to execute: `reason` names the
     statements that contradict each other, and those values. Where a solver failed and the answer is UNKNOWN, `reason`
     says how.
+
+    `encoding`, `solver`, `epsilon` and `every` are as they were asked for. `repair` is the least change of bounds after
+    which a refuted plan is proved, where that was looked for and found.
     """
 
     answer: Answer
@@ -61,6 +69,11 @@ class CheckResult:
     statistics: Statistics = field(default_factory=Statistics)
     timed_out: bool = False
     settled: int = 0
+    encoding: str = "relational"
+    solver: str = "z3"
+    epsilon: Fraction = EPSILON
+    every: bool = False
+    repair: tuple[Change, ...] | None = None
 
     @property
     def cut_short(self) -> bool:
@@ -137,6 +150,10 @@ class Checker:
             self._reason,
             statistics=self._statistics,
             settled=self._settled,
+            encoding=self.encoding.name,
+            solver=self.solver,
+            epsilon=self.encoding.epsilon,
+            every=self.every,
         )
 
     def _overall(self, answers: Mapping[str, Answer]) -> Answer:

@@ -19,6 +19,7 @@ from robust.irr.irr import IncrementalRobustification
 from robust.irr.search import EnvelopeResult, Status
 from robust.irr.widen import faces_of, least_stretch
 from robust.plan.model import ParametrizedPlan
+from robust.presented import Presented
 from robust.qe.box import Box, Face, Side
 from robust.qe.compute import RegionResult, RegionSearch, RegionStatus
 from robust.qe.estimate import VolumeBounds, bounding_cell
@@ -89,7 +90,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Presented):
     """What was found; stages that time ran out for are missing or have a status of their own.
 
     `volume` is the region's, with an upper bound None where it may be infinite.

@@ -79,7 +79,7 @@ class IncrementalRobustification(Search):
         )
         self.beta = self._beta = beta
         self._containment = containment
-        self._doubling = doubling
+        self.doubling = self._doubling = doubling
         self._failures: dict[Face, Refutation] = {}
         self._parameters = ordered(self.encoding.plan.parameters, order)
 

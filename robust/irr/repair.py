@@ -30,6 +30,7 @@ from robust.irr.quantities import Change, Kind, Quantity, bound_name, change_of,
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParameterReference, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
+from robust.presented import Presented
 from robust.qe.box import Box, Interval, Side
 from robust.qe.conjunctions import Conjunction, project, project_at, variables_of
 from robust.qe.constraint import LinearConstraint
@@ -70,12 +71,13 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Repair:
+class Repair(Presented):
     """What a search found: `plan` is the repaired one, None if there is none; no repair costs less than `bound`.
 
     `check` is the proof of it. `contradiction` names what no allowed change reconciles, where there is no repair.
     Where the least cost is only approached, since a strict inequality excludes it, an optimal repair costs a millionth
     more and is not `attained`. `conflicts` and `candidates` are how many polyhedra were met and changes examined.
+    `change`, `count`, `epsilon` and `solver` are as they were asked for.
     """
 
     status: RepairStatus
@@ -92,6 +94,10 @@ class Repair:
     check: CheckResult | None = None
     interrupted: bool = False
     reason: str | None = None
+    change: str = "bounds"
+    count: bool = False
+    epsilon: Fraction = EPSILON
+    solver: str = "z3"
 
     @property
     def cut_short(self) -> bool:
@@ -134,6 +140,10 @@ class _Programme:
     def cost(self) -> Cost:
         """What they cost if the number of finite bounds that change does not count."""
         return Cost(len(self.new), -(self.best.value or _NOTHING))
+
+
+_CHANGES = {frozenset({Kind.BOUND}): "bounds", frozenset({Kind.NOMINAL}): "nominal", frozenset(Kind): "both"}
+"""What may change, in the words of options."""
 
 
 class RepairSearch:
@@ -617,6 +627,10 @@ class RepairSearch:
             check=self._proof,
             interrupted=interrupted,
             reason=reason,
+            change=_CHANGES[frozenset(self._kinds)],
+            count=self._counts,
+            epsilon=self._epsilon,
+            solver=self._solver,
         )
 
     def _paid(self, found: _Candidate) -> Cost:

@@ -10,14 +10,20 @@ from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from itertools import product
-from typing import TypedDict, Unpack
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 from robust.encode.interface import Encoding
 from robust.irr.stops import CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
-from robust.plan.model import Parameter
+from robust.plan.model import Parameter, ParametrizedPlan
+from robust.presented import Presented
 from robust.qe.box import Box, Face, Side
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Statistics
+
+if TYPE_CHECKING:
+    from robust.execute.controllability import ControllabilityReport
+    from robust.irr.check import Counterexample
+    from robust.probability.measure import Bounds
 
 log = logging.getLogger(__name__)
 
@@ -54,7 +60,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class EnvelopeResult:
+class EnvelopeResult(Presented):
     """A decoupled robustness envelope and how it was found.
 
     `reason` and `values` explain INVALID: what breaks at the nominal point, with which parameter values; of UNKNOWN,
@@ -63,7 +69,11 @@ class EnvelopeResult:
     is False if not even the nominal point is known to be inside: INVALID, or stopped before that was decided. `bound`
     is what no box can be wider than, where the widest one was looked for. `stops` says what ends each finite side of a
     verified box: an obligation, statements of the network, a declared bound, or why that is not known. `advice` is
-    about parameters for which an action's own duration leaves no room.
+    about parameters for which an action's own duration leaves no room. `doubling` and `contain_nominal` are as
+    they were asked for; methods that know no other boxes always contain the nominal point.
+
+    What was asked for beside: `counterexample` shows what breaks at the nominal point; `controllability` what a
+    dispatcher need not know of the values in the box; `probability` how probable they are. `plan` is what it is about.
     """
 
     status: Status
@@ -85,6 +95,12 @@ class EnvelopeResult:
     statistics: Statistics = field(default_factory=Statistics)
     stops: Mapping[Face, Stop] = field(default_factory=dict)
     advice: tuple[Advice, ...] = ()
+    doubling: bool = False
+    contain_nominal: bool = True
+    counterexample: Counterexample | None = None
+    controllability: ControllabilityReport | None = None
+    probability: Bounds | None = None
+    plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
 
     @property
     def cut_short(self) -> bool:
@@ -145,6 +161,8 @@ class Search(ABC):
         self.method = method
         self.deadline = conduct.get("deadline", NEVER)
         self.beta: Fraction | None = None
+        self.doubling = False
+        self.contain_nominal = True
         self.unbounded_checks = 0
         self.box = Box.nominal(encoding.plan.parameters)
         self.verified = False
@@ -215,6 +233,9 @@ class Search(ABC):
             statistics=self._statistics,
             stops=self._all_stops(status) if self.verified else {},
             advice=advice(self.encoding.plan, self.box, reason) if status in DECIDED else (),
+            doubling=self.doubling,
+            contain_nominal=self.contain_nominal,
+            plan=self.encoding.plan,
         )
 
     @abstractmethod

@@ -31,6 +31,7 @@ from robust.pike_bridge.temporal.distance_graph import Precedence
 from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
 from robust.pike_bridge.temporal.schedule import schedule, temporal_conflicts
 from robust.pike_bridge.temporal.structural import StructuralPrecedence
+from robust.presented import Presented
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 
@@ -161,7 +162,7 @@ class PlanVerdict(Enum):
 
 
 @dataclass
-class PikeCheck:
+class PikeCheck(Presented):
     """The answer. `scenarios` is None unless all were asked for; `complete` says whether none is missing."""
 
     backend: str
@@ -172,6 +173,7 @@ class PikeCheck:
     seconds: Mapping[str, float]
     """By stage."""
     interrupted: bool = False
+    plan: TeamPlan | None = field(default=None, repr=False, compare=False)
 
     @property
     def cut_short(self) -> bool:
@@ -185,7 +187,7 @@ LONGEST_LISTING = 1_000_000
 
 
 @dataclass
-class Sizes:
+class Sizes(Presented):
     """What is known of a compilation; None where it did not get so far. `status` says what ended it."""
 
     backend: str
@@ -311,7 +313,8 @@ class Checking(Compiling):
     def __post_init__(self) -> None:
         found: list[Mapping[str, str]] | None = [] if self.all_scenarios else None
         unknown = PlanVerdict.UNKNOWN
-        self._known = PikeCheck(self.backend, unknown, None, found, not self.all_scenarios, self.seconds)
+        complete = not self.all_scenarios
+        self._known = PikeCheck(self.backend, unknown, None, found, complete, self.seconds, plan=self.plan)
 
     def run(self) -> PikeCheck:
         """Check; a deadline or Ctrl-C ends it with what is known.

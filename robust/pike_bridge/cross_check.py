@@ -28,6 +28,7 @@ from robust.pike_bridge.theory import Theory
 from robust.pike_bridge.validate import validate
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
+from robust.presented import Presented
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 T = TypeVar("T")
@@ -142,7 +143,7 @@ def cross_check(
 
 
 @dataclass
-class Crossed:
+class Crossed(Presented):
     """The outcome of a cross-check, None if not even the oracle has finished, and the plan written that shows it."""
 
     outcome: CrossCheck | None = None

@@ -12,6 +12,7 @@ from typing import Final
 from robust.pike_bridge.cross_check import BACKENDS, Crossing, Disagreement, cross_check, subjects
 from robust.pike_bridge.model import EPSILON
 from robust.pike_bridge.random_plans import DEFAULT, Shape, random_plan
+from robust.presented import Presented
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 SHAPES: Final[Mapping[str, Shape]] = {
@@ -25,7 +26,7 @@ EACH = 20.0
 
 
 @dataclass
-class RandomCrossed:
+class RandomCrossed(Presented):
     """The outcome: how many plans were compared, and where a back end differs from the oracle."""
 
     seed: int

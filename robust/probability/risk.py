@@ -23,6 +23,7 @@ from robust.irr.irr import IncrementalRobustification
 from robust.irr.search import EnvelopeResult, Status
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParametrizedPlan
+from robust.presented import Presented
 from robust.probability.blame import Attribution, Share
 from robust.probability.distributions import Distribution
 from robust.probability.measure import Bounds, Measure, RegionMeasure, box_probability
@@ -67,7 +68,7 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class RiskResult:
+class RiskResult(Presented):
     """The probability of success, and what it consists of.
 
     `shares` are of failing values, by what breaks first; None before that is known. `disjoint` are boxes that together

@@ -23,6 +23,7 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
 from robust.encode.variables import Grid, Range
 from robust.plan.model import ParametrizedPlan, Relation
+from robust.presented import Presented
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
@@ -281,7 +282,7 @@ class RegionStatus(Enum):
 
 
 @dataclass(frozen=True)
-class RegionResult:
+class RegionResult(Presented):
     """The robustness envelope and how it was computed.
 
     `region` is the envelope itself where `status` is COMPLETE; otherwise every point of the envelope is in it, but not
@@ -290,7 +291,7 @@ class RegionResult:
 
     `factors` say the same of independent groups of parameters, one by one, and have inner bounds beside the outer ones;
     back ends other than `project`, which find no inner bounds, leave them out. `open_share` is how much lies between
-    the two; None where it is not known, or the envelope is exact.
+    the two; None where it is not known, or the envelope is exact. `plan` is what it is about, for nominal values.
     """
 
     status: RegionStatus
@@ -306,6 +307,8 @@ class RegionResult:
     factors: tuple[Factor, ...] = ()
     open_share: OpenShare | None = None
     reason: str | None = None
+    epsilon: Fraction = EPSILON
+    plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
 
     @property
     def is_exact(self) -> bool:
@@ -450,7 +453,8 @@ class RegionSearch:
         seconds = time.perf_counter() - self._started
         factors = tuple(factor.factor() for factor in self._factors)
         counts = self._found, self._statistics
-        return RegionResult(status, found, *self._names, seconds, *counts, factors, share)
+        known = *self._names, seconds, *counts, factors, share
+        return RegionResult(status, found, *known, epsilon=self._epsilon, plan=self._plan)
 
     def _search(self) -> None:
         backend, splitting, _, name, solver = self._names

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import os
 import sys
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from io import StringIO
 from typing import Any, TextIO
 
 from rich import box as borders
 from rich.cells import cell_len
 from rich.console import Console
 from rich.padding import Padding
+from rich.style import Style
 from rich.table import Column, Table
+from rich.terminal_theme import DEFAULT_TERMINAL_THEME
 from rich.text import Text
 
 WIDE = 160
@@ -63,6 +68,57 @@ class _Console(Console):
             super().print(Text(" " * (indent + _MARGIN * (index > 0))).append_text(part), soft_wrap=True)
 
 
+class Page(_Console):
+    """Makes a piece of HTML of what is printed: tables, and texts as they are laid out; all of it is escaped."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__(file=StringIO(), width=width, markup=False, highlight=False, emoji=False, color_system=None)
+        self._blocks: list[str] = []
+        self._lines: list[str] = []
+
+    def print(self, *objects: Any, **_how: Any) -> None:
+        """Keep lines of text."""
+        self._lines.append(" ".join(self._spans(one if isinstance(one, Text) else Text(str(one))) for one in objects))
+
+    def add_table(self, shown: Table) -> None:
+        """Keep a table."""
+        self._end_text()
+        sides = ["right" if column.justify == "right" else "left" for column in shown.columns]
+        head = [f'<th style="text-align: {side}">{escape(_plain(column.header))}</th>'
+                for side, column in zip(sides, shown.columns, strict=True)]  # fmt: skip
+        rows = [
+            "".join(
+                f'<td style="text-align: {side}">{self._cell(cell)}</td>' for side, cell in zip(sides, row, strict=True)
+            )
+            for row in zip(*(column.cells for column in shown.columns), strict=True)
+        ]
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        self._blocks.append(f"<table><thead><tr>{''.join(head)}</tr></thead><tbody>{body}</tbody></table>")
+
+    def html(self) -> str:
+        """Everything that was printed."""
+        self._end_text()
+        return f'<div class="robust">{"".join(self._blocks)}</div>'
+
+    def _cell(self, cell: object) -> str:
+        return self._spans(cell if isinstance(cell, Text) else Text(str(cell))).replace("\n", "<br/>")
+
+    def _spans(self, text: Text) -> str:
+        return "".join(self._span(part.text, part.style) for part in text.render(self) if part.text)
+
+    def _span(self, words: str, style: Style | None) -> str:
+        look = style.get_html_style(DEFAULT_TERMINAL_THEME) if style else ""
+        printable = "".join(char if char.isprintable() or char == "\n" else " " for char in words)
+        return f'<span style="{escape(look)}">{escape(printable)}</span>' if look else escape(printable)
+
+    def _end_text(self) -> None:
+        """Put the lines since the last table together."""
+        found = "\n".join(self._lines).strip("\n")
+        self._lines = []
+        if found:
+            self._blocks.append(f'<pre style="white-space: pre-wrap">{found}</pre>')
+
+
 # -- tables ------------------------------------------------------------------------------------------------------------
 
 
@@ -79,17 +135,35 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str | Text]] = (), *, 
 
 def show_table(out: Console, shown: Table) -> None:
     """Print a table without blanks at the ends of lines; row by row, if not even its words have room side by side."""
-    widths = _widths(shown, out.width - _MARGIN - 3 * (len(shown.columns) - 1))
-    if widths is None:
-        _show_rows(out, shown)
+    if isinstance(out, Page):
+        out.add_table(shown)
         return
-    for column, width in zip(shown.columns, widths, strict=True):
-        column.width = width
+    lines = _laid_out(out, shown)
+    if not _has_every_word(lines, shown):
+        widths = _widths(shown, out.width - _MARGIN - 3 * (len(shown.columns) - 1))
+        if widths is None:
+            _show_rows(out, shown)
+            return
+        for column, width in zip(shown.columns, widths, strict=True):
+            column.width = width
+        lines = _laid_out(out, shown)
+    for line in lines:
+        out.file.write(f"{line}\n")
+    out.file.flush()
+
+
+def _laid_out(out: Console, shown: Table) -> list[str]:
+    """The lines of a table."""
     with out.capture() as capture:
         out.print(Padding(shown, (0, 0, 0, _MARGIN), expand=False))
-    for line in capture.get().splitlines():
-        out.file.write(f"{line.rstrip()}\n")
-    out.file.flush()
+    return [line.rstrip() for line in capture.get().splitlines()]
+
+
+def _has_every_word(lines: Sequence[str], shown: Table) -> bool:
+    """Whether no word was broken; one may stand in a line that is styled."""
+    words = " ".join(_plain(cell) for column in shown.columns for cell in (column.header, *column.cells)).split()
+    found = Counter(Text.from_ansi("\n".join(lines)).plain.split())
+    return not Counter(words) - found
 
 
 def _widths(shown: Table, room: int) -> list[int] | None:

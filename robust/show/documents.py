@@ -24,10 +24,8 @@ if TYPE_CHECKING:
     from robust.irr import check as checks
     from robust.irr.quantities import Change
     from robust.irr.search import EnvelopeResult
-    from robust.options.verbs import CheckCommand
     from robust.plan.model import Parameter
     from robust.plan.simulate import Violation
-    from robust.probability.measure import Bounds
     from robust.qe.box import Box, Interval
 
 Document = dict[str, Any]
@@ -232,7 +230,7 @@ class Check(Noted, tag_field="schema", tag="robust/check/1"):
     statistics: Statistics
 
 
-def check(result: checks.CheckResult, options: CheckCommand, repair: Sequence[Change] | None = None) -> Document:
+def check(result: checks.CheckResult) -> Document:
     """`counterexample` is the first, `counterexamples` are all that were found."""
     found = [_counterexample(one) for one in result.counterexamples.values()]
     return document(
@@ -240,14 +238,11 @@ def check(result: checks.CheckResult, options: CheckCommand, repair: Sequence[Ch
             Check,
             result,
             verdict=result.answer.value,
-            encoding=options.encoding,
-            solver=options.solver,
-            epsilon=options.separation,
             parameters=box_of(result.box),
             obligations=[Obligation(name=name, verdict=one.value) for name, one in result.obligations.items()],
             counterexample=found[0] if found else None,
             counterexamples=found,
-            repair=None if repair is None else changes_of(repair),
+            repair=None if result.repair is None else changes_of(result.repair),
             interrupted=result.interrupted and not result.timed_out,
             timeout=result.timed_out,
             statistics=like(Statistics, result.statistics),
@@ -397,15 +392,12 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
 
 def envelope(
     result: EnvelopeResult,
-    counterexample: checks.Counterexample | None,
-    report: ControllabilityReport | None,
     *,
-    controllability: bool,
-    probability: Bounds | None = None,
+    controllability: bool = False,
 ) -> Document:
-    """`counterexample` shows what breaks at the nominal point if the status is invalid."""
+    """With `controllability`, it is null where it was asked for and is not known; else it is left out then."""
     seconds = {step.check: step.seconds for step in result.trace}
-    about_control = None if report is None else _controllability(report)
+    report, shown = result.controllability, result.counterexample
     first = result.first_widening_seconds
     return document(
         like(
@@ -414,14 +406,14 @@ def envelope(
             parameters={one.name: _within(result, one) for one in result.parameters},
             advice=[like(Advice, one) for one in result.advice],
             first_widening_s=None if first is None else round(first, 6),
-            counterexample=None if counterexample is None else _counterexample(counterexample),
+            counterexample=None if shown is None else _counterexample(shown),
             convergence=[
                 Convergence(check=number, seconds=round(seconds[number], 6), share=round(float(share), 6))
                 for number, share in result.convergence()
             ],
             statistics=like(Statistics, result.statistics),
-            controllability=about_control if controllability else UNSET,
-            probability=UNSET if probability is None else range_of(probability),
+            controllability=_controllability(report) if report is not None else None if controllability else UNSET,
+            probability=UNSET if result.probability is None else range_of(result.probability),
         )
     )
 

@@ -7,8 +7,10 @@ lines differ in width and dashes, areas in hatching.
 from __future__ import annotations
 
 import os
+import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,12 +53,12 @@ NOMINAL: Mapping[str, Any] = {
 """The mark of nominal values."""
 
 
-def save(draw: Callable[[], Figure], path: str | os.PathLike[str], *, longest: float | None = None) -> None:
+def save(draw: Callable[[], Figure], path: str | os.PathLike[str] | None, *, longest: float | None = None) -> Figure:
     """Draw a figure and write it; the suffix of the file names the format, and equal figures make equal files.
 
     Args:
         draw: makes the figure.
-        path: the file.
+        path: the file; None: it is only returned.
         longest: pixels of a side, beyond which resolution is reduced.
 
     Raises:
@@ -68,9 +70,23 @@ def save(draw: Callable[[], Figure], path: str | os.PathLike[str], *, longest: f
     looks: Any = {"svg.fonttype": "none", "svg.hashsalt": "robust", "text.parse_math": False, "hatch.linewidth": 0.4}
     with mpl.rc_context(looks):
         figure = draw()
+        if path is None:
+            _keep_texts(figure)
+            return figure
         dpi = 160.0 if longest is None else min(160.0, longest / max(figure.get_size_inches()))
         metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(Path(path).suffix.lower())
         atomic_write(path, lambda beside: figure.savefig(beside, dpi=dpi, metadata=metadata), place_of("plot"))
+    return figure
+
+
+def _keep_texts(figure: Figure) -> None:
+    """For whoever draws it later: names are no formulas then either, and notebooks know how to show it."""
+    from matplotlib.text import Text  # noqa: PLC0415 - as above
+
+    for one in figure.findobj(Text):
+        one.set_parse_math(False)
+    if "IPython" in sys.modules:
+        import_module("matplotlib.pyplot")  # which tells IPython
 
 
 def without_frame(axes: Axes, sides: Iterable[str] = ("top", "right")) -> None:

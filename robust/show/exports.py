@@ -183,7 +183,7 @@ def _key(name: str) -> str:
 
 def _parameters(plan: ParametrizedPlan, result: EnvelopeResult) -> list[dict[str, Any]]:
     """What is said of each parameter, by the names of the columns."""
-    within = documents.envelope(result, None, None, controllability=False)["parameters"]
+    within = documents.envelope(result)["parameters"]
     actions: dict[str, list[str]] = {}
     for one in overruns(plan, result.box):
         for name in one.parameters:

@@ -74,8 +74,8 @@ class Chart:
     axis: str = "time"
 
 
-def draw_chart(chart: Chart, path: str | os.PathLike[str]) -> None:
-    """Draw a chart; the suffix of the file names the format.
+def draw_chart(chart: Chart, path: str | os.PathLike[str] | None) -> Figure:
+    """Draw a chart; the suffix of the file names the format, without one the figure is only returned.
 
     Raises:
         InputError: if a bar or mark is in no lane, ends before it starts, or the file cannot be written.
@@ -88,7 +88,7 @@ def draw_chart(chart: Chart, path: str | os.PathLike[str]) -> None:
     for bar in chart.bars:
         if bar.end is not None and bar.end < bar.start:
             raise InputError(f"found bar {bar.label!r} from {bar.start} to {bar.end}, expected an end after its start")
-    save(_Drawing(chart).figure, path)
+    return save(_Drawing(chart).figure, path)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 from msgspec import UNSET, Meta, UnsetType
 
 from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.execute.parametrization import option_of, write_specs
+from robust.numbers import format_number, plural
+from robust.plan.stn import write_stn
 from robust.show.documents import (
     Broken,
     Document,
@@ -23,6 +28,8 @@ from robust.show.documents import (
 )
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from robust.execute.convert import Conversion
     from robust.execute.replan import Run, Segment
     from robust.options.commands import ConvertCommand, ExecuteCommand
@@ -84,44 +91,86 @@ class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
     violations: list[Broken]
 
 
-def convert(
-    options: ConvertCommand,
-    found: Conversion | None,
-    stn: str | None,
-    parameter_file: str | None,
-    written: Mapping[str, str],
-    *,
-    violations: Sequence[Violation] = (),
-) -> Document:
-    """`found` is None if the time-triggered plan is invalid."""
+def converted(found: Conversion, written: Mapping[str, str] = MappingProxyType({})) -> Document:
+    """Of a conversion, and by kind the files that were written."""
     return document(
         Convert(
-            verdict="invalid" if found is None else found.check.answer.value,
+            verdict=found.check.answer.value,
+            mode=found.mode.value,
+            solver=found.solver,
+            epsilon=found.epsilon,
+            stn=write_stn(found.stn),
+            parameters=[one.name for one in found.plan.parameters],
+            parameter_file=write_specs(found.beside) or None,
+            files=Files(**written),
+            schedule=exact(found.schedule),
+            instances=len(found.stn.instances),
+            constraints=len(found.stn.constraints),
+            redundant=found.redundant,
+            obligations=len(found.check.obligations),
+            tightened=[
+                like(Tightened, one, source=str(one.edge.source), target=str(one.edge.target), lower=one.edge.weight)
+                for one in found.tightened
+            ],
+            violations=[],
+        )
+    )
+
+
+def unconverted(options: ConvertCommand, violations: Sequence[Violation]) -> Document:
+    """Of a time-triggered plan that is invalid."""
+    return document(
+        Convert(
+            verdict="invalid",
             mode=options.mode,
             solver=options.solver,
             epsilon=options.separation,
-            stn=stn,
-            parameters=[] if found is None else [one.name for one in found.plan.parameters],
-            parameter_file=parameter_file,
-            files=Files(**written),
-            schedule={} if found is None else exact(found.schedule),
-            instances=0 if found is None else len(found.stn.instances),
-            constraints=0 if found is None else len(found.stn.constraints),
-            redundant=0 if found is None else found.redundant,
-            obligations=0 if found is None else len(found.check.obligations),
-            tightened=[
-                like(
-                    Tightened,
-                    one,
-                    source=str(one.edge.source),
-                    target=str(one.edge.target),
-                    lower=one.edge.weight,
-                )
-                for one in (() if found is None else found.tightened)
-            ],
+            stn=None,
+            parameters=[],
+            parameter_file=None,
+            files=Files(),
+            schedule={},
+            instances=0,
+            constraints=0,
+            redundant=0,
+            obligations=0,
+            tightened=[],
             violations=broken(violations),
         )
     )
+
+
+def print_conversion(out: Console, found: Conversion, *, quiet: bool) -> None:
+    """Unless `quiet` how the plan was made, then the plan."""
+    for line in () if quiet else conversion_lines(found):
+        out.print(line, soft_wrap=True)
+    if not quiet:
+        out.print()
+    out.print(write_stn(found.stn).rstrip("\n"), soft_wrap=True)
+
+
+def conversion_lines(found: Conversion, written: Mapping[str, str] = MappingProxyType({})) -> list[str]:
+    """How a plan was made, where it was written, and what reading it needs."""
+    instances, constraints = len(found.stn.instances), len(found.stn.constraints)
+    size = f"{plural(instances, 'instance')}, {plural(constraints, 'constraint')}"
+    lines = [f"{found.check.answer.value}: {size}, {plural(len(found.stn.parameters), 'parameter')}"]
+    broken = next(iter(found.check.counterexamples), None)
+    if broken is not None:
+        lines.append(f"an allowed schedule breaks {broken}; --mode causal gives a network that is proved")
+    for one in found.tightened:
+        lines.append(
+            f"needed: {one.edge.target} - {one.edge.source} >= {format_number(one.edge.weight)} for {one.obligation}"
+        )
+    if "plan" in written:
+        lines.append(f"plan: {written['plan']}")
+    if "stnu" in written:
+        lines.append(f"network with uncertainty: {written['stnu']}")
+    if "parameters" in written:
+        lines.append(f"parameters: {written['parameters']}, found there by whoever reads the plan")
+    elif found.beside:
+        given = " ".join(f"--parameter {shlex.quote(option_of(spec))}" for spec in found.beside)
+        lines.append(f"reading this plan needs {given}")
+    return lines
 
 
 class ExecutedAction(JsonObject):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import zip_longest
+from pathlib import Path
 from statistics import median
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from msgspec import UNSET, Meta, UnsetType
 from rich.console import Console
@@ -23,7 +24,10 @@ from robust.pike_bridge.online.moments import Moments
 from robust.pike_bridge.online.world import ExecutionRecord, ExecutionStep
 from robust.pike_bridge.semantics import Execution
 from robust.show.documents import Document, Ended, Rationals, Verdict, document
-from robust.show.gantt import Bar, Chart, Lane, Mark
+from robust.show.gantt import Bar, Chart, Lane, Mark, draw_chart
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Stages = Annotated[dict[str, Seconds], Meta(description="by stage")]
 
@@ -165,13 +169,13 @@ def in_order(schedule: Mapping[str, Fraction]) -> list[tuple[str, Fraction]]:
     return sorted(schedule.items(), key=lambda item: (item[1], item[0]))
 
 
-def print_check(out: Console, result: PikeCheck, plan: TeamPlan | None, *, quiet: bool) -> None:
+def print_check(out: Console, result: PikeCheck, *, quiet: bool) -> None:
     """The verdict; unless `quiet` also the execution and the scenarios."""
     out.print(_check_headline(result))
     if quiet:
         return
     if result.execution is not None:
-        for line in execution_lines(result.execution, plan):
+        for line in execution_lines(result.execution, result.plan):
             out.print(f"  {line}")
     if result.scenarios is not None:
         missing = "" if result.complete else " so far"
@@ -328,14 +332,14 @@ def print_plot(out: Console, drawn: PikePlot, *, quiet: bool) -> None:
 # -- run: for programs, people, and as a drawing -----------------------------------------------------------------------
 
 
-def run_document(record: ExecutionRecord, *, seed: int, reasoner: str, backend: str) -> dict[str, Any]:
+def run_document(record: ExecutionRecord) -> dict[str, Any]:
     """`robust/pike-run/1`."""
     return {
         "schema": "robust/pike-run/1",
         "status": record.ending.value,
-        "seed": seed,
-        "reasoner": reasoner,
-        "backend": backend,
+        "seed": record.seed,
+        "reasoner": record.reasoner,
+        "backend": record.backend,
         "time": str(record.time),
         "choices": dict(record.choices),
         "schedule": {event: str(time) for event, time in sorted(record.schedule.items(), key=lambda item: item[1])},
@@ -391,7 +395,7 @@ def _told(decision: said.Decision) -> tuple[str, str]:  # noqa: PLR0911 - one fo
             return "succeeded", "every activated event has been executed"
 
 
-def print_run(out: Console, record: ExecutionRecord, *, seed: int, explained: bool, quiet: bool) -> None:
+def print_run(out: Console, record: ExecutionRecord, *, quiet: bool) -> None:
     """How it ended; unless `quiet` also the timeline, and what contradicts each other if that was not explained."""
     ending = record.ending.value
 
@@ -399,7 +403,7 @@ def print_run(out: Console, record: ExecutionRecord, *, seed: int, explained: bo
     slowest = max((step.seconds for step in record.steps), default=0.0)
     typical = median(step.seconds for step in record.steps) if record.steps else 0.0
     headline.append(
-        f" at {readable(record.time)} (seed {seed}); decisions took {duration(typical)} each, "
+        f" at {readable(record.time)} (seed {record.seed}); decisions took {duration(typical)} each, "
         f"{duration(slowest)} at most",
         "none",
     )
@@ -419,7 +423,7 @@ def print_run(out: Console, record: ExecutionRecord, *, seed: int, explained: bo
             verb = "must be" if len(values) == 1 else "may still be"
             out.print(Text(f"{'':>10}  so        {choice} {verb} {' or '.join(values)}"), soft_wrap=True)
             _print_lines(out, reasons.of_inference(choice, inferences.get(choice)))
-    if record.conflict and not explained:
+    if record.conflict and not record.explained:
         out.print()
         out.print("These facts contradict each other; without any one of them a correct execution would be left:")
         for fact in record.conflict:
@@ -468,6 +472,11 @@ class _Reasons:
             if line not in self._said:
                 self._said.add(line)
                 yield line
+
+
+def plot_run(record: ExecutionRecord, path: Path | None, _axes: Sequence[str] = ()) -> Figure:
+    """Draw who did what when."""
+    return draw_chart(run_chart(record.plan, record), path)
 
 
 def run_chart(plan: TeamPlan, record: ExecutionRecord) -> Chart:

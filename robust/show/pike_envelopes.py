@@ -36,6 +36,7 @@ from robust.show.documents import Document, Ended, SearchEnded, document
 from robust.show.drawing import DARK_GREY, HATCHES, LIGHT, NOMINAL, box_line, cut, hatch_outside, save, wrapped
 from robust.show.region_documents import Constraint as ConstraintRecord
 from robust.show.region_documents import Polyhedron as PolyhedronRecord
+from robust.show.region_documents import rows_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -202,6 +203,15 @@ def _constraint(one: LinearConstraint) -> ConstraintRecord:
     return ConstraintRecord(coefficients=coefficients, relation=one.relation.value, constant=one.constant)
 
 
+def whole_region_document(found: LabeledRegion) -> Document:
+    """With the exact cells."""
+    return region_document(found, _cells(found))
+
+
+def _cells(found: LabeledRegion) -> Cells | None:
+    return None if found.cut_short else found.exactly()
+
+
 def region_document(found: LabeledRegion, cells: Cells | None) -> Document:
     """`robust/pike-region/1`."""
     combinations = [
@@ -236,6 +246,16 @@ def region_document(found: LabeledRegion, cells: Cells | None) -> Document:
             exactly=exactly,
         )
     )
+
+
+def possible_rows(region: Document) -> list[Document]:
+    """The constraints under which each combination of choices is possible, piece by piece."""
+    pieces = [
+        ({**combination["choices"], "piece": number}, piece["constraints"])
+        for combination in region["combinations"]
+        for number, piece in enumerate(combination["polyhedra"])
+    ]
+    return rows_of(pieces, region["parameters"])
 
 
 def envelope_document(found: TeamEnvelope) -> Document:
@@ -544,6 +564,27 @@ def plotted(plan: ParametricPlan, axes: Sequence[str]) -> tuple[TeamParameter, T
 Layers = Sequence[tuple[str, Region]]
 
 
+def plot_region(found: LabeledRegion, path: Path | None, axes: Sequence[str]) -> Figure:
+    """Draw which combinations are possible where."""
+    return plot_cells(found, _cells(found), path, axes)
+
+
+def plot_cells(found: LabeledRegion, cells: Cells | None, path: Path | None, axes: Sequence[str]) -> Figure:
+    """The same where the cells are known, or there was no time to find them."""
+    return plot_layers(found.plan, region_layers(found, cells), path, axes)
+
+
+def plot_envelope(found: TeamEnvelope, path: Path | None, axes: Sequence[str]) -> Figure:
+    """Draw for which values what is promised is so, and the box.
+
+    Raises:
+        InputError: if nothing of that is known.
+    """
+    if not found.combinations:
+        raise InputError("found an envelope of which nothing is known, expected something to draw", place_of("plot"))
+    return plot_layers(found.plan, [(promise(found), found.region)], path, axes, found.box if found.verified else None)
+
+
 def region_layers(found: LabeledRegion, cells: Cells | None) -> Layers:
     """What is drawn of a labeled region: where exactly which combinations are possible, else where each is."""
     if cells is None:
@@ -563,13 +604,15 @@ def _few(labels: Sequence[str], most: int = 4) -> Sequence[str]:
     return shown if len(labels) <= most else [*shown, f"and {len(labels) - most} more"]
 
 
-def plot_layers(plan: ParametricPlan, layers: Layers, path: Path, axes: Sequence[str], box: Box | None = None) -> None:
+def plot_layers(
+    plan: ParametricPlan, layers: Layers, path: Path | None, axes: Sequence[str], box: Box | None = None
+) -> Figure:
     """Draw regions of two parameters, the others at their nominal values, and perhaps a box."""
     shown = plotted(plan, axes)
     names = tuple(one.name for one in shown)
     rest = {name: value for name, value in plan.nominal.items() if name not in names}
     sliced = [(label, Region.union_of(names, region.slice(rest).as_union().pieces)) for label, region in layers]
-    save(lambda: _figure(plan, shown, sliced, box), path)
+    return save(lambda: _figure(plan, shown, sliced, box), path)
 
 
 def _figure(

@@ -16,10 +16,13 @@ from typing import TYPE_CHECKING, Literal
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
+from robust.errors import InputError
 from robust.irr.search import EnvelopeResult, Status
 from robust.numbers import approximate, end, readable
+from robust.options.declare import place_of
 from robust.qe.box import Box
 from robust.show.drawing import BLACK, EDGE, GREY, GRID, NOMINAL, VALID, save, without_frame, wrapped
+from robust.show.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,18 +44,17 @@ class _Row:
     upper: str
 
 
-def plot_envelope(result: EnvelopeResult, path: Path, words: Mapping[str, str] | None = None) -> None:
+def plot_envelope(result: EnvelopeResult, path: Path | None, _axes: Sequence[str] = ()) -> Figure:
     """Draw the box and the convergence curve.
 
-    Args:
-        result: what was found.
-        path: the file.
-        words: what parameters are called; their names where they are not in it.
-
     Raises:
-        InputError: if the file cannot be written.
+        InputError: if there is no box around nominal values, or the file cannot be written.
     """
-    save(lambda: _figure(result, _rows(result, words or {})), path)
+    if not result.verified or not all(one.has_nominal for one in result.parameters):
+        found = "a parameter without a nominal value" if result.verified else "no box"
+        raise InputError(f"found {found}, expected a box around nominal values", place_of("plot"))
+    words = {} if result.plan is None else Words(result.plan).parameters
+    return save(lambda: _figure(result, _rows(result, words)), path)
 
 
 def _figure(result: EnvelopeResult, rows: Sequence[_Row]) -> Figure:

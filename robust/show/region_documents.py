@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -9,7 +10,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 from robust.backends import OFFERED, SPLITTINGS
 from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
-from robust.numbers import exact_end
+from robust.numbers import approximate, exact_end
 from robust.show.documents import (
     Document,
     Encoding,
@@ -24,6 +25,7 @@ from robust.show.documents import (
     document,
     exact,
 )
+from robust.show.regions import formed
 
 if TYPE_CHECKING:
     from robust.irr import compare as compares
@@ -138,7 +140,12 @@ class Region(Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     open_share: OpenShare | None
 
 
-def region(result: RegionResult, epsilon: Fraction) -> Document:
+def formed_region(result: RegionResult) -> Document:
+    """Of a region as it was found: in the form in which it is shown."""
+    return region(formed(result))
+
+
+def region(result: RegionResult) -> Document:
     shown = {key: value for key, value in result.region.as_dict().items() if key != "schema"}
     shown["reason"] = UNSET if result.reason is None else result.reason
     more = not result.is_exact or len(result.factors) > 1 or any(one.symmetry for one in result.factors)
@@ -147,7 +154,6 @@ def region(result: RegionResult, epsilon: Fraction) -> Document:
         like(
             Region,
             result,
-            epsilon=epsilon,
             statistics=like(Statistics, result.statistics),
             factors=[_factor(one) for one in result.factors] if more else [],
             open_share=None if share is None else like(OpenShare, share, box=box_of(share.box)),
@@ -165,6 +171,29 @@ def _factor(factor: inner.Factor) -> Factor:
         outer=Outer(base=outer["base"], minus=outer["minus"]),
         inner=proved.get("polyhedra"),
     )
+
+
+def constraint_rows(region: Document) -> list[Document]:
+    """The constraints of a region, with the number of the piece that each belongs to, and whether that is removed."""
+    kept = [region["base"]] if region["form"] == "difference" else [one["constraints"] for one in region["polyhedra"]]
+    removed = [one["constraints"] for one in region.get("minus", ())]
+    pieces = [*((False, one) for one in kept), *((True, one) for one in removed)]
+    labeled = [({"piece": number, "removed": out}, piece) for number, (out, piece) in enumerate(pieces)]
+    return rows_of(labeled, region["parameters"])
+
+
+def rows_of(pieces: Iterable[tuple[Document, Sequence[Document]]], parameters: Iterable[str]) -> list[Document]:
+    """A row for each constraint of pieces: what is said of the piece, the coefficients by parameter, and the rest."""
+    return [
+        {
+            **label,
+            **{name: approximate(Fraction(one["coefficients"].get(name, 0))) for name in parameters},
+            "relation": one["relation"],
+            "constant": approximate(Fraction(one["constant"])),
+        }
+        for label, constraints in pieces
+        for one in constraints
+    ]
 
 
 class Volume(JsonObject):

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.text import Text
@@ -28,6 +30,9 @@ from robust.show.console import show_table, table
 from robust.show.drawing import save
 from robust.show.text import percentage, print_advice
 from robust.show.words import Words
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MANY = 20
 """Pieces up to which a region is shown as a union by default."""
@@ -55,6 +60,11 @@ def in_form(region: Region, form: str | None) -> Region:
             return region.short_union(MANY) or tidied(region)
 
 
+def formed(result: RegionResult, form: str | None = None) -> RegionResult:
+    """A result with its region in that form."""
+    return replace(result, region=in_form(result.region, form))
+
+
 def tidied(region: Region) -> Region:
     """The region simplified; of many pieces only those that others contain are left out, and of very many none."""
     if len(region.pieces) <= MANY or region.base is None:
@@ -70,6 +80,11 @@ def print_latex(out: Console, result: RegionResult) -> None:
     if not result.is_exact:
         out.print(Text(f"% {_stopped(result)}: {result.meaning}"), soft_wrap=True, no_wrap=True)
     out.print(Text(result.region.to_latex()), soft_wrap=True, no_wrap=True)
+
+
+def print_formed(out: Console, result: RegionResult, *, quiet: bool) -> None:
+    """A region as it was found, in the form in which it is shown."""
+    print_region(out, formed(result), quiet=quiet)
 
 
 def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
@@ -232,13 +247,13 @@ def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
 def plot_slice(
     region: Region,
     plan: ParametrizedPlan,
-    path: Path,
+    path: Path | None,
     axes: Sequence[str],
     *,
     boxes: Mapping[str, Box] | None = None,
     inner: Callable[[Point], Region] | None = None,
     exact: bool = True,
-) -> None:
+) -> Figure:
     """Draw one or two parameters, the others at their nominal values; also an inner bound, if there is one."""
     from robust.show.region_plot import draw_region  # noqa: PLC0415 - late, as all that leads to matplotlib
 
@@ -248,7 +263,7 @@ def plot_slice(
     proved = None if inner is None else inner(rest)
     words = Words(plan).parameters
     points = {"nominal values": nominal} if plan.has_nominal else {}
-    save(
+    return save(
         lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points, inner=proved, words=words, exact=exact),
         path,
     )
@@ -356,12 +371,24 @@ def _compare_summary(result: Comparison) -> str:
     return f"{words[result.status]}{region}, {duration(result.seconds)} in all."
 
 
-def plot_comparison(result: Comparison, path: Path, axes: Sequence[str]) -> None:
-    """Draw the region with all boxes in it, if there is a region."""
+def plot_region(result: RegionResult, path: Path | None, axes: Sequence[str]) -> Figure:
+    """Draw a region, and what is proved of one that is not complete."""
+    if result.plan is None:
+        raise InputError("found a region without its plan, expected one that a search has found", place_of("plot"))
+    inner, exact = (None, True) if result.is_exact else (result.inner, False)
+    return plot_slice(result.region, result.plan, path, axes, inner=inner, exact=exact)
+
+
+def plot_comparison(result: Comparison, path: Path | None, axes: Sequence[str]) -> Figure:
+    """Draw the region with all boxes in it.
+
+    Raises:
+        InputError: if there is no region, or nothing to draw of it.
+    """
     if result.region is None:
-        return
+        raise InputError("found a comparison without a region, expected one to draw", place_of("plot"))
     boxes = {METHOD_NAMES[entry.method]: entry.result.box for entry in result.entries if entry.result.verified}
-    plot_slice(result.region.region, result.plan, path, axes, boxes=boxes, exact=result.region.is_exact)
+    return plot_slice(result.region.region, result.plan, path, axes, boxes=boxes, exact=result.region.is_exact)
 
 
 def comparison_details(result: Comparison) -> str:

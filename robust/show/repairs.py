@@ -27,8 +27,6 @@ from robust.show.text import told
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robust.options.verbs import RepairOptions
-
 _COLOURS = {
     RepairStatus.UNNEEDED: "green",
     RepairStatus.OPTIMAL: "green",
@@ -41,11 +39,9 @@ _COLOURS = {
 # -- for people --------------------------------------------------------------------------------------------------------
 
 
-def print_repair(out: Console, found: Repair, written: Path | None, *, count: bool, quiet: bool) -> None:
+def print_repair(out: Console, found: Repair, written: Path | None = None, *, quiet: bool) -> None:
     """The changes and what they cost; unless `quiet` with the statements that change and what for."""
-    out.print(
-        Text.assemble((found.status.value, _COLOURS[found.status]), f": {_verdict(found, count)}"), soft_wrap=True
-    )
+    out.print(Text.assemble((found.status.value, _COLOURS[found.status]), f": {_verdict(found)}"), soft_wrap=True)
     for change in found.changes:
         out.print(Text(f"  {told(change) if quiet else change.words}"), soft_wrap=True)
         if not quiet:
@@ -62,7 +58,7 @@ def print_repair(out: Console, found: Repair, written: Path | None, *, count: bo
         out.print(Text(f"plan: {written}"), soft_wrap=True)
 
 
-def _verdict(found: Repair, count: bool) -> str:
+def _verdict(found: Repair) -> str:
     match found.status:
         case RepairStatus.UNNEEDED:
             return "the plan is proved as it is"
@@ -70,11 +66,11 @@ def _verdict(found: Repair, count: bool) -> str:
             return "whatever is changed of what may change, one of these breaks"
         case RepairStatus.UNKNOWN:
             why = "interrupted" if found.interrupted else found.reason or "out of time"
-            return f"{why}, no repair found; none costs less than {price(found.bound, count)}"
+            return f"{why}, no repair found; none costs less than {price(found.bound, found.count)}"
     cost = found.cost or Cost()
     paid = f"{plural(len(found.changes), 'change')} at cost {readable(cost.total)}"
     if found.status is RepairStatus.FEASIBLE:
-        return f"{paid}; perhaps not the least, which is not below {price(found.bound, count)}"
+        return f"{paid}; perhaps not the least, which is not below {price(found.bound, found.count)}"
     if not found.attained:
         return f"{paid}; the least cost {readable(found.bound.total)} is only approached"
     return f"{paid}, the least"
@@ -139,7 +135,7 @@ class PlanRepair(Noted, tag_field="schema", tag="robust/repair/1"):
     written: str | None
 
 
-def repair_document(found: Repair, options: RepairOptions, written: Path | None) -> Document:
+def repair_document(found: Repair, written: Path | None = None) -> Document:
     comparable = found.cost is not None and found.cost.count == found.bound.count
     return document(
         like(
@@ -147,10 +143,6 @@ def repair_document(found: Repair, options: RepairOptions, written: Path | None)
             found,
             status=_ended(found),
             repair=found.status.value,
-            change=options.change,
-            count=options.count,
-            solver=options.solver,
-            epsilon=options.separation,
             required=box_of(Box(found.required)),
             cost=None if found.cost is None else _cost(found.cost),
             bound=_cost(found.bound),

@@ -27,13 +27,13 @@ _FINE = 120
 """Points of a density to either side."""
 
 
-def plot_risk(result: RiskResult, path: Path) -> None:
+def plot_risk(result: RiskResult, path: Path | None, _axes: Sequence[str] = ()) -> Figure:
     """Draw the region with the density over it, for two parameters; and a bar for each obligation.
 
     Raises:
         InputError: if the file cannot be written.
     """
-    save(lambda: _figure(result), path)
+    return save(lambda: _figure(result), path)
 
 
 def _figure(result: RiskResult) -> Figure:

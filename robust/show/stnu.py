@@ -162,6 +162,27 @@ def print_repairs(out: Console, judged: Sequence[Judged[Repair]], written: str |
         out.print(Text(f"network: {written}"), soft_wrap=True)
 
 
+def _alone(result: Result) -> list[Judged[Result]]:
+    """A result by itself, with the name of its network."""
+    found: Any = result.found if isinstance(result, Dispatched) else result
+    return [Judged(Path(found.name), result)]
+
+
+def print_one_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
+    """One verdict."""
+    print_checks(out, _alone(result), quiet=quiet)
+
+
+def print_one_dispatch(out: Console, result: DispatchResult, *, quiet: bool) -> None:
+    """One dispatchable network, without executions."""
+    print_dispatches(out, _alone(Dispatched(result, ())), quiet=quiet)
+
+
+def print_one_repair(out: Console, result: Repair, *, quiet: bool) -> None:
+    """One repair."""
+    print_repairs(out, _alone(result), None, quiet=quiet)
+
+
 # -- JSON --------------------------------------------------------------------------------------------------------------
 
 
@@ -419,6 +440,29 @@ def _repaired(one: Judged[Repair]) -> RepairedNetwork:
         for change in found.changes
     ]
     return like(RepairedNetwork, found, file=str(one.file), repair=found.status.value, changes=changes, error=None)
+
+
+def one_check(result: CheckResult) -> Document:
+    """Of one network."""
+    return check_document(found := _alone(result), ended(found))
+
+
+def one_dispatch(result: DispatchResult) -> Document:
+    """Of one network, without executions."""
+    return dispatch_document(found := _alone(Dispatched(result, ())), ended(found))
+
+
+def one_repair(result: Repair) -> Document:
+    """Of one network."""
+    return repair_document(found := _alone(result), ended(found), None)
+
+
+def ended(judged: Sequence[Judged[Any]]) -> str:
+    """How it ended: a result that is not final was interrupted, or is out of time."""
+    short = [one.result for one in judged if one.error is None and one.code == _UNDECIDED]
+    if not short:
+        return "complete"
+    return "interrupted" if any(getattr(one, "interrupted", False) for one in short) else "timeout"
 
 
 class StnuExport(Noted, tag_field="schema", tag="robust/stnu-export/1"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
     from robust.errors import RobustError
     from robust.execute.validate import Verdict
-    from robust.options.verbs import ValidateCommand
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,12 +159,27 @@ class Validate(Noted, tag_field="schema", tag="robust/validate/1"):
     plans: list[JudgedPlan]
 
 
-def validate(options: ValidateCommand, judged: Sequence[Judged], status: str) -> Document:
+def one(verdict: Verdict) -> Document:
+    """Of a single plan."""
+    return validate([_alone(verdict)], "complete", verdict.epsilon, verdict.tolerance)
+
+
+def print_one(out: Console, verdict: Verdict, *, quiet: bool) -> None:
+    """The verdict about a single plan."""
+    print_verdicts(out, [_alone(verdict)], quiet=quiet)
+
+
+def _alone(verdict: Verdict) -> Judged:
+    """What is known of a plan whose files only a command knows."""
+    return Judged(Path(), Path(), Path(verdict.plan), verdict)
+
+
+def validate(judged: Sequence[Judged], status: str, epsilon: Fraction, tolerance: Fraction | None) -> Document:
     return document(
         Validate(
             status=status,
-            epsilon=options.separation,
-            tolerance=options.rounding,
+            epsilon=epsilon,
+            tolerance=tolerance,
             valid=sum(one.word == "valid" for one in judged),
             plans=[_judged(one) for one in judged],
         )

@@ -22,6 +22,7 @@ from robust.execute.dispatchable import DispatchNetwork, NaturalLink, Windows, s
 from robust.execute.stnu import DynamicAnswer, Wait, dynamic
 from robust.plan.model import ZERO, TimePoint
 from robust.plan.polynomial import Polynomial
+from robust.presented import Presented
 from robust.qe.box import Interval
 from robust.smt.limits import Deadline
 from robust.stnu.network import Network
@@ -63,7 +64,7 @@ class Execution:
 
 
 @dataclass(frozen=True)
-class DispatchResult:
+class DispatchResult(Presented):
     """A minimal dispatchable network: contingent links as they were, requirements, waits; None of it without control.
 
     `derived` is how many ordinary edges follow from the network in all.
@@ -75,6 +76,11 @@ class DispatchResult:
     derived: int
     tables: DispatchNetwork | None
     seconds: float
+
+    @property
+    def name(self) -> str:
+        """Of the network."""
+        return self.network.name
 
     @property
     def network(self) -> Network:

@@ -27,6 +27,7 @@ from robust.execute.stnu import NegativeCycle, Step, Way, dynamic, explain
 from robust.numbers import format_number
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
+from robust.presented import Presented
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import satisfiable
 from robust.qe.simplex import maximize
@@ -75,10 +76,10 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Repair:
+class Repair(Presented):
     """What a search found: `network` is the repaired one, None if there is none; no repair costs less than `bound`.
 
-    `conflicts` and `candidates` are how many were met and examined.
+    `conflicts` and `candidates` are how many were met and examined; `name` is that of the network.
     """
 
     status: RepairStatus
@@ -89,6 +90,7 @@ class Repair:
     candidates: int
     seconds: float
     interrupted: bool = False
+    name: str = ""
 
     @property
     def cost(self) -> Fraction | None:
@@ -340,6 +342,7 @@ class RepairSearch:
             self._examined,
             time.perf_counter() - self._started,
             interrupted,
+            self._network.name,
         )
 
     def _changes(self, found: _Candidate) -> Iterator[Change]:

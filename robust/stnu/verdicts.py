@@ -15,6 +15,7 @@ from enum import Enum
 from fractions import Fraction
 
 from robust.execute.stnu import dynamic, explain
+from robust.presented import Presented
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.stnu.network import Edge, Network, commit, edges_of
 
@@ -28,7 +29,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True)
-class CheckResult:
+class CheckResult(Presented):
     """The verdict about a network; `cycle` is the witness of an uncontrollable one, `reason` the same in words, or why
     there is no verdict.
     """
@@ -38,6 +39,11 @@ class CheckResult:
     cycle: tuple[Edge, ...]
     reason: str | None
     seconds: float
+
+    @property
+    def name(self) -> str:
+        """Of the network."""
+        return self.network.name
 
     @property
     def is_controllable(self) -> bool:

@@ -31,6 +31,7 @@ from robust.pike_bridge.envelopes.pieces import (
 from robust.pike_bridge.envelopes.waiting import waiting_question
 from robust.pike_bridge.model import ALWAYS, Guard
 from robust.plan.model import Parameter
+from robust.presented import Presented
 from robust.qe.box import Box, Face
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Point, Polyhedron
@@ -59,7 +60,7 @@ def checked_choices(plan: ParametricPlan, names: Sequence[str], what: str) -> tu
 
 
 @dataclass
-class LabeledRegion:
+class LabeledRegion(Presented):
     """For which parameter values which choices lead to a correct execution; `status` says whether this is all."""
 
     plan: ParametricPlan
@@ -195,7 +196,7 @@ class TeamStop:
 
 
 @dataclass
-class TeamEnvelope:
+class TeamEnvelope(Presented):
     """A box of parameter values, and what it promises.
 
     Of the choices in `for_all`, every combination leads to a correct execution for all values in the box, if what

@@ -13,6 +13,7 @@ from robust.pike_bridge.online.patience import openings, values_of
 from robust.pike_bridge.online.progress import Succeeded
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.scenarios import restrict
+from robust.presented import Presented
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 
@@ -26,7 +27,7 @@ class Moment(NamedTuple):
 
 
 @dataclass
-class Moments:
+class Moments(Presented):
     """What was asked for, as far as it is known; `status` says what ended it."""
 
     feasible: bool | None = None

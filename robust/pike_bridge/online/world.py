@@ -38,6 +38,7 @@ from robust.pike_bridge.online.reasoner import Reasoner
 from robust.pike_bridge.online.reasoners import SMT, make_reasoner, without_states
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.semantics import Execution, faults, holds
+from robust.presented import Presented
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 
@@ -264,10 +265,11 @@ class ExecutionStep:
 
 
 @dataclass(frozen=True)
-class ExecutionRecord:
+class ExecutionRecord(Presented):
     """An execution. `conflict` are the facts that contradict each other, of one that failed.
 
-    `faults` are why one that Drake took for a success is none.
+    `faults` are why one that Drake took for a success is none. `plan`, `seed`, `backend` and `reasoner` are what was
+    executed, and by whom; `explained` says whether steps have their reasons.
     """
 
     ending: Ending
@@ -275,6 +277,11 @@ class ExecutionRecord:
     steps: tuple[ExecutionStep, ...]
     choices: Mapping[str, str]
     schedule: Mapping[str, Fraction]
+    plan: TeamPlan = field(repr=False, compare=False)
+    seed: int
+    reasoner: str
+    backend: str
+    explained: bool = False
     conflict: tuple[Fact, ...] = ()
     faults: tuple[str, ...] = ()
 
@@ -359,7 +366,17 @@ class Rehearsal:
         progress = self._executive.progress
         facts = conflict(progress, solver=self.solver) if ending is Ending.FAILED else None
         return ExecutionRecord(
-            ending, progress.now, tuple(self._steps), dict(progress.chosen), dict(progress.times), facts or ()
+            ending,
+            progress.now,
+            tuple(self._steps),
+            dict(progress.chosen),
+            dict(progress.times),
+            plan=self.plan,
+            seed=self.seed,
+            reasoner="drake" if self.drake else SMT if self.backend == SMT else "windows",
+            backend=self.backend,
+            explained=self.explain,
+            conflict=facts or (),
         )
 
     def step(self, now: Fraction, messages: Sequence[Message]) -> list[Decision]:

@@ -1,0 +1,66 @@
+"""What every result of the package can do: show itself as text, in a notebook, as JSON, as a table and as a picture.
+
+Texts, documents and pictures are those of the command line; they are found in :mod:`robust.show` when they are asked
+for, so that a result costs nothing but itself.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, cast
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Presented:
+    """A result that can be shown; a class to inherit from, without fields."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        """What the command prints: plain text, of one screen at most."""
+        return cast("str", _presenting().text(self))
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks, whole and with its tables; texts of files are escaped."""
+        return cast("str", _presenting().page(self))
+
+    def as_dict(self) -> dict[str, Any]:
+        """What the command prints with `--json`: texts, numbers, lists and dictionaries; rationals are texts.
+
+        What only the command knows is as if it was not asked for: the names of files, notes on how they were read, and
+        what it found out beside.
+        """
+        return cast("dict[str, Any]", _presenting().document(self))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The main table of the result, a dictionary for each row, as data frames are made of.
+
+        Numbers are the nearest floats, `inf` without limit, and None where there is none; :meth:`as_dict` has exact
+        ones.
+
+        Raises:
+            InputError: if the result has no table.
+        """
+        return cast("list[dict[str, Any]]", _presenting().rows(self))
+
+    def plot(self, path: str | os.PathLike[str] | None = None, *, axes: str | Sequence[str] = ()) -> Figure:
+        """A picture of the result, as a figure of matplotlib.
+
+        Args:
+            path: where to write it: .svg, .png or .pdf by suffix; if not given, nothing is written.
+            axes: the one or two parameters that are drawn, the others at their nominal values; the first two if not
+                given. Boxes of any number of parameters, probabilities and executions are drawn whole.
+
+        Raises:
+            InputError: if there is nothing to draw, the file cannot be written, or there is no such parameter.
+            UnsupportedError: if matplotlib is not installed.
+        """
+        return cast("Figure", _presenting().figure(self, path, axes))
+
+
+def _presenting() -> Any:
+    return import_module("robust.show.presenting")
