@@ -13,21 +13,34 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robust.api import batch, check, compare, envelope, load_plan, region, risk, validate
-    from robust.errors import InputError, RobustError, SolverError, UnsupportedError
-    from robust.execute.convert import Conversion, Mode, convert
+    from robust import pike, stnu
+    from robust.api import batch, check, compare, envelope, region, repair, risk
+    from robust.errors import (
+        InputError,
+        InputWarning,
+        Location,
+        RefutedError,
+        RobustError,
+        SolverError,
+        UnsupportedError,
+    )
+    from robust.execute.convert import Conversion, Mode
+    from robust.execute.distances import InvalidPlanError
+    from robust.execute.snap import TooFarError
     from robust.execute.validate import Verdict
     from robust.irr.check import Answer, CheckResult, Counterexample
     from robust.irr.compare import Comparison
     from robust.irr.repair import Repair, RepairStatus
     from robust.irr.search import EnvelopeResult, Status, Step
     from robust.plan.model import ParametrizedPlan
+    from robust.presented import Presented
     from robust.probability.distributions import Distribution
     from robust.probability.measure import Bounds
     from robust.probability.risk import RiskResult, RiskStatus
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult, RegionStatus
     from robust.qe.region import Region
+    from robust.reading import convert, load_plan, validate
     from robust.show.exports import export
     from robust.sweeps.batch import Batch
     from robust.unified_planning.convert import from_unified_planning, to_unified_planning
@@ -46,35 +59,41 @@ _HOME = {
     "Distribution": "robust.probability.distributions",
     "EnvelopeResult": "robust.irr.search",
     "InputError": "robust.errors",
+    "InputWarning": "robust.errors",
     "Interval": "robust.qe.box",
+    "InvalidPlanError": "robust.execute.distances",
+    "Location": "robust.errors",
     "Mode": "robust.execute.convert",
     "ParametrizedPlan": "robust.plan.model",
+    "Presented": "robust.presented",
+    "RefutedError": "robust.errors",
     "Region": "robust.qe.region",
     "RegionResult": "robust.qe.compute",
     "RegionStatus": "robust.qe.compute",
-    "RiskResult": "robust.probability.risk",
-    "RiskStatus": "robust.probability.risk",
     "Repair": "robust.irr.repair",
     "RepairStatus": "robust.irr.repair",
+    "RiskResult": "robust.probability.risk",
+    "RiskStatus": "robust.probability.risk",
     "RobustError": "robust.errors",
     "SolverError": "robust.errors",
     "Status": "robust.irr.search",
     "Step": "robust.irr.search",
+    "TooFarError": "robust.execute.snap",
     "UnsupportedError": "robust.errors",
     "Verdict": "robust.execute.validate",
     "batch": "robust.api",
     "check": "robust.api",
     "compare": "robust.api",
-    "convert": "robust.execute.convert",
+    "convert": "robust.reading",
     "envelope": "robust.api",
     "export": "robust.show.exports",
     "from_unified_planning": "robust.unified_planning.convert",
-    "load_plan": "robust.api",
+    "load_plan": "robust.reading",
     "region": "robust.api",
-    "risk": "robust.api",
     "repair": "robust.api",
+    "risk": "robust.api",
     "to_unified_planning": "robust.unified_planning.convert",
-    "validate": "robust.api",
+    "validate": "robust.reading",
 }
 
 __all__ = [
@@ -89,9 +108,14 @@ __all__ = [
     "Distribution",
     "EnvelopeResult",
     "InputError",
+    "InputWarning",
     "Interval",
+    "InvalidPlanError",
+    "Location",
     "Mode",
     "ParametrizedPlan",
+    "Presented",
+    "RefutedError",
     "Region",
     "RegionResult",
     "RegionStatus",
@@ -103,6 +127,7 @@ __all__ = [
     "SolverError",
     "Status",
     "Step",
+    "TooFarError",
     "UnsupportedError",
     "Verdict",
     "__version__",
@@ -114,9 +139,11 @@ __all__ = [
     "export",
     "from_unified_planning",
     "load_plan",
+    "pike",
     "region",
     "repair",
     "risk",
+    "stnu",
     "to_unified_planning",
     "validate",
 ]
@@ -124,8 +151,8 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     """Import on first use: starting the command line must not load solvers."""
-    if name == "stnu":
-        return import_module("robust.stnu")
+    if name in {"pike", "stnu"}:
+        return import_module(f"robust.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'robust' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)

@@ -1,4 +1,4 @@
-"""The verbs of the package as functions: check, envelope, region, compare; and as searches that can be given up.
+"""The verbs of the package as functions: check, envelope, region and others; and as searches that can be given up.
 
 Their keyword arguments are the fields of the classes in :mod:`robust.options`, from which commands are made as well.
 What is not asked for is not imported.
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Protocol
 
 from robust.errors import InputError, did_you_mean
 from robust.options.batch import BATCHES, BatchOptions
-from robust.options.declare import Number, Options, place_of, settings
+from robust.options.declare import Options, place_of, settings, texts
 from robust.options.verbs import (
     CheckOptions,
     CompareOptions,
@@ -26,21 +26,17 @@ from robust.options.verbs import (
     RegionOptions,
     RepairOptions,
     RiskOptions,
-    ValidateOptions,
 )
+from robust.reading import Plan, plan_of
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
 if TYPE_CHECKING:
     from robust.encode.interface import Encoding
-    from robust.execute.validate import Verdict
     from robust.irr.check import CheckResult
     from robust.irr.compare import Comparison
     from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
-    from robust.plan.load import File
     from robust.plan.model import ParametrizedPlan
-    from robust.plan.pddl.syntax import Domain, Problem
-    from robust.plan.timed import TimedPlan
     from robust.probability.distributions import Distribution
     from robust.probability.risk import RiskResult
     from robust.qe.compute import RegionResult, RegionSearch
@@ -76,20 +72,20 @@ class Search(Protocol[Found_co]):
 
 def verb(
     options: Callable[Given, Taken],
-) -> Callable[[Callable[[ParametrizedPlan, Taken], Result]], Callable[Concatenate[ParametrizedPlan, Given], Result]]:
+) -> Callable[[Callable[[ParametrizedPlan, Taken], Result]], Callable[Concatenate[Plan, Given], Result]]:
     """Make a function of a plan and options one of a plan and the fields of the options, as keyword arguments."""
 
     def decorate(
         function: Callable[[ParametrizedPlan, Taken], Result],
-    ) -> Callable[Concatenate[ParametrizedPlan, Given], Result]:
+    ) -> Callable[Concatenate[Plan, Given], Result]:
         @wraps(function)
-        def called(plan: ParametrizedPlan, *args: Given.args, **given: Given.kwargs) -> Result:
+        def called(plan: Plan, *args: Given.args, **given: Given.kwargs) -> Result:
             chosen = options(*args, **given)
             with noticing_interrupts():
-                return function(plan, chosen)
+                return function(plan_of(plan, getattr(chosen, "separation", "1/1000")), chosen)
 
         taken = cast("type[Options]", options)
-        plan, _ = inspect.signature(function).parameters.values()
+        plan = inspect.Parameter("plan", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation="Plan")
         types = {name: kind for base in reversed(taken.__mro__) for name, kind in inspect.get_annotations(base).items()}
         given = [
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=types[name])
@@ -98,7 +94,7 @@ def verb(
         found = inspect.Signature([plan, *given], return_annotation=function.__annotations__["return"])
         called.__signature__ = found  # type: ignore[attr-defined]
         called.__doc__ = _with_arguments(inspect.getdoc(function) or "", taken)
-        return cast("Callable[Concatenate[ParametrizedPlan, Given], Result]", called)
+        return cast("Callable[Concatenate[Plan, Given], Result]", called)
 
     return decorate
 
@@ -107,7 +103,7 @@ def _with_arguments(text: str, options: type[Options]) -> str:
     """A docstring with the help of each option as the description of an argument."""
     shown = sorted(options.declarations.items(), key=lambda each: (not each[1].shown, each[1].rank))
     helps = [f"{name}: {one.help}." for name, one in shown]
-    lines = ["plan: the plan, see :func:`robust.plan.load.load_plan`.", *helps]
+    lines = ["plan: what :func:`load_plan` returns, or the paths of a domain, a problem and a plan.", *helps]
     wrapped = [textwrap.fill(line, 110, initial_indent="    ", subsequent_indent="        ") for line in lines]
     summary, _, rest = text.partition("\n\n")
     return "\n".join([summary, "", "Args:", *wrapped, "", rest])
@@ -148,91 +144,6 @@ class _Encoded(Generic[Result]):
         if self._search is None:
             return self._nothing(timed_out, time.perf_counter() - self._started)
         return self._search.so_far(timed_out=timed_out)
-
-
-# -- what they are about -----------------------------------------------------------------------------------------------
-
-
-def load_plan(
-    domain: File,
-    problem: File,
-    plan: File,
-    *,
-    parameters: Sequence[str] = (),
-    parameter_file: File | None = None,
-    nominal_needed: bool = True,
-    plan_number: int | None = None,
-    tolerance: Number | None = None,
-    epsilon: Number = "1/1000",
-    solver: str = "z3",
-    timeout: float | None = None,
-    on_note: Callable[[str], None] | None = None,
-    on_progress: Callable[[str], None] | None = None,
-) -> ParametrizedPlan:
-    """Read a PDDL domain and problem and a plan: a network (`.stn`), or steps as planners print them.
-
-    Steps are made a network first: the least constrained one that is proved valid, see :func:`robust.convert`.
-
-    Args:
-        domain: the file of the domain.
-        problem: the file of the problem.
-        plan: the file of the plan; "-" is standard input.
-        parameters: what is made a parameter, see :mod:`robust.plan.parameters`.
-        parameter_file: more of them, in a TOML file; if not given, one of the plan's name that is beside it.
-        nominal_needed: whether each parameter must have a nominal value; regions and optimal boxes need none.
-        plan_number: which plan of a log that holds several, from 1; the last one if not given.
-        tolerance: how far exact times may be from the printed ones; None is one unit of the last printed digit, and at
-            most ε.
-        epsilon: the separation of mutex time points.
-        solver: who is asked about a network of steps, `z3` or `cvc5`.
-        timeout: seconds after which the network of steps is left as it is.
-        on_note: called with what was picked, skipped, moved and made on the way.
-        on_progress: called with what is being done.
-
-    Raises:
-        InputError: for anything wrong in the files.
-        InvalidPlanError: if steps break an obligation as they stand.
-        UnsupportedError: for steps with an expression that is not linear.
-        KeyboardInterrupt: if interrupted.
-    """
-    from robust.plan.load import assemble
-    from robust.plan.parameters import specifications
-    from robust.plan.pddl.forms import read_plan_text
-    from robust.plan.pddl.reader import read_domain, read_problem
-    from robust.plan.stn import is_network, parse_stn
-
-    say = on_note or (lambda _: None)
-    parsed_domain = read_domain(domain)
-    parsed_problem = read_problem(problem, parsed_domain)
-    specs, beside = specifications(parameters, parameter_file, plan)
-    if beside is not None:
-        say(f"took the parameters of {beside}")
-    text, file = read_plan_text(plan)
-    if is_network(text, file):
-        network = parse_stn(text, file)
-        return assemble(parsed_domain, parsed_problem, network, specs, nominal_needed=nominal_needed)
-
-    from robust.execute.convert import Ended, convert
-    from robust.numbers import plural
-    from robust.plan.timed import parse_timed_plan
-
-    timed = parse_timed_plan(text, file, plan_number)
-    found = convert(
-        parsed_domain,
-        parsed_problem,
-        timed,
-        specs=specs,
-        epsilon=Fraction(epsilon),
-        tolerance=None if tolerance is None else Fraction(tolerance),
-        solver=solver,
-        timeout=timeout,
-        on_progress=on_progress,
-    )
-    if found.ended is Ended.INTERRUPTED:
-        raise KeyboardInterrupt
-    made = f"made a network of {plural(len(found.stn.constraints), 'constraint')}"
-    say(f"{file}: {'; '.join((*found.notes(timed), made))}")
-    return found.plan
 
 
 # -- check -------------------------------------------------------------------------------------------------------------
@@ -451,7 +362,9 @@ def distributions_of(plan: ParametrizedPlan, options: RiskOptions | EnvelopeOpti
     from robust.execute.worlds import read_rules
 
     rules = None if options.world is None else read_rules(options.world)
-    return randomness.distributions_of(plan, options.distribution, rules, place_of)
+    given = options.distribution
+    known = given if isinstance(given, Mapping) else texts(given, place_of("distribution"))
+    return randomness.distributions_of(plan, known, rules, place_of)
 
 
 def searching_risk(plan: ParametrizedPlan, options: RiskOptions) -> Search[RiskResult]:
@@ -472,13 +385,11 @@ def searching_risk(plan: ParametrizedPlan, options: RiskOptions) -> Search[RiskR
     )
 
 
-def risk(
-    plan: ParametrizedPlan, distributions: Mapping[str, str | Distribution] | Sequence[str] = (), **given: Any
-) -> RiskResult:
+def risk(plan: Plan, distributions: Mapping[str, str | Distribution] | Sequence[str] = (), **given: Any) -> RiskResult:
     """The probability that a plan succeeds when its parameters are random and independent, as certified bounds.
 
     Args:
-        plan: the plan, see :func:`robust.plan.load.load_plan`.
+        plan: what :func:`load_plan` returns, or the paths of a domain, a problem and a plan.
         distributions: of each parameter, such as `{"a": "normal:30:5", "b": "uniform:10:20"}`, see
             :mod:`robust.probability.distributions`.
         given: other options, the fields of :class:`robust.options.verbs.RiskOptions`: `world`, `within`, `draws`,
@@ -493,7 +404,7 @@ def risk(
     """
     options = RiskOptions(distribution=distributions, **given)
     with noticing_interrupts():
-        return searching_risk(plan, options).run()
+        return searching_risk(plan_of(plan, options.separation), options).run()
 
 
 # -- repair ------------------------------------------------------------------------------------------------------------
@@ -539,57 +450,6 @@ def repair(plan: ParametrizedPlan, options: RepairOptions) -> Repair:
         SolverError: the check does not confirm a repair.
     """
     return searching_repair(plan, options).run()
-
-
-# -- validate ----------------------------------------------------------------------------------------------------------
-
-
-def validate(
-    domain: File | Domain,
-    problem: File | Problem,
-    plan: File | TimedPlan,
-    *,
-    epsilon: Number | None = None,
-    tolerance: Number | None = None,
-    plan_number: int | None = None,
-) -> Verdict:
-    """Whether one schedule is valid as it was printed, as VAL judges it; :func:`check` judges all of a network.
-
-    Each of the three is a path, a text (a string with a line break or a parenthesis, unless a file has that name), or
-    what reading one gives.
-
-    Args:
-        domain: the PDDL domain.
-        problem: the PDDL problem.
-        plan: a time-triggered plan, or the log of a planner.
-        epsilon: separation of mutex time points, in the plan's unit of time; 1/1000 if not given.
-        tolerance: how far exact times and durations may be from printed ones, 0 for exactness; if not given, one unit
-            of the last printed digit, and at most epsilon.
-        plan_number: which plan of a log that holds several, from 1; the last one if not given.
-
-    Returns:
-        A verdict, with what breaks and what would help; `str` of it is for people.
-
-    Raises:
-        InputError: what cannot be read, or does not fit together; also a plan with a temporal network.
-        UnsupportedError: an over-all condition or a continuous effect that cannot be decided.
-    """
-    from robust.execute.validate import read_plan, validate
-    from robust.plan.pddl.forms import read_source
-    from robust.plan.pddl.reader import parse_domain, parse_problem
-    from robust.plan.pddl.syntax import Domain, Problem
-    from robust.plan.timed import TimedPlan
-
-    separation = ValidateOptions.declarations["epsilon"].default if epsilon is None else epsilon
-    options = ValidateOptions(epsilon=separation, tolerance=tolerance, plan_number=plan_number)
-    if not isinstance(domain, Domain):
-        domain = parse_domain(*read_source(domain, "<domain>"))
-    if not isinstance(problem, Problem):
-        text, file = read_source(problem, "<problem>")
-        problem = parse_problem(text, domain, file)
-    if not isinstance(plan, TimedPlan):
-        plan = read_plan(*read_source(plan, "<plan>"), options.plan_number)
-    return validate(domain, problem, plan, epsilon=options.separation, tolerance=options.rounding)
 
 
 # -- many plans --------------------------------------------------------------------------------------------------------

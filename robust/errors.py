@@ -1,7 +1,16 @@
 """Errors that a user can act on.
 
 Every public function of the package raises a subclass of :class:`RobustError`. The message is one line that names the
-place, what was found, what was expected and, where there is one, the remedy.
+place, what was found, what was expected and, where there is one, the remedy; `exit_code` is what the command line
+returns. What there is to catch::
+
+    RobustError
+    ├── InputError            2  wrong files or arguments
+    ├── RefutedError          1  what is claimed is false
+    │   ├── InvalidPlanError       a time-triggered plan that breaks obligations, which has its `violations`
+    │   └── TooFarError            printed times that no exact schedule is near enough to
+    ├── UnsupportedError      4  legal, but outside what is decided; or an optional package is missing
+    └── SolverError           3  a solver failed, or is not installed
 """
 
 from __future__ import annotations

@@ -169,7 +169,7 @@ def test_importing_loads_nothing_heavy(name, heavy):
 
 
 def test_public_names_are_sorted_and_each_has_a_home():
-    assert robust.__all__ == sorted({*robust._HOME, "__version__"})
+    assert robust.__all__ == sorted({*robust._HOME, "__version__", "pike", "stnu"})
     assert None not in [getattr(robust, name) for name in robust.__all__]
     assert (PACKAGE / "py.typed").is_file()
 

@@ -234,8 +234,8 @@ def _network_of_steps(
 
 
 def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[Any], int | None]:
-    from robust.api import load_plan
     from robust.certify.produce import PlanCertificate
+    from robust.reading import load_plan
 
     if len(options.files) == 1:
         return _of_choices(options, deadline), None

@@ -76,7 +76,7 @@ def _network_text(options: ConvertCommand) -> Path | None:
 
 def _export(options: ConvertCommand, run: Run, plan: Path) -> int:
     """Write the network with uncertainty of a plan that needs no conversion."""
-    from robust.api import load_plan
+    from robust.reading import load_plan
 
     if options.output is not None:
         raise InputError("found a network, which is not converted; expected --stnu only", place_of("output"))

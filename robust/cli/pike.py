@@ -15,7 +15,17 @@ from robust.cli.plans import CODES
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
 from robust.numbers import parse_number, shorten
 from robust.options.commands import ASSUMED
-from robust.options.declare import Number, argument, not_negative, option, ordinal, place_of, plot_file, positive
+from robust.options.declare import (
+    Number,
+    argument,
+    named_values,
+    not_negative,
+    option,
+    ordinal,
+    place_of,
+    plot_file,
+    positive,
+)
 from robust.options.shared import Output, Separation, Solving
 from robust.smt.limits import Deadline
 
@@ -255,13 +265,7 @@ def assumed(plan: TeamPlan, texts: Sequence[str]) -> Guard:
     """
     from robust.pike_bridge.compile import checked_assumptions
 
-    found: dict[str, str] = {}
-    for text in texts:
-        place = place_of("assume", text)
-        name, value = _named_value(text, text, place, "NAME=VALUE")
-        if found.setdefault(name, value) != value:
-            raise InputError(f"found a second value for {shorten(name)}, expected one", place)
-    return checked_assumptions(plan, found)
+    return checked_assumptions(plan, named_values(texts, "assume"))
 
 
 # -- check, compile and plot -------------------------------------------------------------------------------------------

@@ -46,7 +46,7 @@ HINT_PATIENCE = 10.0
 
 def load(options: AskCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
     """The plan that a command is about; making a network of steps may take half of the time."""
-    from robust.api import load_plan
+    from robust.reading import load_plan
 
     remaining = run.remaining
     return load_plan(

@@ -75,6 +75,8 @@ def _given(given: Given, parameters: Mapping[str, Parameter], place_of: Places) 
             raise InputError(f"found unknown parameter {shorten(name)}{did_you_mean(name, parameters)}", place)
         if name in found:
             raise InputError(f"found a second distribution of {shorten(name)}, expected one", place)
+        if not isinstance(kind, str | Distribution):
+            raise InputError(f"found {shorten(repr(kind))}, expected a distribution such as 'normal:30:5'", place)
         planned = _planned(parameters[name])
         found[name] = kind if isinstance(kind, Distribution) else parse_distribution(kind, planned, place)
     return found

@@ -14,6 +14,7 @@ from contextvars import ContextVar
 from decimal import Decimal
 from fractions import Fraction
 from importlib.util import find_spec
+from numbers import Rational, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, dataclass_transform
 
@@ -21,11 +22,14 @@ from robust.errors import InputError, Location, did_you_mean, missing
 from robust.numbers import EXPECTED_NUMBER, parse_number, shorten
 
 if TYPE_CHECKING:
-    from robust.qe.box import Interval
+    from robust.irr.search import EnvelopeResult
+    from robust.qe.box import Box, Interval
 
 
 Number = int | str | Fraction | Decimal | float
 """An exact number: a text such as `1/3`, and a float is what it is printed as."""
+Range = tuple[Number | None, Number | None]
+"""All numbers between two, None where there is no end."""
 
 PLOT_SUFFIXES = (".svg", ".png", ".pdf")
 STNU_SUFFIXES = (".stnu", ".json")
@@ -186,6 +190,7 @@ class Options:
             value = getattr(self, name)
             if value is None:
                 continue
+            _check_kind(name, one, value)
             if one.accepted and value not in one.accepted:
                 noun = name.replace("backend", "back end")
                 raise InputError(f"unknown {noun} {value!r}{did_you_mean(str(value), one.accepted)}")
@@ -209,14 +214,32 @@ class Options:
         """InputError if the options that were given do not belong together; for rules that `needs` cannot say."""
 
 
+def _check_kind(name: str, one: Option, value: object) -> None:
+    """InputError if a value is not of the kind of its option, where nothing else finds that out."""
+    if isinstance(one.default, bool):
+        right, expected = isinstance(value, bool), "True or False"
+    elif one.path and not one.many:
+        right, expected = isinstance(value, str | os.PathLike), "a path"
+    elif not one.shown:
+        right, expected = callable(value), "a function"
+    elif isinstance(one.default, int) and one.read is None:
+        right, expected = isinstance(value, int) and not isinstance(value, bool), "a whole number"
+    else:
+        return
+    if not right:
+        raise InputError(f"found {shorten(repr(value))}, expected {expected}", place_of(name))
+
+
 # -- values ------------------------------------------------------------------------------------------------------------
 
 
 def exact(value: Number, place: Location) -> Fraction:
     """InputError unless it is a number."""
-    if isinstance(value, bool) or not isinstance(value, Number):
+    if isinstance(value, bool) or not isinstance(value, str | Decimal | Real):
         raise InputError(f"found {shorten(repr(value))}, expected {EXPECTED_NUMBER}", place)
-    return Fraction(value) if isinstance(value, int | Fraction) else parse_number(str(value).lower(), place)
+    if isinstance(value, Rational):
+        return Fraction(int(value.numerator), int(value.denominator))
+    return parse_number(str(value).lower(), place)
 
 
 def positive(value: Number, place: Location) -> Fraction:
@@ -252,10 +275,43 @@ def seconds(value: Number, place: Location) -> float:
 def names(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
     """Names, or a text with commas between them."""
     if not isinstance(value, str):
-        return tuple(value)
+        return texts(value, place)
     found = tuple(name.strip() for name in value.split(","))
     if not all(found):
         raise InputError(f"found {shorten(value)}, expected names such as a,b,c", place)
+    return found
+
+
+def texts(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
+    """Texts; one may be given by itself."""
+    found = (value,) if isinstance(value, str) else value
+    if not isinstance(found, Iterable) or isinstance(found, bytes | Mapping):
+        raise InputError(f"found {shorten(repr(value))}, expected texts", place)
+    found = tuple(found)
+    for one in found:
+        if not isinstance(one, str):
+            raise InputError(f"found {shorten(repr(one))}, expected a text", place)
+    return found
+
+
+def named_values(given: Mapping[str, str] | str | Sequence[str], option: str) -> dict[str, str]:
+    """Values by name, also of texts `NAME=VALUE`: each name at most once, unless it is said again.
+
+    Raises:
+        InputError: for anything else.
+    """
+    if isinstance(given, Mapping):
+        for name, value in given.items():
+            texts((name, value), place_of(option))
+        return dict(given)
+    found: dict[str, str] = {}
+    for text in texts(given, place_of(option)):
+        place = place_of(option, text)
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not name or not value:
+            raise InputError(f"found {shorten(text)}, expected NAME=VALUE", place)
+        if found.setdefault(name, value) != value:
+            raise InputError(f"found a second value for {shorten(name)}, expected one", place)
     return found
 
 
@@ -285,23 +341,41 @@ def writable(path: Path, place: Location, what: str) -> Path:
     return path
 
 
+Settings = Mapping[str, "Number | Interval | Range"] | str | Sequence[str]
+"""Values and intervals of parameters, by name or as texts `NAME=VALUE` and `NAME=LOW:HIGH`."""
+
+
 def settings(
-    given: Mapping[str, Number | Interval] | Sequence[str], known: Sequence[str] | None, option: str = "at"
+    given: Settings | Box | EnvelopeResult, known: Sequence[str] | None, option: str = "at"
 ) -> dict[str, Fraction | Interval]:
-    """Values and intervals of parameters, each at most once; of texts `NAME=VALUE` and `NAME=LOW:HIGH`, too.
+    """Values and intervals of parameters, each at most once; a box is intervals, an envelope its box.
 
     Args:
+        given: the values.
         known: the plan's parameters; None if somebody else says what is none.
+        option: what errors are about.
+
+    Raises:
+        InputError: for anything else, or an envelope whose box is not verified.
     """
-    from robust.qe.box import Interval  # noqa: PLC0415 - options are read before anything else is imported
+    from robust.qe.box import Box, Interval  # noqa: PLC0415 - options are read before anything else is imported
 
     found: dict[str, Fraction | Interval] = {}
+    if not isinstance(given, Mapping | str | Sequence):
+        if not getattr(given, "verified", True):
+            raise InputError("found an envelope without a verified box, expected one with", place_of(option))
+        box = given if isinstance(given, Box) else getattr(given, "box", None)
+        if not isinstance(box, Box):
+            expected = "a box, an envelope, or values and intervals by parameter"
+            raise InputError(f"found {shorten(repr(given))}, expected {expected}", place_of(option))
+        given = box.intervals
     if isinstance(given, Mapping):
         for name, setting in given.items():
             if known is not None and name not in known:
-                raise InputError(f"unknown parameter {name!r}{did_you_mean(name, known)}")
-            found[name] = setting if isinstance(setting, Interval) else exact(setting, place_of(option, name))
+                raise InputError(f"unknown parameter {name!r}{did_you_mean(str(name), known)}")
+            found[name] = _setting_of(setting, place_of(option, name))
         return found
+    given = texts(given, place_of(option))
     for text in given:
         place = place_of(option, text)
         name, equals, value = (part.strip() for part in text.partition("="))
@@ -320,6 +394,33 @@ def settings(
             raise InputError(f"found {shorten(value)}, expected LOW:HIGH with LOW not above HIGH", place)
         found[name] = Interval(lower, upper, lower_closed=lower is not None, upper_closed=upper is not None)
     return found
+
+
+def _setting_of(setting: Number | Interval | Range, place: Location) -> Fraction | Interval:
+    """A value or an interval, exactly."""
+    from robust.qe.box import Interval  # noqa: PLC0415 - as above
+
+    ends: Sequence[Number | None]
+    if isinstance(setting, Interval):
+        ends = (setting.lower, setting.upper)
+        closed = (setting.lower_closed, setting.upper_closed)
+    elif not isinstance(setting, tuple | list):
+        return exact(setting, place)
+    elif len(setting) != 2:
+        raise InputError(f"found {len(setting)} numbers, expected a lower and an upper end", place)
+    else:
+        ends, closed = setting, (True, True)
+    lower, upper = (_finite(one, word, place) for one, word in zip(ends, ("-inf", "inf"), strict=True))
+    if lower is not None and upper is not None and lower > upper:
+        raise InputError(f"found {lower} and {upper}, expected a lower end that is not above the upper one", place)
+    return Interval(
+        lower, upper, lower_closed=lower is not None and closed[0], upper_closed=upper is not None and closed[1]
+    )
+
+
+def _finite(value: Number | None, infinite: str, place: Location) -> Fraction | None:
+    """An end of an interval; None if it is infinite to its own side."""
+    return None if value is None or str(value).lower() == infinite else exact(value, place)
 
 
 def _end(text: str, place: Location) -> Fraction | None:

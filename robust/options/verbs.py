@@ -12,12 +12,23 @@ from robust.errors import InputError, Location
 
 if TYPE_CHECKING:
     from robust.irr.repair import Cost
-    from robust.irr.search import Step
+    from robust.irr.search import EnvelopeResult, Step
     from robust.probability.distributions import Distribution
     from robust.probability.measure import Bounds
-    from robust.qe.box import Interval
+    from robust.qe.box import Box
     from robust.qe.polyhedron import Polyhedron
-from robust.options.declare import Number, argument, names, option, ordinal, place_of, plan_file, positive, writable
+from robust.options.declare import (
+    Number,
+    Settings,
+    argument,
+    names,
+    option,
+    ordinal,
+    place_of,
+    plan_file,
+    positive,
+    writable,
+)
 from robust.options.shared import (
     DRAWING,
     METHODS,
@@ -37,7 +48,7 @@ from robust.options.shared import (
 class CheckOptions(Search, Export):
     """Of :func:`robust.check`."""
 
-    at: Mapping[str, Number | Interval] | Sequence[str] = option(
+    at: Settings | Box | EnvelopeResult = option(
         (),
         "value of a parameter instead of its nominal one, or NAME=LOW:HIGH for all values between; may be repeated",
         metavar="NAME=VALUE",
@@ -270,7 +281,7 @@ class RiskCommand(RiskOptions, Plot, AskCommand):
 class RepairOptions(Separation, Solving):
     """Of :func:`robust.repair`."""
 
-    require: Mapping[str, Number | Interval] | Sequence[str] = option(
+    require: Settings | Box | EnvelopeResult = option(
         (),
         "values of a parameter for all of which the plan is to be valid, NAME=LOW:HIGH, or NAME=VALUE; others have "
         "their nominal values; may be repeated",

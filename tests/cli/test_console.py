@@ -66,7 +66,7 @@ def test_nothing_is_cut_at_60_columns(name, directory, monkeypatch):
     assert not {word for word in lost if len(word) < 50}, lost
 
 
-@given(st.lists(st.tuples(*[st.text("abc (,)", max_size=30)] * 4), min_size=1, max_size=5), st.integers(20, 120))
+@given(st.lists(st.tuples(*[st.text("abc (,)", max_size=20)] * 4), min_size=1, max_size=5), st.integers(40, 120))
 def test_tables_keep_every_word(rows, width):
     printed = StringIO()
     show_table(console(printed, width=width), table(("first", "second", "third", "fourth"), rows, right=("second",)))

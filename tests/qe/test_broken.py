@@ -6,9 +6,10 @@ from random import Random
 
 import pytest
 
-from robust.api import check, load_plan, region
+from robust.api import check, region
 from robust.irr.check import Answer
 from robust.qe.broken import what_breaks
+from robust.reading import load_plan
 from tests.cli.running import EXAMPLES, example
 
 

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from robust.api import compare, load_plan
+from robust.api import compare
 from robust.encode import create_encoding
 from robust.numbers import format_number, parse_number
 from robust.qe.box import Box, Interval
@@ -25,6 +25,7 @@ from robust.qe.broken import what_breaks
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
+from robust.reading import load_plan
 from robust.show import pages
 from robust.show.interactive import comparison_data, comparison_page, shown_region
 from robust.show.words import Words

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from robust.api import compare, load_plan, risk
+from robust.api import compare, risk
 from robust.irr.search import EnvelopeResult, Status, Step
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.causal import augment
@@ -19,6 +19,7 @@ from robust.plan.model import Parameter
 from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
+from robust.reading import load_plan
 from robust.show import gantt, network, pike_envelopes, plots, region_plot, regions, risk_plot
 from robust.show.drawing import BOX_LINES, HATCHES, LIGHT, STRONG
 from robust.show.gantt import Bar, Chart, Lane, Mark

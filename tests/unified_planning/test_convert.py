@@ -5,13 +5,13 @@ from fractions import Fraction
 
 import pytest
 
-from robust.api import validate
 from robust.errors import InputError, UnsupportedError
 from robust.execute.convert import convert
 from robust.execute.distances import InvalidPlanError
 from robust.irr.check import Answer
 from robust.plan.model import Atom, Fluent, TimedLiteral
 from robust.plan.parameters import parse_specs
+from robust.reading import validate
 from robust.unified_planning.convert import from_unified_planning, to_unified_planning
 
 up = pytest.importorskip("unified_planning.shortcuts")

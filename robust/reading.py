@@ -1,0 +1,269 @@
+"""What questions are about: plans from files, judged as they stand, and made flexible."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeAlias
+
+from robust.errors import InputError, did_you_mean
+from robust.numbers import shorten
+from robust.options.declare import Number, place_of, texts
+from robust.options.shared import PlanningOutput, Separation, Solving
+from robust.options.verbs import ValidateOptions
+
+if TYPE_CHECKING:
+    from robust.execute.convert import Conversion, Mode
+    from robust.execute.validate import Verdict
+    from robust.plan.load import File
+    from robust.plan.model import ParametrizedPlan
+    from robust.plan.pddl.syntax import Domain, Problem
+    from robust.plan.timed import TimedPlan
+
+Plan: TypeAlias = "ParametrizedPlan | Sequence[File]"
+"""What :func:`load_plan` returns, or the paths of a domain, a problem and a plan."""
+
+
+def load_plan(
+    domain: File,
+    problem: File,
+    plan: File,
+    *,
+    parameters: str | Sequence[str] = (),
+    parameter_file: File | None = None,
+    nominal_needed: bool = True,
+    plan_number: int | None = None,
+    tolerance: Number | None = None,
+    epsilon: Number = "1/1000",
+    solver: str = "z3",
+    timeout: Number | None = None,
+    on_note: Callable[[str], None] | None = None,
+    on_progress: Callable[[str], None] | None = None,
+) -> ParametrizedPlan:
+    """Read a PDDL domain and problem and a plan: a network (`.stn`), or steps as planners print them.
+
+    Steps are made a network first: the least constrained one that is proved valid, see :func:`robust.convert`.
+
+    Args:
+        domain: the file of the domain.
+        problem: the file of the problem.
+        plan: the file of the plan; "-" is standard input.
+        parameters: what is made a parameter, see :mod:`robust.plan.parameters`.
+        parameter_file: more of them, in a TOML file; if not given, one of the plan's name that is beside it.
+        nominal_needed: whether each parameter must have a nominal value; regions and optimal boxes need none.
+        plan_number: which plan of a log that holds several, from 1; the last one if not given.
+        tolerance: how far exact times may be from the printed ones; None is one unit of the last printed digit, and at
+            most ε.
+        epsilon: the separation of mutex time points.
+        solver: who is asked about a network of steps, `z3` or `cvc5`.
+        timeout: seconds after which the network of steps is left as it is.
+        on_note: called with what was picked, skipped, moved and made on the way.
+        on_progress: called with what is being done.
+
+    Raises:
+        InputError: for anything wrong in the files.
+        InvalidPlanError: if steps break an obligation as they stand.
+        UnsupportedError: for steps with an expression that is not linear.
+        KeyboardInterrupt: if interrupted.
+    """
+    from robust.plan.load import assemble
+    from robust.plan.parameters import specifications
+    from robust.plan.pddl.forms import read_plan_text
+    from robust.plan.pddl.reader import read_domain, read_problem
+    from robust.plan.stn import is_network, parse_stn
+
+    say = on_note or (lambda _: None)
+    reading = _Reading(plan_number=plan_number, tolerance=tolerance, epsilon=epsilon, solver=solver, timeout=timeout)
+    for name, file in (("domain", domain), ("problem", problem), ("plan", plan)):
+        _require_path(name, file)
+    parsed_domain = read_domain(domain)
+    parsed_problem = read_problem(problem, parsed_domain)
+    specs, beside = specifications(texts(parameters, place_of("parameters")), parameter_file, plan)
+    if beside is not None:
+        say(f"took the parameters of {beside}")
+    text, name = read_plan_text(plan)
+    if is_network(text, name):
+        network = parse_stn(text, name)
+        return assemble(parsed_domain, parsed_problem, network, specs, nominal_needed=nominal_needed)
+
+    from robust.execute.convert import Ended, convert
+    from robust.numbers import plural
+    from robust.plan.timed import parse_timed_plan
+
+    timed = parse_timed_plan(text, name, reading.plan_number)
+    found = convert(
+        parsed_domain,
+        parsed_problem,
+        timed,
+        specs=specs,
+        epsilon=reading.separation,
+        tolerance=reading.rounding,
+        solver=reading.solver,
+        timeout=reading.limit,
+        on_progress=on_progress,
+    )
+    if found.ended is Ended.INTERRUPTED:
+        raise KeyboardInterrupt
+    made = f"made a network of {plural(len(found.stn.constraints), 'constraint')}"
+    say(f"{name}: {'; '.join((*found.notes(timed), made))}")
+    return found.plan
+
+
+class _Reading(PlanningOutput, Separation, Solving):
+    """How a plan is read."""
+
+
+def _require_path(name: str, found: object) -> None:
+    if not isinstance(found, str | os.PathLike):
+        raise InputError(f"found {shorten(repr(found))}, expected a path", place_of(name))
+
+
+def plan_of(plan: Plan, epsilon: Number = "1/1000") -> ParametrizedPlan:
+    """A plan as it is, or the one in three files: domain, problem and plan.
+
+    Raises:
+        InputError: for anything else, or anything wrong in the files.
+    """
+    from robust.plan.model import ParametrizedPlan
+
+    if isinstance(plan, ParametrizedPlan):
+        return plan
+    if isinstance(plan, str | bytes) or not isinstance(plan, Sequence) or len(plan) != 3:
+        expected = "a plan of load_plan(), or the paths of a domain, a problem and a plan"
+        raise InputError(f"found {shorten(repr(plan))}, expected {expected}", place_of("plan"))
+    domain, problem, steps = plan
+    return load_plan(domain, problem, steps, nominal_needed=False, epsilon=epsilon)
+
+
+# -- single schedules --------------------------------------------------------------------------------------------------
+
+
+def validate(
+    domain: File | Domain,
+    problem: File | Problem,
+    plan: File | TimedPlan,
+    *,
+    epsilon: Number | None = None,
+    tolerance: Number | None = None,
+    plan_number: int | None = None,
+) -> Verdict:
+    """Whether one schedule is valid as it was printed, as VAL judges it; :func:`check` judges all of a network.
+
+    Each of the three is a path, a text (a string with a line break or a parenthesis, unless a file has that name), or
+    what reading one gives.
+
+    Args:
+        domain: the PDDL domain.
+        problem: the PDDL problem.
+        plan: a time-triggered plan, or the log of a planner.
+        epsilon: separation of mutex time points, in the plan's unit of time; 1/1000 if not given.
+        tolerance: how far exact times and durations may be from printed ones, 0 for exactness; if not given, one unit
+            of the last printed digit, and at most epsilon.
+        plan_number: which plan of a log that holds several, from 1; the last one if not given.
+
+    Returns:
+        A verdict, with what breaks and what would help; `str` of it is for people.
+
+    Raises:
+        InputError: what cannot be read, or does not fit together; also a plan with a temporal network.
+        UnsupportedError: an over-all condition or a continuous effect that cannot be decided.
+    """
+    from robust.execute.validate import read_plan, validate
+    from robust.plan.pddl.forms import read_source
+    from robust.plan.timed import TimedPlan
+
+    separation = ValidateOptions.declarations["epsilon"].default if epsilon is None else epsilon
+    options = ValidateOptions(epsilon=separation, tolerance=tolerance, plan_number=plan_number)
+    parsed = _parsed(domain, problem)
+    if not isinstance(plan, TimedPlan):
+        _require_path("plan", plan)
+        plan = read_plan(*read_source(plan, "<plan>"), options.plan_number)
+    return validate(*parsed, plan, epsilon=options.separation, tolerance=options.rounding)
+
+
+def _parsed(domain: File | Domain, problem: File | Problem) -> tuple[Domain, Problem]:
+    """What two sources say, unless that is known."""
+    from robust.plan.pddl.forms import read_source
+    from robust.plan.pddl.reader import parse_domain, parse_problem
+    from robust.plan.pddl.syntax import Domain, Problem
+
+    if not isinstance(domain, Domain):
+        _require_path("domain", domain)
+        domain = parse_domain(*read_source(domain, "<domain>"))
+    if not isinstance(problem, Problem):
+        _require_path("problem", problem)
+        text, file = read_source(problem, "<problem>")
+        problem = parse_problem(text, domain, file)
+    return domain, problem
+
+
+# -- convert -----------------------------------------------------------------------------------------------------------
+
+
+def convert(
+    domain: File | Domain,
+    problem: File | Problem,
+    plan: File | TimedPlan,
+    *,
+    mode: str | Mode = "causal",
+    parameters: str | Sequence[str] = (),
+    parameter_file: File | None = None,
+    epsilon: Number = "1/1000",
+    tolerance: Number | None = None,
+    plan_number: int | None = None,
+    solver: str = "z3",
+    timeout: Number | None = None,
+    on_progress: Callable[[str], None] | None = None,
+) -> Conversion:
+    """A time-triggered plan as one with a temporal network that allows its schedule [IRR §3].
+
+    Each of the three is a path, a text, or what reading one gives, as for :func:`validate`.
+
+    Args:
+        domain: the PDDL domain.
+        problem: the PDDL problem.
+        plan: a time-triggered plan, or the log of a planner.
+        mode: `causal`: the least constrained network that is proved valid; `esterel`: that of the Esterel transformer.
+        parameters: what is made a parameter, see :mod:`robust.plan.parameters`.
+        parameter_file: more of them, in a TOML file.
+        epsilon: the separation of mutex time points, in the plan's unit of time.
+        tolerance: how far exact times may be from the printed ones; None is one unit of the last printed digit, and at
+            most epsilon.
+        plan_number: which plan of a log that holds several, from 1; the last one if not given.
+        solver: `z3` or `cvc5`.
+        timeout: seconds after which nothing is proved or loosened any more.
+        on_progress: called with what is being done.
+
+    Returns:
+        The plan, with the proof; out of time or after Ctrl-C the last network that was proved (`ended`).
+
+    Raises:
+        InputError: if a file cannot be read, or they do not fit together.
+        InvalidPlanError: if the time-triggered plan breaks an obligation.
+        UnsupportedError: for an expression that is not linear.
+    """
+    from robust.execute.convert import Mode, convert
+    from robust.plan.parameters import specifications
+    from robust.plan.pddl.forms import read_source
+    from robust.plan.timed import TimedPlan, parse_timed_plan
+
+    reading = _Reading(plan_number=plan_number, tolerance=tolerance, epsilon=epsilon, solver=solver, timeout=timeout)
+    known = [one.value for one in Mode]
+    if mode not in known and not isinstance(mode, Mode):
+        raise InputError(f"unknown mode {mode!r}{did_you_mean(str(mode), known)}")
+    specs, _ = specifications(texts(parameters, place_of("parameters")), parameter_file)
+    parsed = _parsed(domain, problem)
+    if not isinstance(plan, TimedPlan):
+        _require_path("plan", plan)
+        plan = parse_timed_plan(*read_source(plan, "<plan>"), reading.plan_number)
+    return convert(
+        *parsed,
+        plan,
+        mode=Mode(mode),
+        specs=specs,
+        epsilon=reading.separation,
+        tolerance=reading.rounding,
+        solver=reading.solver,
+        timeout=reading.limit,
+        on_progress=on_progress,
+    )
