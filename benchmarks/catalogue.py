@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robust.errors import InputError, Location
-from robust.options.declare import Number, exact, not_negative, option, positive
+from robust.numbers import Number, exact
+from robust.options.declare import not_negative, option, positive
 from robust.options.shared import Output, Plot
 
 if TYPE_CHECKING:

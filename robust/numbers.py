@@ -7,7 +7,9 @@ number have at most 300 digits: far more than any plan needs, and few enough tha
 from __future__ import annotations
 
 import re
+from decimal import Decimal
 from fractions import Fraction
+from numbers import Rational, Real
 from typing import TYPE_CHECKING
 
 from robust.errors import InputError, Location
@@ -20,6 +22,8 @@ _LIMIT = 10**300
 _LONGEST_TEXT = 2000  # the longest text of a number within the limit, 2^-996 in full, has about 1300 characters
 _LARGEST_EXPONENT = 1000
 
+Number = int | str | Fraction | Decimal | float
+"""An exact number: a text such as `1/3`, and a float is what it is printed as."""
 EXPECTED_NUMBER = "a number such as 5, -0.25, 1e-3 or 1/3"
 
 
@@ -43,6 +47,15 @@ def parse_number(text: str, location: Location | None = None) -> Fraction:
     if abs(value.numerator) >= _LIMIT or value.denominator >= _LIMIT:
         raise _too_large(text, location)
     return value
+
+
+def exact(value: Number, place: Location | None = None) -> Fraction:
+    """InputError unless it is a number."""
+    if isinstance(value, bool) or not isinstance(value, str | Decimal | Real):
+        raise InputError(f"found {shorten(repr(value))}, expected {EXPECTED_NUMBER}", place)
+    if isinstance(value, Rational):
+        return Fraction(int(value.numerator), int(value.denominator))
+    return parse_number(str(value).lower(), place)
 
 
 def format_number(value: Fraction) -> str:

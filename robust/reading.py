@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 from robust.errors import InputError, did_you_mean
-from robust.numbers import shorten
-from robust.options.declare import Number, place_of, texts
+from robust.numbers import Number, shorten
+from robust.options.declare import place_of, texts
 from robust.options.shared import PlanningOutput, Separation, Solving
 from robust.options.verbs import ValidateOptions
 

@@ -9,19 +9,8 @@ import pytest
 from robust.errors import InputError, Location
 from robust.numbers import EXPECTED_NUMBER
 from robust.options.commands import CertifyCommand, ExecuteCommand, plan_file
-from robust.options.declare import (
-    as_typed,
-    exact,
-    names,
-    not_negative,
-    place_of,
-    plot_file,
-    positive,
-    seconds,
-    settings,
-    spelled,
-    writable,
-)
+from robust.numbers import exact
+from robust.options.declare import as_typed, names, not_negative, place_of, plot_file, positive, seconds, settings, spelled, writable
 from robust.options.verbs import EnvelopeOptions, RegionCommand, html_file
 from robust.qe.box import Interval
 

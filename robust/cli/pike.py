@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -13,19 +12,9 @@ from robust.cli.build import action
 from robust.cli.guard import Run
 from robust.cli.plans import CODES
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
-from robust.numbers import parse_number, shorten
+from robust.numbers import Number, shorten
 from robust.options.commands import ASSUMED
-from robust.options.declare import (
-    Number,
-    argument,
-    named_values,
-    not_negative,
-    option,
-    ordinal,
-    place_of,
-    plot_file,
-    positive,
-)
+from robust.options.declare import argument, named_values, not_negative, option, ordinal, place_of, plot_file, positive
 from robust.options.shared import Output, Separation, Solving
 from robust.smt.limits import Deadline
 
@@ -35,7 +24,7 @@ if TYPE_CHECKING:
     from robust.pike_bridge.cross_check import Crossed
     from robust.pike_bridge.model import Guard, TeamPlan
     from robust.pike_bridge.online.moments import Moments
-    from robust.pike_bridge.online.world import Disturbance, ExecutionRecord, Story
+    from robust.pike_bridge.online.world import ExecutionRecord
     from robust.show.pike import PikePlot
 
 # -- options -----------------------------------------------------------------------------------------------------------
@@ -249,14 +238,6 @@ class PikePlotCommand(TeamPlanFile, Output):
     links: bool = option(False, "draw the labeled causal links as well")
 
 
-def _named_value(text: str, whole: str, place: Location, form: str) -> tuple[str, str]:
-    """A choice and its value."""
-    name, equals, value = (part.strip() for part in text.partition("="))
-    if not equals or not name or not value:
-        raise InputError(f"found {shorten(whole)}, expected {form}", place)
-    return name, value
-
-
 def assumed(plan: TeamPlan, texts: Sequence[str]) -> Guard:
     """`NAME=VALUE` of choices of the plan, each at most once.
 
@@ -437,11 +418,19 @@ def run(options: PikeRunCommand, run: Run) -> int:
             rate=rate,
             patience=options.patience,
         )
+    from robust.pike import story
     from robust.pike_bridge.online.world import Rehearsal
 
     def begin() -> Search[ExecutionRecord]:
         plan = options.load()
-        told = story(plan, options)
+        told = story(
+            plan,
+            human=options.human,
+            pace=options.pace,
+            outcome=options.outcome,
+            disturb=options.disturb,
+            delay=options.delay,
+        )
         run.display.say("executing")
         return Rehearsal(
             plan,
@@ -461,64 +450,3 @@ def run(options: PikeRunCommand, run: Run) -> int:
         record.plot(options.plot)
     run.show(record)
     return {"succeeded": 0, "failed": 1}.get(record.ending.value, CODES["unknown"])
-
-
-_NEGATION = re.compile(r"\(\s*not\s*(\(.*\))\s*\)", re.IGNORECASE)
-
-
-def story(plan: TeamPlan, options: PikeRunCommand) -> Story:
-    """What is known beforehand of a simulated execution.
-
-    Raises:
-        InputError: if a choice, a value, an atom or a time is not what it should be.
-    """
-    from robust.pike_bridge.online.world import Human, Pace, Story
-
-    return Story(
-        human=Human(options.human),
-        pace=Pace(options.pace),
-        outcomes=dict(_outcome(plan, text) for text in options.outcome),
-        disturbances=tuple(_disturbance(plan, text) for text in options.disturb),
-        delay=Fraction(options.delay),
-    )
-
-
-def _outcome(plan: TeamPlan, text: str) -> tuple[str, tuple[str, Fraction | None]]:
-    """`NAME=VALUE`, or `NAME=VALUE@TIME`."""
-    from robust.pike_bridge.compile import checked_assumptions
-
-    place = place_of("outcome", text)
-    assignment, at, time = text.partition("@")
-    name, value = _named_value(assignment, text, place, "NAME=VALUE or NAME=VALUE@TIME")
-    checked_assumptions(plan, {name: value})
-    if next(each.controllable for each in plan.network.choices if each.name == name):
-        raise InputError(f"{name} is for the executive to choose; expected an uncontrollable choice", place)
-    return name, (value, _time(time.strip(), place) if at else None)
-
-
-def _disturbance(plan: TeamPlan, text: str) -> Disturbance:
-    """`(atom)@TIME` or `(not (atom))@TIME`."""
-    from robust.pike_bridge.model import Literal
-    from robust.pike_bridge.online.progress import parse_atom
-    from robust.pike_bridge.online.world import Disturbance
-
-    place = place_of("disturb", text)
-    literal, _, time = (part.strip() for part in text.rpartition("@"))
-    negated = _NEGATION.fullmatch(literal)
-    try:
-        atom = parse_atom(negated.group(1) if negated else literal)
-    except InputError:
-        time = ""
-    if not time:
-        raise InputError(f"found {shorten(text)}, expected '(atom)@TIME' or '(not (atom))@TIME'", place)
-    known = {str(effect.literal.atom) for effect in plan.effects}
-    if str(atom) not in known:
-        raise InputError(f"nothing in the plan is about {atom}{did_you_mean(str(atom), known)}", place)
-    return Disturbance(_time(time, place), Literal(atom, negated is None))
-
-
-def _time(text: str, place: Location) -> Fraction:
-    time = parse_number(text, place)
-    if time < 0:
-        raise InputError(f"found time {shorten(text)}, expected 0 or later", place)
-    return time

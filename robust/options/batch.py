@@ -8,7 +8,8 @@ from pathlib import Path
 
 from robust.backends import OFFERED, SOLVERS
 from robust.errors import InputError, Location
-from robust.options.declare import Number, argument, option, ordinal, place_of, positive, seconds, writable
+from robust.numbers import Number
+from robust.options.declare import argument, option, ordinal, place_of, positive, seconds, writable
 from robust.options.shared import (
     DRAWING,
     LIMIT,

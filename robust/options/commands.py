@@ -12,9 +12,9 @@ from robust.numbers import shorten
 
 if TYPE_CHECKING:
     pass
+from robust.numbers import Number
 from robust.options.declare import (
     STNU_SUFFIXES,
-    Number,
     argument,
     not_negative,
     option,

@@ -11,23 +11,19 @@ import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from decimal import Decimal
 from fractions import Fraction
 from importlib.util import find_spec
-from numbers import Rational, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, dataclass_transform
 
 from robust.errors import InputError, Location, did_you_mean, missing
-from robust.numbers import EXPECTED_NUMBER, parse_number, shorten
+from robust.numbers import EXPECTED_NUMBER, Number, exact, parse_number, shorten
 
 if TYPE_CHECKING:
     from robust.irr.search import EnvelopeResult
     from robust.qe.box import Box, Interval
 
 
-Number = int | str | Fraction | Decimal | float
-"""An exact number: a text such as `1/3`, and a float is what it is printed as."""
 Range = tuple[Number | None, Number | None]
 """All numbers between two, None where there is no end."""
 
@@ -231,15 +227,6 @@ def _check_kind(name: str, one: Option, value: object) -> None:
 
 
 # -- values ------------------------------------------------------------------------------------------------------------
-
-
-def exact(value: Number, place: Location) -> Fraction:
-    """InputError unless it is a number."""
-    if isinstance(value, bool) or not isinstance(value, str | Decimal | Real):
-        raise InputError(f"found {shorten(repr(value))}, expected {EXPECTED_NUMBER}", place)
-    if isinstance(value, Rational):
-        return Fraction(int(value.numerator), int(value.denominator))
-    return parse_number(str(value).lower(), place)
 
 
 def positive(value: Number, place: Location) -> Fraction:

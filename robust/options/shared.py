@@ -12,7 +12,8 @@ from robust.errors import Location
 
 if TYPE_CHECKING:
     pass
-from robust.options.declare import Number, Options, argument, names, not_negative, option, ordinal, plot_file, seconds
+from robust.numbers import Number
+from robust.options.declare import Options, argument, names, not_negative, option, ordinal, plot_file, seconds
 
 METHODS = ("widen", "irr", "optimal")
 PARAMETERS, EPSILON, ENCODING, SOLVING, LIMIT, DRAWING, EXPORT, OUTPUT = range(1, 9)

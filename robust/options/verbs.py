@@ -17,18 +17,8 @@ if TYPE_CHECKING:
     from robust.probability.measure import Bounds
     from robust.qe.box import Box
     from robust.qe.polyhedron import Polyhedron
-from robust.options.declare import (
-    Number,
-    Settings,
-    argument,
-    names,
-    option,
-    ordinal,
-    place_of,
-    plan_file,
-    positive,
-    writable,
-)
+from robust.numbers import Number
+from robust.options.declare import Settings, argument, names, option, ordinal, place_of, plan_file, positive, writable
 from robust.options.shared import (
     DRAWING,
     METHODS,

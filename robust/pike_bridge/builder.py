@@ -14,12 +14,12 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import TypeAlias, assert_never
 
-from robust.errors import InputError
-from robust.numbers import parse_number
+from robust.errors import InputError, Location
+from robust.numbers import Number, exact
 from robust.pike_bridge.model import ALWAYS, EPSILON, Activity, Assignment, Choice, Constraint, Event, Guard, Tpnu
 
-Number: TypeAlias = int | str | Fraction
-"""Exact numbers: `3`, `"0.25"`, `"1/3"` or a Fraction."""
+LOWER, UPPER = Location("lower"), Location("upper")
+"""What errors about arguments name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ Element: TypeAlias = Act | InSequence | InParallel | Choose | Within
 
 def act(action: str, lower: Number, upper: Number | None, *, agent: str | None = None) -> Act:
     """An activity: a ground PDDL action that takes between `lower` and `upper` time units."""
-    return Act(action.lower(), _exact(lower), None if upper is None else _exact(upper), agent)
+    return Act(action.lower(), exact(lower, LOWER), None if upper is None else exact(upper, UPPER), agent)
 
 
 def sequence(*elements: Element) -> InSequence:
@@ -79,7 +79,9 @@ def choose(name: str, branches: Mapping[str, Element], *, controllable: bool = T
 
 def within(element: Element, *, lower: Number | None = None, upper: Number | None = None) -> Within:
     """The element, with bounds on the time from its start to its end."""
-    return Within(element, None if lower is None else _exact(lower), None if upper is None else _exact(upper))
+    return Within(
+        element, None if lower is None else exact(lower, LOWER), None if upper is None else exact(upper, UPPER)
+    )
 
 
 def build(name: str, element: Element, *, epsilon: Fraction = EPSILON) -> Tpnu:
@@ -163,7 +165,3 @@ class _Network:
 
     def _link(self, before: str, after: str, guard: Guard) -> None:
         self.constraints.append(Constraint(before, after, self.epsilon, None, guard))
-
-
-def _exact(number: Number) -> Fraction:
-    return parse_number(number) if isinstance(number, str) else Fraction(number)

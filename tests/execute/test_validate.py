@@ -14,7 +14,7 @@ from hypothesis import Phase, given, settings
 import robust
 from robust.errors import InputError, InputWarning, UnsupportedError
 from robust.execute.validate import Breach, Verdict
-from robust.options.declare import Number
+from robust.numbers import Number
 from robust.plan import model
 from robust.plan.simulate import Violation, simulate
 from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan
