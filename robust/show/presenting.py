@@ -5,6 +5,7 @@ What shows a result is loaded when it is shown. Commands print by the same funct
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
@@ -177,7 +178,7 @@ def page(result: Presented) -> str:
 
 def document(result: Presented) -> Document:
     """What is printed by `--json`."""
-    found: Document = _function(_shown(result).document)(result)
+    found: Document = json.loads(json.dumps(_function(_shown(result).document)(result)))  # lists, and no tuples
     return found
 
 

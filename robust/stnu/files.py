@@ -19,14 +19,15 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import lcm
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
 from robust.json_text import Array, Json, Numeral, Object, Text, describe, parse_json
-from robust.numbers import EXPECTED_NUMBER, format_number, is_number, parse_number, plural, shorten
+from robust.numbers import EXPECTED_NUMBER, Number, exact, format_number, is_number, parse_number, plural, shorten
 from robust.plan.pddl.forms import read_text
+from robust.smt.limits import Deadline
 from robust.stnu.network import Link, Network
 
 INFINITE = {"inf": 1, "+inf": 1, "-inf": -1}
@@ -45,6 +46,29 @@ def load(path: str | os.PathLike[str]) -> Network:
         found = shorten(text.split("\n", 1)[0]) if begin else "an empty file"
         raise InputError(f"found {found}, expected a network as GraphML (.stnu) or JSON", Location(file, 1))
     return parse_graphml(text, file) if begin == "<" else parse_network_json(text, file)
+
+
+Source: TypeAlias = Network | str | os.PathLike[str]
+"""A network, or the path of one."""
+
+
+def network_of(source: Source) -> Network:
+    """A network as it is, or the one in a file; errors as of :func:`load`."""
+    if isinstance(source, Network):
+        return source
+    if not isinstance(source, str | os.PathLike):
+        raise InputError(f"found {shorten(repr(source))}, expected a network or a path", Location("network"))
+    return load(source)
+
+
+def deadline(timeout: Number | None) -> Deadline:
+    """The end of seconds from now; InputError unless they are a number of at least 0."""
+    if timeout is None:
+        return Deadline.after(None)
+    found = exact(timeout, Location("timeout"))
+    if found < 0:
+        raise InputError(f"found {shorten(str(timeout))}, expected a number of at least 0", Location("timeout"))
+    return Deadline.after(float(found))
 
 
 def write(network: Network, path: Path) -> tuple[str, int]:

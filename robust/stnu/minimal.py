@@ -18,13 +18,15 @@ from fractions import Fraction
 from math import lcm
 from random import Random
 
+from robust.errors import RefutedError
 from robust.execute.dispatchable import DispatchNetwork, NaturalLink, Windows, strategy
 from robust.execute.stnu import DynamicAnswer, Wait, dynamic
+from robust.numbers import Number
 from robust.plan.model import ZERO, TimePoint
 from robust.plan.polynomial import Polynomial
 from robust.presented import Presented
 from robust.qe.box import Interval
-from robust.smt.limits import Deadline
+from robust.stnu.files import Source, deadline, network_of
 from robust.stnu.network import Network
 from robust.stnu.verdicts import CheckResult, Verdict, check
 
@@ -90,10 +92,10 @@ class DispatchResult(Presented):
         """An execution as early as possible; lengths of contingent links are drawn uniformly.
 
         Raises:
-            ValueError: if the network is not controllable.
+            RefutedError: if the network is not controllable.
         """
         if self.tables is None:
-            raise ValueError(f"{self.network.name} is not controllable; expected a controllable network")
+            raise RefutedError(f"{self.network.name} is not controllable; expected a controllable network")
         draw = Random(seed)  # noqa: S311 - a simulation
         lengths = {link.target: _drawn(draw, link) for link in self.tables.natural.values()}
         return self.execute_with(lengths, seed)
@@ -101,7 +103,7 @@ class DispatchResult(Presented):
     def execute_with(self, lengths: Mapping[TimePoint, Fraction], seed: int = 0) -> Execution:
         """The same with given lengths of contingent links, by their ends, from where the link begins."""
         if self.tables is None:
-            raise ValueError(f"{self.network.name} is not controllable; expected a controllable network")
+            raise RefutedError(f"{self.network.name} is not controllable; expected a controllable network")
         times = dict(run_early(self.tables, lengths))
         order = {point: number for number, point in enumerate(times)}
         events = tuple(
@@ -123,13 +125,22 @@ class DispatchResult(Presented):
         )
 
 
-def dispatch(network: Network, *, timeout: float | None = None) -> DispatchResult:
-    """The minimal dispatchable form of a network; only the verdict if it is not controllable."""
+def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResult:
+    """The minimal dispatchable form of a network; only the verdict if it is not controllable.
+
+    Args:
+        network: a network, or the path of one.
+        timeout: seconds after which the verdict is UNKNOWN.
+
+    Raises:
+        InputError: if there is anything wrong in the file.
+    """
     started = time.perf_counter()
+    network = network_of(network)
     checked = check(network, timeout=timeout)
     if checked.verdict is not Verdict.CONTROLLABLE:
         return DispatchResult(checked, (), (), 0, None, time.perf_counter() - started)
-    answer = dynamic(network.examined.stnu, Deadline.after(timeout))
+    answer = dynamic(network.examined.stnu, deadline(timeout))
     full = _full(answer)
     kept = tuple(_minimal(full))
     waits = tuple(_needed_waits(full))

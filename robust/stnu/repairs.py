@@ -23,8 +23,9 @@ from fractions import Fraction
 from math import inf
 
 from robust.encode.variables import variable
+from robust.errors import InputError, Location
 from robust.execute.stnu import NegativeCycle, Step, Way, dynamic, explain
-from robust.numbers import format_number
+from robust.numbers import Number, exact, format_number
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
 from robust.presented import Presented
@@ -34,6 +35,7 @@ from robust.qe.simplex import maximize
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session
 from robust.smt.terms import Terms
+from robust.stnu.files import Source, deadline, network_of
 from robust.stnu.network import Link, Network, Role, Side
 
 _NOTHING = Fraction(0)
@@ -107,27 +109,46 @@ class Repair(Presented):
 
 
 def repair(
-    network: Network,
+    network: Source,
     *,
-    requirement: Fraction | None = Fraction(1),
-    contingent: Fraction | None = Fraction(1),
-    weights: Mapping[tuple[str, str], Fraction | None] | None = None,
-    timeout: float | None = None,
+    requirement: Number | None = 1,
+    contingent: Number | None = 1,
+    weights: Mapping[tuple[str, str], Number | None] | None = None,
+    timeout: Number | None = None,
 ) -> Repair:
     """The cheapest repair of a network.
 
     Args:
-        network: the network.
+        network: a network, or the path of one.
         requirement: what a unit of change costs of each requirement, above 0; None: they stay as they are.
         contingent: the same of contingent links.
         weights: the same of links between two time points, by the names of both.
         timeout: seconds after which the best repair so far is returned.
+
+    Raises:
+        InputError: if there is anything wrong in the file, a weight is not above 0, or of a link that there is not.
     """
-    search = RepairSearch(network, requirement, contingent, weights or {}, Deadline.after(timeout))
+    found = network_of(network)
+    single = {ends: _weight(weight, "weights") for ends, weight in (weights or {}).items()}
+    unknown = single.keys() - {(link.source, link.target) for link in found.links}
+    if unknown:
+        raise InputError(f"found no link {min(unknown)}, expected one of the network", Location("weights"))
+    every = _weight(requirement, "requirement"), _weight(contingent, "contingent")
+    search = RepairSearch(found, *every, single, deadline(timeout))
     try:
         return search.run()
     except KeyboardInterrupt:
         return search.so_far(timed_out=False)
+
+
+def _weight(value: Number | None, name: str) -> Fraction | None:
+    """A weight; None is infinite."""
+    if value is None:
+        return None
+    weight = exact(value, Location(name))
+    if weight <= 0:
+        raise InputError(f"found {weight}, expected a number above 0", Location(name))
+    return weight
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,10 @@ from enum import Enum
 from fractions import Fraction
 
 from robust.execute.stnu import dynamic, explain
+from robust.numbers import Number
 from robust.presented import Presented
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import OutOfTimeError
+from robust.stnu.files import Source, deadline, network_of
 from robust.stnu.network import Edge, Network, commit, edges_of
 
 
@@ -50,17 +52,23 @@ class CheckResult(Presented):
         return self.verdict is Verdict.CONTROLLABLE
 
 
-def check(network: Network, *, timeout: float | None = None) -> CheckResult:
-    """Whether a network is dynamically controllable; `timeout` is in seconds.
+def check(network: Source, *, timeout: Number | None = None) -> CheckResult:
+    """Whether a network is dynamically controllable.
 
     Reaction at the moment of an observation is allowed; where time must pass, a requirement says so.
 
+    Args:
+        network: a network, or the path of one.
+        timeout: seconds after which the verdict is UNKNOWN.
+
     Raises:
+        InputError: if there is anything wrong in the file.
         RuntimeError: if the witness does not hold, which is an error of the program.
     """
     started = time.perf_counter()
+    network = network_of(network)
     try:
-        answer = dynamic(network.examined.stnu, Deadline.after(timeout))
+        answer = dynamic(network.examined.stnu, deadline(timeout))
     except OutOfTimeError:
         return CheckResult(network, Verdict.UNKNOWN, (), "out of time", time.perf_counter() - started)
     if answer.cycle is None:

@@ -1,0 +1,217 @@
+"""Arguments are what people have: numbers of any kind, pairs, boxes, paths; what is wrong is said of the argument."""
+
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import robust
+from robust import pike, stnu
+from robust.errors import InputError
+from robust.numbers import exact
+from robust.options.declare import settings
+from robust.qe.box import Box, Interval
+from tests.cli.running import EXAMPLES, example
+from tests.stnu.networks import network
+
+FILES = example()
+KITCHEN = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
+HANDOVER = EXAMPLES / "handover" / "handover.stnu"
+STEPS = example("steps.plan")
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return robust.load_plan(*FILES)
+
+
+@given(st.fractions().filter(lambda value: value.denominator < 10**6))
+def test_numbers_of_all_kinds_are_exact(value):
+    assert exact(value) == exact(str(value)) == value
+    assert exact(int(value)) == int(value)
+    decimal = Decimal(value.numerator) / 8
+    assert exact(decimal) == Fraction(decimal)
+
+
+@given(st.floats(-1e200, 1e200).filter(lambda value: value == 0 or abs(value) > 1e-200))
+def test_floats_are_their_decimal_reading(value):
+    assert exact(value) == Fraction(repr(value))
+
+
+def test_one_tenth_is_one_tenth(plan):
+    assert exact(0.1) == Fraction(1, 10)
+    for tenth in (0.1, "0.1", "1/10", Decimal("0.1"), Fraction(1, 10)):
+        assert robust.check(plan, epsilon=tenth).epsilon == Fraction(1, 10)
+        assert robust.validate(*STEPS, epsilon=tenth).epsilon == Fraction(1, 10)
+        assert robust.convert(*STEPS, epsilon=tenth).epsilon == Fraction(1, 10)
+        assert robust.repair(plan, epsilon=tenth).epsilon == Fraction(1, 10)
+        assert robust.region(plan, epsilon=tenth).epsilon == Fraction(1, 10)
+        assert pike.load(KITCHEN, epsilon=tenth).epsilon == Fraction(1, 10)
+
+
+def test_numbers_of_numpy_are_numbers():
+    numpy = pytest.importorskip("numpy")
+    assert exact(numpy.int64(3)) == 3
+    assert exact(numpy.float64(0.1)) == Fraction(1, 10)
+    with pytest.raises(InputError, match="expected a number"):
+        exact(numpy.bool_(True))
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), True, False, Decimal("NaN"), None, [1], "soon", 1j])
+def test_what_is_no_number_is_refused(plan, wrong):
+    for ask, name in (
+        (lambda: robust.check(plan, epsilon=wrong), "epsilon"),
+        (lambda: robust.envelope(plan, method="irr", beta=wrong), "beta"),
+        (lambda: robust.load_plan(*FILES, epsilon=wrong), "epsilon"),
+        (lambda: pike.load(KITCHEN, epsilon=wrong), "epsilon"),
+        (lambda: stnu.repair(HANDOVER, requirement=wrong), "requirement"),
+        (lambda: robust.check(plan, at={"to_ridge": wrong}), "at 'to_ridge'"),
+    ):
+        if wrong is None and name in {"beta", "requirement", "epsilon"}:
+            continue  # not given
+        with pytest.raises(InputError) as caught:
+            ask()
+        assert str(caught.value).startswith(f"{name}: found "), caught.value
+        assert "expected" in str(caught.value)
+
+
+def test_boxes_are_what_people_have(plan):
+    box = robust.envelope(plan)
+    same = [
+        box,
+        box.box,
+        {name: (one.lower, one.upper) for name, one in box.box.intervals.items()},
+        {name: [float(one.lower), str(one.upper)] for name, one in box.box.intervals.items()},
+        dict(box.box.intervals),
+        [f"{name}={one.lower}:{one.upper}" for name, one in box.box.intervals.items()],
+    ]
+    for given_box in same:
+        assert robust.check(plan, at=given_box).box == box.box
+        assert robust.check(plan, at=given_box).answer is robust.Answer.PROVED
+        assert robust.repair(plan, require=given_box).status is robust.RepairStatus.UNNEEDED
+    assert robust.check(plan, at="to_ridge=31").box["to_ridge"] == Interval(Fraction(31), Fraction(31))
+
+
+def test_intervals_may_be_infinite():
+    for pair in ((None, 3), (float("-inf"), 3), ("-inf", "3")):
+        assert settings({"a": pair}, ["a"])["a"] == Interval(None, Fraction(3), lower_closed=False)
+    for pair in ((3, None), (3, float("inf")), ("3", "inf")):
+        assert settings({"a": pair}, ["a"])["a"] == Interval(Fraction(3), None, upper_closed=False)
+    box = Box({"a": Interval(Fraction(1), Fraction(2), upper_closed=False)})
+    assert settings(box, ["a"]) == box.intervals
+
+
+@pytest.mark.parametrize(
+    ("at", "says"),
+    [
+        (5, "at: found '5', expected a box, an envelope, or values"),
+        ({"to_moon": 5}, "unknown parameter 'to_moon'"),
+        ({"to_ridge": (2, 1)}, "at 'to_ridge': found 2 and 1, expected a lower end"),
+        ({"to_ridge": (1, 2, 3)}, "at 'to_ridge': found 3 numbers, expected a lower and an upper end"),
+        ({"to_ridge": (float("nan"), 2)}, "at 'to_ridge': found 'nan', expected a number"),
+        ({"to_ridge": (float("inf"), 2)}, "at 'to_ridge': found 'inf', expected a number"),
+        ([5], "at: found '5', expected a text"),
+        (b"to_ridge=5", "at: found"),
+    ],
+)
+def test_wrong_boxes_are_refused(plan, at, says):
+    with pytest.raises(InputError) as caught:
+        robust.check(plan, at=at)
+    assert says in str(caught.value)
+
+
+def test_an_envelope_without_a_box_is_no_box(plan):
+    invalid = robust.envelope(example("plan-flexible-wait.stn"))
+    with pytest.raises(InputError, match="at: found an envelope without a verified box"):
+        robust.check(plan, at=invalid)
+
+
+def test_plans_are_loaded_or_paths(plan):
+    for files in (FILES, tuple(FILES), [Path(file) for file in FILES]):
+        assert robust.check(files).answer is robust.Answer.PROVED
+    assert robust.risk(FILES, ["to_ridge=constant:30", "to_crater=constant:40"]).probability.lower == 1
+
+
+@pytest.mark.parametrize("wrong", ["plan.stn", FILES[:2], 3, None, [*FILES, "more"], [1, 2, 3]])
+@pytest.mark.parametrize("ask", [robust.check, robust.envelope, robust.region, robust.compare, robust.repair])
+def test_what_is_no_plan_is_refused(ask, wrong):
+    with pytest.raises(InputError, match=r"^(plan|domain): found .*, expected "):
+        ask(wrong)
+
+
+@pytest.mark.parametrize(
+    ("ask", "says"),
+    [
+        (lambda plan: robust.check(plan, every="yes"), "every: found \"'yes'\", expected True or False"),
+        (lambda plan: robust.check(plan, smt2=3), "smt2: found '3', expected a path"),
+        (lambda plan: robust.check(plan, on_obligation=3), "on_obligation: found '3', expected a function"),
+        (lambda plan: robust.check(plan, solver=3), "unknown solver 3"),
+        (lambda plan: robust.envelope(plan, order=3), "order: found '3', expected texts"),
+        (lambda plan: robust.risk(plan, 3), "distribution: found '3', expected texts"),
+        (lambda plan: robust.risk(plan, {"to_ridge": 30}), "distribution 'to_ridge': found '30', expected a dist"),
+        (lambda _: robust.load_plan(*FILES, parameters=3), "parameters: found '3', expected texts"),
+        (lambda _: robust.load_plan(3, *FILES[1:]), "domain: found '3', expected a path"),
+        (lambda _: robust.load_plan(*FILES, solver="z4"), "unknown solver 'z4'"),
+        (lambda _: robust.validate(*STEPS[:2], 3), "plan: found '3', expected a path"),
+        (lambda _: robust.convert(*STEPS, mode="lazy"), "unknown mode 'lazy'"),
+        (lambda _: stnu.check(3), "network: found '3', expected a network or a path"),
+        (lambda _: stnu.check(HANDOVER, timeout=-1), "timeout: found '-1', expected a number of at least 0"),
+        (lambda _: stnu.repair(HANDOVER, weights={("x", "y"): 1}), "weights: found no link ('x', 'y')"),
+        (lambda _: stnu.repair(HANDOVER, contingent=0), "contingent: found 0, expected a number above 0"),
+        (lambda _: pike.check(3), "plan: found '3', expected a plan"),
+        (lambda _: pike.check(KITCHEN, backend="pims"), "backend: unknown backend 'pims'; did you mean 'pitms'"),
+        (lambda _: pike.check(KITCHEN, assume={"xB": "mug"}), "there is no choice 'xB'"),
+        (lambda _: pike.check(KITCHEN, assume="xA1"), "assume 'xA1': found 'xA1', expected NAME=VALUE"),
+        (lambda _: pike.check(KITCHEN, assume={"xA1": 3}), "assume: found '3', expected a text"),
+        (lambda _: pike.run(KITCHEN, outcome={"xA1": 3}), "outcome 'xA1': found '3', expected a value"),
+        (lambda _: pike.run(KITCHEN, outcome={"xA1": ("mug", -1)}), "outcome 'xA1': found time '-1', expected 0"),
+        (lambda _: pike.run(KITCHEN, disturb="no"), "disturb 'no': found 'no', expected '(atom)@TIME'"),
+        (lambda _: pike.run(KITCHEN, reasoner="smt", backend="pitms"), "backend: found pitms with reasoner 'smt'"),
+        (lambda _: pike.run(KITCHEN, pace="slow"), "pace: unknown pace 'slow'"),
+        (lambda _: pike.region(KITCHEN, 3), "parameters: found '3', expected texts"),
+        (lambda _: pike.cross_check_random(0), "number: found '0', expected a whole number from 1"),
+        (lambda _: pike.act("(wait)", "soon", 3), "lower: found 'soon', expected a number"),
+    ],
+)  # fmt: skip
+def test_wrong_arguments_are_named(plan, ask, says):
+    with pytest.raises(InputError) as caught:
+        ask(plan)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_one_text_is_enough():
+    assert [one.name for one in robust.load_plan(*FILES, parameters="start:drive_1").parameters][-1:] == [
+        "start_drive_1"
+    ]
+    assert pike.region(KITCHEN, "coffee=duration:make-coffee", choices="xA1").key == ("xA1",)
+
+
+def test_what_there_is_to_catch():
+    assert issubclass(robust.InvalidPlanError, robust.RefutedError)
+    for name, code in (("InputError", 2), ("InvalidPlanError", 1), ("UnsupportedError", 4), ("SolverError", 3)):
+        error = getattr(robust, name)
+        assert issubclass(error, robust.RobustError)
+        assert error.exit_code == code
+        assert error.__doc__
+
+
+def test_an_invalid_plan_says_what_breaks(tmp_path):
+    steps = Path(STEPS[2]).read_text(encoding="utf-8")
+    path = tmp_path / "late.plan"
+    path.write_text("\n".join(line for line in steps.splitlines() if "sample" not in line), encoding="utf-8")
+    with pytest.raises(robust.InvalidPlanError) as caught:
+        robust.convert(*STEPS[:2], path)
+    assert caught.value.violations
+    assert not robust.validate(*STEPS[:2], path).valid
+
+
+def test_an_uncontrollable_network_is_not_executed():
+    late = network(("A", "C", 1, 10, "contingent"), ("C", "D", 1, 2), ("A", "D", None, 8))
+    found = stnu.dispatch(late)
+    assert not found.checked.is_controllable
+    with pytest.raises(robust.RefutedError, match="is not controllable"):
+        found.execute()

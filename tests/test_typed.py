@@ -1,0 +1,50 @@
+"""The package is typed: mypy, strictly, reads a script that uses all of it, and finds what is wrong in another."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import robust
+from robust import pike, stnu
+
+ROOT = Path(__file__).resolve().parents[1]
+SCRIPT = Path(__file__).with_name("typed_script.py")
+
+
+def read_by_mypy(script: Path, cache: Path) -> str:
+    pytest.importorskip("mypy")
+    words = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(cache), "--config-file", "", str(script)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert not done.stderr, done.stderr
+    return done.stdout
+
+
+def test_scripts_of_users_are_checked(tmp_path):
+    assert read_by_mypy(SCRIPT, tmp_path / "cache").startswith("Success"), SCRIPT
+    wrong = tmp_path / "wrong.py"
+    text = 'import robust\n\nplan = robust.load_plan("d", "p", "s")\nrobust.check(plan, encodin="positions")\n'
+    wrong.write_text(text + "robust.envelope(plan, beta=[1]).box.area\n", encoding="utf-8")
+    found = read_by_mypy(wrong, tmp_path / "cache")
+    assert 'Unexpected keyword argument "encodin"' in found
+    assert 'Argument "beta"' in found
+    assert 'has no attribute "area"' in found
+
+
+def test_the_script_uses_every_public_name():
+    text = SCRIPT.read_text(encoding="utf-8")
+    functions = [name for name in robust.__all__ if name.islower() and callable(getattr(robust, name))]
+    elsewhere = {"from_unified_planning", "to_unified_planning"}  # what they take is not typed
+    assert not [name for name in functions if f"robust.{name}(" not in text and name not in elsewhere]
+    for module, asked in ((pike, ("check", "compile", "run", "region", "envelope")), (stnu, ("check", "repair"))):
+        assert not [name for name in asked if f"{module.__name__.split('.')[1]}.{name}(" not in text]
+
+
+@pytest.mark.parametrize("module", [robust, pike, stnu], ids=lambda module: module.__name__)
+def test_public_names_exist_and_are_documented(module):
+    for name in module.__all__:
+        found = getattr(module, name)
+        if isinstance(found, type) or callable(found):
+            assert (found.__doc__ or "").strip(), name
+            assert not (found.__doc__ or "").startswith(f"{name}("), f"{name} has no words of its own"
