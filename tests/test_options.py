@@ -7,10 +7,20 @@ from pathlib import Path
 import pytest
 
 from robust.errors import InputError, Location
-from robust.numbers import EXPECTED_NUMBER
+from robust.numbers import EXPECTED_NUMBER, exact
 from robust.options.commands import CertifyCommand, ExecuteCommand, plan_file
-from robust.numbers import exact
-from robust.options.declare import as_typed, names, not_negative, place_of, plot_file, positive, seconds, settings, spelled, writable
+from robust.options.declare import (
+    as_typed,
+    names,
+    not_negative,
+    place_of,
+    plot_file,
+    positive,
+    seconds,
+    settings,
+    spelled,
+    writable,
+)
 from robust.options.verbs import EnvelopeOptions, RegionCommand, html_file
 from robust.qe.box import Interval
 

@@ -84,7 +84,7 @@ def print_batch(out: Console, found: Batch, *, quiet: bool) -> None:
 def _print_answers(out: Console, found: Batch) -> None:
     columns = ("plan", "answer", "time", "what it says")
     rows: list[Sequence[str | Text]] = []
-    for row in found.rows:
+    for row in found.plans:
         (run,) = row.runs.values()
         rows.append((row.instance.name, _word(run), _time(run), first_lines(run)))
     show_table(out, table(columns, rows, right=("time",)))
@@ -94,11 +94,11 @@ def _print_compared(out: Console, found: Batch) -> None:
     names = [one.name for one in found.asked]
     head = ("plan", *(word for name in names for word in (NAMES[name], "time")), "volume", "width")
     rows: list[Sequence[str | Text]] = []
-    for row in found.rows:
+    for row in found.plans:
         cells = [cell for name in names for cell in (_word(row.runs.get(name)), _time(row.runs.get(name)))]
         rows.append((row.instance.name, *cells, ratio(row.volume_ratio), ratio(row.width_ratio)))
     show_table(out, table(head, rows, right=("time", "volume", "width")))
-    for row in found.rows:
+    for row in found.plans:
         for message in dict.fromkeys(run.message for run in row.runs.values() if run.message is not None):
             out.print(Text(f"{row.instance.name}: {message}"), soft_wrap=True)
 
@@ -114,10 +114,10 @@ def summary_lines(found: Batch) -> list[str]:
         lines += [_solved_line(found, one.name) for one in found.asked]
         lines += _both_lines(found)
     else:
-        counts = Counter(run.status for row in found.rows for run in row.runs.values())
+        counts = Counter(run.status for row in found.plans for run in row.runs.values())
         said = ", ".join(f"{count} {word}" for word, count in counts.most_common())
         lines.append(
-            f"{len(found.rows)} of {plural(found.total, 'plan')}: {said or 'none'}; {duration(found.seconds)}."
+            f"{len(found.plans)} of {plural(found.total, 'plan')}: {said or 'none'}; {duration(found.seconds)}."
         )
     return [*lines, *found.notes]
 
@@ -131,7 +131,7 @@ def _solved_line(found: Batch, name: str) -> str:
 
 def _both_lines(found: Batch) -> list[str]:
     """Of plans that both answer: times, and volumes."""
-    both = [row for row in found.rows if all(name in row.runs and row.runs[name].solved for name in (IRR, CCMMZ))]
+    both = [row for row in found.plans if all(name in row.runs and row.runs[name].solved for name in (IRR, CCMMZ))]
     if not both:
         return []
     irr, ccmmz = (sum(row.runs[name].seconds for row in both) for name in (IRR, CCMMZ))
@@ -149,7 +149,7 @@ def _both_lines(found: Batch) -> list[str]:
 
 def volume_shares(found: Batch) -> list[Fraction]:
     """Those that are known, in ascending order."""
-    return sorted(share for row in found.rows if (share := row.volume_ratio) is not None)
+    return sorted(share for row in found.plans if (share := row.volume_ratio) is not None)
 
 
 # -- JSON --------------------------------------------------------------------------------------------------------------
@@ -300,7 +300,7 @@ def batch(found: Batch) -> Document:
     """What `--json` prints."""
     common = {"status": found.status, "exit_code": found.exit_code, "notes": list(found.notes)}
     if found.verb != "compare":
-        runs = [(row, run) for row in found.rows for run in row.runs.values()]
+        runs = [(row, run) for row in found.plans for run in row.runs.values()]
         counts = Counter(run.status for _, run in runs)
         plans = [like(BatchPlan, row.instance, instance=row.instance.name, answer=_answered(run)) for row, run in runs]
         return document(like(BatchDocument, found, **common, counts=dict(counts), plans=plans))
@@ -317,7 +317,7 @@ def batch(found: Batch) -> Document:
                 median=median(shares) if shares else None,
                 most=shares[-1] if shares else None,
             ),
-            plans=[_compared(found, row) for row in found.rows],
+            plans=[_compared(found, row) for row in found.plans],
         )
     )
 
@@ -386,7 +386,7 @@ def csv_text(found: Batch) -> str:
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(head)
-    for row in found.rows:
+    for row in found.plans:
         one = row.instance
         cells: list[object] = [one.name, one.domain, one.problem, one.plan]
         for name in names:

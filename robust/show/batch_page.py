@@ -45,7 +45,7 @@ def batch_page(found: Batch) -> str:
         head += [f"{before}{word}" for word in ("answer", "seconds", "what it says")]
     head += ["volume IRR/CCMMZ", "width IRR/CCMMZ"] if found.verb == "compare" else []
     headings = "".join(f'<th scope="col"><button type="button">{escape(cell)}</button></th>' for cell in head)
-    rows = "\n".join(f"<tr>{''.join(cell.html for cell in _cells(found, row))}</tr>" for row in found.rows)
+    rows = "\n".join(f"<tr>{''.join(cell.html for cell in _cells(found, row))}</tr>" for row in found.plans)
     summary = "".join(f"<li>{escape(line)}</li>" for line in summary_lines(found))
     title = f"robust batch {found.verb}"
     body = f"""<header><h1>{escape(title)}</h1><p>{escape(found.suite)}</p></header>

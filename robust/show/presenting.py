@@ -100,6 +100,9 @@ _RESULTS: Mapping[str, Shown] = {
     "execute.convert:Conversion": Shown(
         "a conversion", "made:converted", "made:print_conversion", "tightened", numbers=("lower", "own")
     ),
+    "sweeps.batch:Batch": Shown(
+        "a batch", "batch:batch", "batch:print_batch", "plans", numbers=(*_ENDS, "volume_ratio", "width_ratio")
+    ),
     "stnu.verdicts:CheckResult": Shown(
         "a verdict", "stnu:one_check", "stnu:print_one_check", "results/0/cycle", numbers=("value",)
     ),

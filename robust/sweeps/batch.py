@@ -20,6 +20,7 @@ from typing import Any
 
 from robust.errors import InputError, RobustError
 from robust.plan.pddl.forms import read_text
+from robust.presented import Presented
 from robust.processes import Ended, Processes
 from robust.qe.box import Interval
 from robust.smt.limits import Deadline
@@ -140,14 +141,14 @@ class Solved:
 
 
 @dataclass(frozen=True)
-class Batch:
+class Batch(Presented):
     """What came of a batch, as far as it got.
 
     Attributes:
         verb: `check`, `envelope`, `region` or `compare`.
         suite: where the plans are from.
         asked: what was asked about each.
-        rows: of the plans about which something is known, in the order of the suite.
+        plans: those about which something is known, in the order of the suite.
         total: how many plans there are.
         status: `complete`, or `timeout`, `interrupted` or `lost` (the cluster) if something ended it before.
         notes: what was resumed, and what is missing and how to get it.
@@ -157,7 +158,7 @@ class Batch:
     verb: str
     suite: str
     asked: tuple[Asked, ...]
-    rows: tuple[BatchRow, ...]
+    plans: tuple[BatchRow, ...]
     total: int
     status: str
     notes: tuple[str, ...]
@@ -166,16 +167,16 @@ class Batch:
     @property
     def exit_code(self) -> int:
         """1 if a plan is refuted; else 2 if one cannot be read; else 4 if one is unsupported; else 3 if one is open."""
-        codes = [row.exit_code for row in self.rows]
+        codes = [row.exit_code for row in self.plans]
         return worst([*codes, 0 if self.status == "complete" else UNDECIDED])
 
     def runs(self, name: str) -> list[PlanRun]:
         """What was answered to one question."""
-        return [row.runs[name] for row in self.rows if name in row.runs]
+        return [row.runs[name] for row in self.plans if name in row.runs]
 
     def solved(self, name: str) -> Solved:
         """Of one question."""
-        answered = [row for row in self.rows if name in row.runs and row.runs[name].solved]
+        answered = [row for row in self.plans if name in row.runs and row.runs[name].solved]
         seconds = [row.runs[name].seconds for row in answered]
         alone = [row for row in answered if not any(run.solved for other, run in row.runs.items() if other != name)]
         return Solved(len(answered), sum(seconds), median(seconds) if seconds else None, len(alone))

@@ -61,7 +61,7 @@ def deliveries(folder, count):
 
 def costless(found):
     """What was answered, without what it cost."""
-    return [(row.instance, {name: replace(run, **COSTS) for name, run in row.runs.items()}) for row in found.rows]
+    return [(row.instance, {name: replace(run, **COSTS) for name, run in row.runs.items()}) for row in found.plans]
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def suite(tmp_path):
 def test_check_of_plans_some_of_which_are_wrong(suite):
     lines = []
     found = robust.batch("check", suite, jobs=2, on_result=lambda *line: lines.append(line))
-    runs = [row.runs["check"] for row in found.rows]
+    runs = [row.runs["check"] for row in found.plans]
     assert [run.status for run in runs] == ["proved", "refuted", "error", "error"]
     assert [run.exit_code for run in runs] == [0, 1, 2, 2]
     assert runs[1].message == "drive_3 drive: over all (daylight): (daylight) is false"
@@ -99,21 +99,21 @@ def test_check_of_plans_some_of_which_are_wrong(suite):
 def test_envelope_and_region_are_those_of_single_plans(tmp_path):
     write(tmp_path, "jobs", unordered_instance(2, 2))
     plan = robust.load_plan(*(tmp_path / "jobs" / name for name in ("domain.pddl", "problem.pddl", "plan.stn")))
-    (run,) = robust.batch("envelope", tmp_path, method="irr", beta="1/2", doubling=True).rows[0].runs.values()
+    (run,) = robust.batch("envelope", tmp_path, method="irr", beta="1/2", doubling=True).plans[0].runs.values()
     assert box_of(run.box) == robust.envelope(plan, method="irr", beta="1/2", doubling=True).box
     assert run.first_widening_s is not None
-    (run,) = robust.batch("region", tmp_path).rows[0].runs.values()
+    (run,) = robust.batch("region", tmp_path).plans[0].runs.values()
     assert robust.Region.from_dict(run.region).equals(robust.region(plan).region)
 
 
 def test_options_reach_every_plan(tmp_path):
     write(tmp_path, "jobs", unordered_instance(2, 1))
     (tmp_path / "more.toml").write_text('[parameters."d1"]\nupper = 12\n')
-    (first,) = robust.batch("envelope", tmp_path, parameter=["duration:work_2"]).rows
+    (first,) = robust.batch("envelope", tmp_path, parameter=["duration:work_2"]).plans
     assert set(first.runs["envelope"].box) == {"d1", "dur_work_2"}
-    (second,) = robust.batch("envelope", tmp_path, parameters=tmp_path / "more.toml").rows
+    (second,) = robust.batch("envelope", tmp_path, parameters=tmp_path / "more.toml").plans
     assert second.runs["envelope"].box == {"d1": ("0", "12")}
-    (third,) = robust.batch("check", tmp_path, parameter=["duration:none"]).rows
+    (third,) = robust.batch("check", tmp_path, parameter=["duration:none"]).plans
     assert third.exit_code == 2
     assert "'none'" in third.runs["check"].message
 
@@ -121,7 +121,7 @@ def test_options_reach_every_plan(tmp_path):
 def test_parameters_beside_a_plan_count(tmp_path):
     write(tmp_path, "jobs", unordered_instance(2, 1))
     (tmp_path / "jobs" / "plan.toml").write_text('[parameters."d1"]\nupper = 11\n')
-    (row,) = robust.batch("envelope", tmp_path).rows
+    (row,) = robust.batch("envelope", tmp_path).plans
     assert row.runs["envelope"].box == {"d1": ("0", "11")}
 
 
@@ -132,7 +132,7 @@ def test_comparison(tmp_path):
     deliveries(tmp_path, 2)
     found = robust.batch("compare", tmp_path, region="project", jobs=2)
     assert [one.name for one in found.asked] == ["irr", "ccmmz", "region"]
-    for row in found.rows:
+    for row in found.plans:
         files = (row.instance.domain, row.instance.problem, row.instance.plan)
         plan = robust.load_plan(*(tmp_path / name for name in files))
         irr = robust.envelope(plan, method="irr", doubling=True).box
@@ -197,17 +197,17 @@ def test_a_store_keeps_what_is_known_until_a_plan_changes(tmp_path):
 def test_a_killed_process_is_an_error_that_a_later_run_tries_again(tmp_path, monkeypatch):
     plans, store = deliveries(tmp_path / "plans", 1), tmp_path / "store"
     monkeypatch.setattr(batches, "COMMAND", ("sh", "-c", "kill -9 $$"))
-    (row,) = robust.batch("check", plans, store=store).rows
+    (row,) = robust.batch("check", plans, store=store).plans
     assert (row.exit_code, row.runs["check"].status) == (3, "error")
     assert "exit code -9" in row.runs["check"].message
     monkeypatch.undo()
-    (row,) = robust.batch("check", plans, store=store).rows
+    (row,) = robust.batch("check", plans, store=store).plans
     assert row.runs["check"].status == "proved"
 
 
 def test_limits_of_single_plans_give_sound_boxes_or_none(tmp_path):
     write(tmp_path, "jobs", unordered_instance(7, 7))
-    (row,) = robust.batch("envelope", tmp_path, encoding="positions", limit=2).rows
+    (row,) = robust.batch("envelope", tmp_path, encoding="positions", limit=2).plans
     run = row.runs["envelope"]
     assert (run.status, run.exit_code) == ("timeout", 3)
     assert run.seconds < 2 + batches.GRACE + 1
@@ -241,7 +241,7 @@ def test_out_of_time(tmp_path, monkeypatch):
     plans, pids = sleeping(tmp_path, monkeypatch)
     monkeypatch.setattr(batches, "COMMAND", (sys.executable, str(tmp_path / "sleeper.py")))
     found = robust.batch("check", plans, timeout=3, jobs=2, store=tmp_path / "store")
-    assert [row.instance.name for row in found.rows] == ["a quick/plan.stn"]
+    assert [row.instance.name for row in found.plans] == ["a quick/plan.stn"]
     assert (found.status, found.exit_code, found.total) == ("timeout", 3, 4)
     (note,) = found.notes
     assert note.startswith("incomplete: 1 of 4 tasks done; run the same command again, with --store ")
@@ -310,8 +310,8 @@ def compared_with_a_killed_worker(tmp_path, cluster, count):
 
     found = robust.batch("compare", plans, cluster=cluster.scheduler_address, store=store, on_result=kill)
     assert killed == workers[:1]
-    assert (found.status, len(found.rows), found.exit_code) == ("complete", count, 0)
-    assert all(set(row.runs) == {"irr", "ccmmz"} for row in found.rows)
+    assert (found.status, len(found.plans), found.exit_code) == ("complete", count, 0)
+    assert all(set(row.runs) == {"irr", "ccmmz"} for row in found.plans)
     labels = [json.loads(line)["task"] for line in store.read_text().splitlines()[1:]]
     assert len(labels) == len(set(labels)) == 2 * count
     serial = robust.batch("compare", plans)
