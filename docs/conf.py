@@ -14,10 +14,12 @@ sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
 import robust
 import robust.api
+import robust.reading
 
-for statement in ast.parse(Path(robust.api.__file__).read_text(encoding="utf-8")).body:
-    if isinstance(statement, ast.If):  # what is imported for type checkers only: names are resolved, not guessed
-        exec(compile(ast.Module(statement.body, []), "types", "exec"), vars(robust.api))  # noqa: S102 - our own
+for module in (robust.api, robust.reading):
+    for statement in ast.parse(Path(module.__file__).read_text(encoding="utf-8")).body:
+        if isinstance(statement, ast.If):  # what is imported for type checkers only: names are resolved, not guessed
+            exec(compile(ast.Module(statement.body, []), "types", "exec"), vars(module))  # noqa: S102 - our own
 
 project = "robust"
 author = "The robust developers"
