@@ -75,7 +75,6 @@ class ExactSearch(Search):
     ) -> None:
         self._bad = DiscoveredBadSet(encoding, solver=solver, exporter=exporter)
         self._best: OptimalBox | None = None
-        self.contain_nominal = method != "optimal" or contain_nominal
         self._contain_nominal = contain_nominal
         self._pieces: list[Polyhedron] = []
         parameters = encoding.plan.parameters
@@ -88,6 +87,7 @@ class ExactSearch(Search):
             statistics=self._bad.statistics,
             **conduct,
         )
+        self.contain_nominal = method != "optimal" or contain_nominal
 
     @property
     def checks(self) -> int:

@@ -164,6 +164,20 @@ def timeless(line: str) -> str:
     return " ".join(re.sub(r"[0-9.]+ m?s\b|─+|[0-9]+ (?:checks?|polyhedr(?:a|on))", "#", line).split())
 
 
+@pytest.mark.parametrize(
+    ("asked", "promise"),
+    [
+        ({}, "no valid box contains this one"),
+        ({"method": "irr", "beta": "1/2"}, "no end can move outwards by 0.5 or more"),
+        ({"method": "irr", "doubling": True}, "no end can move outwards by 2 or more"),
+        ({"method": "optimal"}, "no box in the envelope is wider"),
+        ({"method": "optimal", "contain_nominal": True}, "no box around the nominal values is wider"),
+    ],
+)
+def test_boxes_say_what_they_are(asked, promise):
+    assert f"complete: {promise}" in str(robust.envelope(example(), **asked))
+
+
 class Tags(HTMLParser):
     """Finds out whether all that is begun is ended, and collects the texts."""
 
