@@ -110,9 +110,9 @@ def _holds_plan(plan: ParametrizedPlan, result: EnvelopeResult) -> bool:
 
 
 _KNOWN = {
-    "weak": "that durations are known beforehand (--controllability dynamic: only when an action has ended)",
-    "dynamic": "that each duration is seen when its action has ended: the box is dynamically controllable",
-    "strong": "nothing about durations while it executes: the box is strongly controllable",
+    "weak": "has to know durations beforehand (else: --controllability dynamic)",
+    "dynamic": "has to see each duration when its action has ended: the box is dynamically controllable",
+    "strong": "need not know any duration: the box is strongly controllable",
 }
 """What somebody who keeps to the network has to know of the values in a box."""
 
@@ -127,7 +127,7 @@ def _obligation(result: EnvelopeResult, controllable: str | None) -> list[str]:
         "the least of its instances, which is at most what is proved for each. Rounded down, never up.",
         "Presupposed: durations as in this plan, time points within its network (the executor does not check that",
         "either), and no action shorter than is proved below: PlanSys2 has no limit for that. Whoever keeps to the",
-        f"network has to know {_KNOWN[controllable or 'weak']}.",
+        f"network {_KNOWN[controllable or 'weak']}.",
     ]
     if result.status.value != "complete":
         lines.append(f"The search was {result.status.value}: what is here is proved, but more may be possible.")

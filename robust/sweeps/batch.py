@@ -432,7 +432,8 @@ def _envelope(answer: Json, code: int, cost: Json) -> PlanRun:
 
 def _region(answer: Json, code: int, cost: Json) -> PlanRun:
     region = dict(answer) if answer["status"] == "complete" else None
-    status, message = answer["status"], answer.get("reason")
+    status = answer["status"]
+    message = answer.get("reason") or (None if region else "only an outer and an inner bound are known")
     return PlanRun(status, code, **cost, search_s=answer["seconds"], message=message, region=region)
 
 

@@ -219,7 +219,7 @@ def test_of_a_box_that_is_to_be_controllable_the_part_that_is(solved):
     dynamic = command(*FILES, *OPTIONS, "--export", "plansys2", "--controllability", "dynamic")
     assert parameters_of(dynamic.stdout) == parameters_of(export(*solved, "plansys2"))
     assert "the box is dynamically controllable." in dynamic.stdout
-    assert "that durations are known beforehand" in export(*solved, "plansys2")
+    assert "has to know durations beforehand" in export(*solved, "plansys2")
     strong = command(*FILES, "--export", "csv", "--controllability", "strong")
     first = dict(zip(*csv.reader(strong.stdout.splitlines()[:2]), strict=True))
     assert (first["name"], first["lower"], first["upper"], first["stopped_above"]) == ("to_ridge", "30", "30", "")

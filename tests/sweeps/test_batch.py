@@ -216,6 +216,14 @@ def test_limits_of_single_plans_give_sound_boxes_or_none(tmp_path):
     assert row.volume_ratio is None
 
 
+def test_regions_that_take_longer_than_their_limit(tmp_path):
+    write(tmp_path, "jobs", unordered_instance(8, 8))
+    (row,) = robust.batch("region", tmp_path, encoding="positions", limit=2).rows
+    run = row.runs["region"]
+    assert (run.status, run.exit_code, run.region) == ("timeout", 3, None)
+    assert run.message
+
+
 SLEEPER = """
 import os, sys, time
 sys.argv[2].endswith("domain.pddl") or sys.exit(5)
