@@ -62,7 +62,7 @@ def draw_region(
         at: values for parameters that are not shown; the region is sliced there, and projected along the rest.
         inner: an inner bound over the parameters that are shown, if the region is an outer one.
         boxes, points: what to draw on top, by the name to show in the legend; only their shown parameters matter, but a
-            box is left out where it does not hold the values of those that are fixed.
+            box that does not hold the values of those that are fixed is in the legend alone.
         words: what parameters are called; their names where they are not in it.
         exact: whether the region is the envelope itself, or an outer bound of it.
     """
@@ -71,13 +71,14 @@ def draw_region(
 
     shown = _shown(region, tuple(axes), at or {})
     points = points or {}
-    boxes = {label: box for label, box in (boxes or {}).items() if _holds(box, at or {})}
-    rectangle = tuple(_range(shown, name, list(boxes.values()), list(points.values())) for name in shown.parameters)
+    sliced = {label: box if _holds(box, at or {}) else None for label, box in (boxes or {}).items()}
+    here = [box for box in sliced.values() if box is not None]
+    rectangle = tuple(_range(shown, name, here, list(points.values())) for name in shown.parameters)
     flat = len(shown.parameters) == 1
-    figure = Figure(figsize=(8.6, 2.0 + 0.35 * len(boxes) if flat else 5.0), layout="constrained")
+    figure = Figure(figsize=(8.6, 2.0 + 0.35 * len(sliced) if flat else 5.0), layout="constrained")
     FigureCanvasAgg(figure)
     canvas = figure.add_subplot()
-    (_draw_line if flat else draw_plane)(canvas, shown, rectangle, boxes, points, words=words, exact=exact)
+    (_draw_line if flat else draw_plane)(canvas, shown, rectangle, sliced, points, words=words, exact=exact)
     if inner is not None:
         _draw_inner(canvas, inner, shown.parameters, rectangle)
     title = _title(at or {}, words, exact=exact)
@@ -150,7 +151,7 @@ def draw_plane(
     canvas: Axes,
     region: Region,
     rectangle: Rectangle,
-    boxes: Mapping[str, Box],
+    boxes: Mapping[str, Box | None],
     points: Mapping[str, Point],
     *,
     words: Mapping[str, str] | None = None,
@@ -174,7 +175,7 @@ def draw_plane(
         _outline(canvas, cut, region, rectangle)
         _mark_thin(canvas, cut, rectangle)
     for order, (label, box) in enumerate(_labelled(boxes)):
-        shape = Polyhedron(names, _sides(names, box)).restricted(clip)
+        shape = Polyhedron.nothing(names) if box is None else Polyhedron(names, _sides(names, box)).restricted(clip)
         _draw_box(canvas, shape, rectangle, {**box_line(order, len(boxes)), "zorder": 6 + order, "label": label})
     hatch_outside(canvas, "not valid")
     for label, point in points.items():
@@ -209,12 +210,13 @@ def _draw_inner(canvas: Axes, inner: Region, names: tuple[str, ...], rectangle: 
         label = "_" + label.lstrip("_")
 
 
-def _labelled(boxes: Mapping[str, Box]) -> Iterable[tuple[str, Box]]:
-    """Boxes with what the legend says of them, also which are the same."""
+def _labelled(boxes: Mapping[str, Box | None]) -> Iterable[tuple[str, Box | None]]:
+    """Boxes with what the legend says of them: which are the same, and which do not hold the values that are fixed."""
     items = list(boxes.items())
     for place, (label, box) in enumerate(items):
-        twin = next((other for other, same in items[:place] if same == box), None)
-        yield f"box: {label}" if twin is None else f"box: {label} (the same as {twin})", box
+        twin = next((other for other, same in items[:place] if box is not None and same == box), None)
+        note = "" if twin is None else f" (the same as {twin})"
+        yield f"box: {label}{' (not in this slice)' if box is None else note}", box
 
 
 def _sides(names: Sequence[str], box: Box) -> tuple[LinearConstraint, ...]:
@@ -342,7 +344,7 @@ def _draw_line(
     canvas: Axes,
     region: Region,
     rectangle: Rectangle,
-    boxes: Mapping[str, Box],
+    boxes: Mapping[str, Box | None],
     points: Mapping[str, Point],
     *,
     words: Mapping[str, str] | None = None,
@@ -360,7 +362,8 @@ def _draw_line(
     rows = [area]
     for row, (label, box) in enumerate(_labelled(boxes), start=1):
         colour = BOX_LINES[(row - 1) % len(BOX_LINES)]["color"]
-        _bar(canvas, Polyhedron((name,), (*_sides((name,), box), *clip)), rectangle, row, colour)
+        if box is not None:
+            _bar(canvas, Polyhedron((name,), (*_sides((name,), box), *clip)), rectangle, row, colour)
         rows.append(wrapped(label, 34))
     for label, point in points.items():
         canvas.axvline(float(point[name]), color=BLACK, linewidth=1, linestyle=":", label=label)

@@ -181,14 +181,16 @@ def test_what_is_outside_of_a_difference_has_no_edge():
     assert not any([10.0, 10.0] in stroke for stroke in strokes)
 
 
-def test_a_slice_leaves_out_boxes_that_do_not_hold_its_values():
+def test_a_slice_says_which_boxes_do_not_hold_its_values():
     solid = Region.universe(("x", "y", "z"))
     boxes = {"in": Box({**BOX.intervals, "z": Interval(Fraction(0), Fraction(1))}),
              "out": Box({**BOX.intervals, "z": Interval(Fraction(2), Fraction(3))})}  # fmt: skip
     figure = region_plot.draw_region(solid, PLANE, at={"z": Fraction(1)}, boxes=boxes)
     said = [text for text, _ in texts_of(figure)]
     assert "box: in" in said
-    assert "box: out" not in said
+    assert "box: out (not in this slice)" in said
+    strokes = [line for line in figure.axes[0].get_lines() if line.get_label().startswith("box: out")]
+    assert [len(line.get_xydata()) for line in strokes] == [0]
 
 
 # -- of plans ----------------------------------------------------------------------------------------------------------

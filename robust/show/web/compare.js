@@ -186,6 +186,8 @@
       } else {
         for (const piece of model.region.pieces) inside.append(...shape(piece, { class: "region-valid" }));
       }
+    } else {
+      for (const box of boxConstraints) inside.append(...shape(box, { class: "region-valid" }));
     }
     boxConstraints.forEach((constraints, at) => {
       const found = shape(constraints, { class: `box box-${at % 4}` });
@@ -242,7 +244,10 @@
       legendOf(swatch(drawn("rect", { ...area, fill: "url(#bad)", class: "region-bad" })), "not valid"),
     );
   } else {
-    byId("legend").append(legendOf(swatch(drawn("rect", { ...area, fill: "url(#bad)", class: "region-bad" })), "not known, unless in a box"));
+    byId("legend").append(
+      legendOf(swatch(drawn("rect", { ...area, class: "region-valid" })), "valid: in a box"),
+      legendOf(swatch(drawn("rect", { ...area, fill: "url(#bad)", class: "region-bad" })), "not known"),
+    );
   }
   const text = (interval) => [interval.lower, interval.upper].map((end) => (end === null ? "∞" : Exact.text(end))).join("|");
   const alike = (one, other) => one.intervals.every((interval, at) => text(interval) === text(other.intervals[at]));
