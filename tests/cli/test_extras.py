@@ -20,7 +20,9 @@ def without_extras(*words: str) -> Ended:
         f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r})); "
         f"from robust.cli import run; sys.exit(run({list(words)!r}))"
     )
-    done = subprocess.run([sys.executable, "-c", script], check=False, capture_output=True, text=True, env=environment())
+    done = subprocess.run(
+        [sys.executable, "-c", script], check=False, capture_output=True, text=True, env=environment()
+    )
     return Ended(done.returncode, done.stdout, done.stderr)
 
 
@@ -30,7 +32,16 @@ def without_extras(*words: str) -> Ended:
         ("check", *ROVER),
         ("envelope", *ROVER),
         ("region", *ROVER, "--latex"),
-        ("risk", *ROVER, "--distribution", "to_ridge=normal:30:5", "--distribution", "to_crater=constant:40", "--within", "0.5"),
+        (
+            "risk",
+            *ROVER,
+            "--distribution",
+            "to_ridge=normal:30:5",
+            "--distribution",
+            "to_crater=constant:40",
+            "--within",
+            "0.5",
+        ),
         ("validate", *STEPS),
         ("convert", *STEPS, "--parameter", "duration:drive"),
         ("pike", "check", KITCHEN),
