@@ -17,7 +17,7 @@ Each case runs in a new directory with `examples` and `domains` (links to robust
 Numbers of checks, queries and polyhedra, and the order in which parts of a region are found, follow from the models
 that a solver happens to find. They are the same in each process, but a change of the order in which formulas are made
 changes them, and so do commands that ran before in the same process. `compare --loose` lets these differ. Where even
-the answer differs from run to run, there is no case. The help of each command is shown in docs/commands.md instead, see
+the answer differs from run to run, there is no case. What help says of options is compared with the manual instead, see
 `tests/test_documentation.py`.
 
 What varies from run to run is masked by `#`:
