@@ -218,7 +218,7 @@ def test_limits_of_single_plans_give_sound_boxes_or_none(tmp_path):
 
 def test_regions_that_take_longer_than_their_limit(tmp_path):
     write(tmp_path, "jobs", unordered_instance(8, 8))
-    (row,) = robust.batch("region", tmp_path, encoding="positions", limit=2).rows
+    (row,) = robust.batch("region", tmp_path, encoding="positions", limit=2).plans
     run = row.runs["region"]
     assert (run.status, run.exit_code, run.region) == ("timeout", 3, None)
     assert run.message
