@@ -23,7 +23,7 @@ def test_bounds_for_people_and_programs(tmp_path):
     assert answer["estimate"]["draws"] == 500
     assert answer["estimate"]["confidence"] == "999/1000"
     assert any("lit crater" in one["obligation"] for one in answer["by_obligation"])
-    assert "lit crater" in (tmp_path / "risk.svg").read_text(encoding="utf-8")
+    assert "take-sample scout crater needs" in (tmp_path / "risk.svg").read_text(encoding="utf-8")
     ended = command("risk", *PLAN, *KINDS, "--within", "0.1")
     assert "What fails, each value counted for the first that breaks:" in ended.out
     assert "exact widening         0.5275" in ended.out
