@@ -26,6 +26,8 @@ likely: robust.RiskResult = robust.risk(plan, {"a": "normal:30:4"}, within=0.01)
 verdict: robust.Verdict = robust.validate("domain.pddl", "problem.pddl", "steps.plan", epsilon=Decimal("0.001"))
 made: robust.Conversion = robust.convert("domain.pddl", "problem.pddl", "steps.plan", mode="causal", epsilon=0.001)
 remade: robust.Conversion = robust.convert("d.pddl", "p.pddl", "steps.plan", mode=robust.Mode.ESTEREL)
+exported: str = robust.export(plan, box, "csv")
+many_plans: robust.Batch = robust.batch("check", "suite", jobs=2)
 
 answer: robust.Answer = checked.answer
 ends: dict[str, tuple[Fraction | None, Fraction | None]] = box.box.ranges
