@@ -216,7 +216,7 @@ def check_region(tape: Tape, ground: Ground, claim: Claim) -> None:
         outside.append(-inside(formulas, piece))
     listed(line, 1)
     refute(tape, formulas, Facts(formulas, good, network=False), formulas.circuit.all(outside))
-    shown = "".join(f", without {text_of(piece)}" for piece in claim.removed)
+    shown = "".join(f"\n  without {text_of(piece)}" for piece in claim.removed)
     claim.text = f"the robustness envelope is exactly the declared bounds{shown}"
 
 
@@ -229,7 +229,8 @@ def text_of(piece: list[Fact]) -> str:
     sides = []
     for form, strict in piece:
         sign = 1 if next(factor for name, factor in form.items() if name) > 0 else -1
-        terms = (f"{'' if sign * factor == 1 else f'{sign * factor} '}{name}" for name, factor in form.items() if name)
+        factors = [(name, str(sign * factor)) for name, factor in form.items() if name]
+        terms = ({'1': '', '-1': '-'}.get(factor, f'{factor} ') + name for name, factor in factors)
         relation = (">" if sign > 0 else "<") + ("" if strict else "=")
-        sides.append(f"{' + '.join(terms)} {relation} {-sign * form.get('', Fraction(0))}")
+        sides.append(f"{' + '.join(terms).replace('+ -', '- ')} {relation} {-sign * form.get('', Fraction(0))}")
     return f"({' and '.join(sides) or 'everything'})"
