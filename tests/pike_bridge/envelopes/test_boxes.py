@@ -204,7 +204,7 @@ def test_what_copies_share_makes_no_difference(monkeypatch):
     kitchen = parametric(stories.kitchen().plan(), "coffee=duration:make-coffee", "late=hesitation:xA1")
     asked = [(kitchen, ["xA1"]), (kitchen, ["xA1", "xA3"])]
     asked += [(parametric(race(9, robot_first=first), "late=hesitation:x"), ["x"]) for first in (True, False)]
-    for seed in range(24):
+    for seed in range(8):
         plan = random_parameters(structured(seed), seed)
         asked.append((plan, [one.name for one in plan.plan.network.choices if not one.controllable][:2]))
     together = [waited(*each) for each in asked]
@@ -214,7 +214,7 @@ def test_what_copies_share_makes_no_difference(monkeypatch):
         assert (one.box, one.verified, one.status) == (other.box, other.verified, other.status)
         assert one.region.is_subset_of(other.region)
         assert other.region.is_subset_of(one.region)
-    assert sum(one.verified for one in together) > 5
+    assert sum(one.verified for one in together) > 2
 
 
 def test_nobody_can_wait_for_what_comes_too_late():
