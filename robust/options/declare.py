@@ -216,7 +216,7 @@ def _check_kind(name: str, one: Option, value: object) -> None:
         right, expected = isinstance(value, bool), "True or False"
     elif one.path and not one.many:
         right, expected = isinstance(value, str | os.PathLike), "a path"
-    elif not one.shown:
+    elif name.startswith("on_"):
         right, expected = callable(value), "a function"
     elif isinstance(one.default, int) and one.read is None:
         right, expected = isinstance(value, int) and not isinstance(value, bool), "a whole number"
