@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast
 
+from robust.errors import from_extra
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -59,7 +61,10 @@ class Presented:
             InputError: if there is nothing to draw, the file cannot be written, or there is no such parameter.
             UnsupportedError: if matplotlib is not installed.
         """
-        return cast("Figure", _presenting().figure(self, path, axes))
+        try:
+            return cast("Figure", _presenting().figure(self, path, axes))
+        except ModuleNotFoundError as error:
+            raise from_extra(error) or error from error
 
 
 def _presenting() -> Any:

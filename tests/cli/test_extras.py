@@ -6,6 +6,8 @@ from importlib.resources import files
 
 import pytest
 
+import robust
+from robust.errors import UnsupportedError
 from tests.cli.running import Ended, assert_one_line, environment, example
 
 EXTRAS = ("matplotlib", "numpy", "networkx", "dd", "joblib", "scipy", "dask", "unified_planning")
@@ -69,3 +71,13 @@ def test_what_needs_an_extra_says_which(words, package, extra):
     assert_one_line(ended, 4)
     assert f"found no {package}" in ended.err
     assert f"pip install 'robust-plans[{extra}]'" in ended.err
+
+
+def test_python_says_which_extra_draws(monkeypatch):
+    plan = robust.load_plan(*ROVER)
+    found = robust.envelope(plan)
+    for name in [name for name in sys.modules if name.startswith(("matplotlib", "robust.show."))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(UnsupportedError, match=r"found no matplotlib.*robust-plans\[plots\]"):
+        found.plot()
