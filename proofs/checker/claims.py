@@ -230,7 +230,7 @@ def text_of(piece: list[Fact]) -> str:
     for form, strict in piece:
         sign = 1 if next(factor for name, factor in form.items() if name) > 0 else -1
         factors = [(name, str(sign * factor)) for name, factor in form.items() if name]
-        terms = ({'1': '', '-1': '-'}.get(factor, f'{factor} ') + name for name, factor in factors)
+        terms = ({"1": "", "-1": "-"}.get(factor, f"{factor} ") + name for name, factor in factors)
         relation = (">" if sign > 0 else "<") + ("" if strict else "=")
         sides.append(f"{' + '.join(terms).replace('+ -', '- ')} {relation} {-sign * form.get('', Fraction(0))}")
     return f"({' and '.join(sides) or 'everything'})"
