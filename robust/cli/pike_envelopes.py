@@ -52,7 +52,7 @@ class ParametricOptions(PikeOptions, Slice):
             )
         found = parametrize(plan, specs)
         if self.plot is not None:
-            from robust.show.pike_envelopes import plotted
+            from robust.show.pike_envelope_plots import plotted
 
             plotted(found, self.drawn)
         return found
@@ -128,7 +128,9 @@ def region(options: PikeRegionCommand, run: Run) -> int:
     if not found.cut_short and (options.json or options.plot is not None):
         cells[0] = run.also("cutting", lambda: _cells(found, run))
     if options.plot is not None:
-        show.plot_cells(found, cells[0], options.plot, options.drawn)
+        from robust.show.pike_envelope_plots import plot_cells
+
+        plot_cells(found, cells[0], options.plot, options.drawn)
     answer(found)
     if found.cut_short:
         return CODES[found.status.value]

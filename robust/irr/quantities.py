@@ -59,6 +59,17 @@ class Quantity:
     side: Side = Side.UPPER
 
 
+class Unchanged(dict[str, Fraction]):
+    """Values, where what is not among them is what it was."""
+
+    def __init__(self, known: Mapping[str, Quantity], values: Mapping[str, Fraction]) -> None:
+        super().__init__(values)
+        self._known = known
+
+    def __missing__(self, name: str) -> Fraction:
+        return self._known[name].old or Fraction(0)
+
+
 def bound_name(constraint: int, side: Side) -> str:
     """The name of a bound."""
     return f"{side.value} bound of constraint {constraint}"

@@ -26,7 +26,7 @@ from robust.encode.interface import EPSILON, Facet
 from robust.errors import SolverError
 from robust.irr.check import Answer, Checker, CheckResult
 from robust.irr.containment import EFFORTS, within
-from robust.irr.quantities import Change, Kind, Quantity, bound_name, change_of, changed, lifted, quantities
+from robust.irr.quantities import Change, Kind, Quantity, Unchanged, bound_name, change_of, changed, lifted, quantities
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParameterReference, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
@@ -404,7 +404,7 @@ class RepairSearch:
         ]
         if endless:
             return all(sign < 0 for sign in endless)
-        return names is not None or choice.evaluate(_Unchanged(self._quantities, values))
+        return names is not None or choice.evaluate(Unchanged(self._quantities, values))
 
     # -- the cheapest changes, by linear programming -------------------------------------------------------------------
 
@@ -647,7 +647,7 @@ class RepairSearch:
         undone = {other: value for other, value in values.items() if other != name}
         other = self._partner(name)
         if self._quantities[name].old is not None and other in undone:
-            now = _Unchanged(self._quantities, undone)
+            now = Unchanged(self._quantities, undone)
             if not all(order.evaluate(now) for order in self._in_order(name, {name, other})):
                 del undone[other]
         broken = (c.reason for c in self._clauses if not any(self._holds(each, undone) for each in c.choices))
@@ -677,17 +677,6 @@ class _BadChanges(DiscoveredBadSet):
         if sum(1 for one in constraints if not eliminated.isdisjoint(one.parameters)) > CROWDED:
             return project_at(constraints, eliminated, {name: Fraction(model.get(name, 0)) for name in names})
         return project(constraints, eliminated, self._deadline)
-
-
-class _Unchanged(dict[str, Fraction]):
-    """Values, where what is not among them is what it was."""
-
-    def __init__(self, known: Mapping[str, Quantity], values: Mapping[str, Fraction]) -> None:
-        super().__init__(values)
-        self._known = known
-
-    def __missing__(self, name: str) -> Fraction:
-        return self._known[name].old or _NOTHING
 
 
 def _ends(required: Mapping[str, Interval]) -> Iterator[dict[str, Fraction]]:

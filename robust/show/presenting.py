@@ -131,7 +131,7 @@ _RESULTS: Mapping[str, Shown] = {
         "pike_envelopes:whole_region_document",
         "pike_envelopes:print_region",
         "pike_envelopes:possible_rows",
-        figure="pike_envelopes:plot_region",
+        figure="pike_envelope_plots:plot_region",
     ),
     "pike_bridge.envelopes.search:TeamEnvelope": Shown(
         "a box",
@@ -140,7 +140,7 @@ _RESULTS: Mapping[str, Shown] = {
         "parameters",
         named="parameter",
         numbers=_SIDES,
-        figure="pike_envelopes:plot_envelope",
+        figure="pike_envelope_plots:plot_envelope",
     ),
 }
 """By where the result is declared."""

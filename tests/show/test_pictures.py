@@ -20,7 +20,7 @@ from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.reading import load_plan
-from robust.show import gantt, network, pike_envelopes, plots, region_plot, regions, risk_plot
+from robust.show import gantt, network, pike_envelope_plots, plots, region_plot, regions, risk_plot
 from robust.show.drawing import BOX_LINES, HATCHES, LIGHT, STRONG
 from robust.show.gantt import Bar, Chart, Lane, Mark
 from robust.show.words import Words, named
@@ -265,7 +265,7 @@ def test_plans_with_their_links(name):
 
 def test_choices_by_parameters(tmp_path, monkeypatch):
     figures = []
-    monkeypatch.setattr(pike_envelopes, "save", lambda draw, _path: figures.append(draw()))
+    monkeypatch.setattr(pike_envelope_plots, "save", lambda draw, _path: figures.append(draw()))
     kitchen = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
     specifications = ("coffee=duration:make-coffee", "limit=at-most:e1:e44", "cup=duration:(get human mug)")
     asked = [kitchen, *(f"--parameter={text}" for text in specifications), "-q"]
