@@ -83,7 +83,7 @@ class Report(Generic[Row]):
         jobs = self.options.jobs
         disturbed = [f"{jobs} processes ran at a time and disturbed each other's timings"] if jobs > 1 else []
         missing = [f"incomplete: interrupted after {len(self.rows)} of {self.total} {self.experiment.unit}"]
-        if self.complete or self.experiment.lenient:
+        if self.complete or self.sweep_notes:
             missing = []
         return tuple(dict.fromkeys((*self.remarks(), *disturbed, *self.sweep_notes, *missing)))
 
@@ -225,9 +225,8 @@ class Experiment:
         if sweep.failures and not self.lenient:
             raise RobustError(f"{sweep.failures[0].task}: {sweep.failures[0].reason}")
         rows = tuple(self.collect(options, facts, sweep.results))
-        report = self.report(
-            self, options, facts, rows, sweep.failures, sweep.complete, sweep.total, sweep.notes if self.lenient else ()
-        )
+        notes = sweep.notes if self.lenient or hasattr(options, "store") else ()
+        report = self.report(self, options, facts, rows, sweep.failures, sweep.complete, sweep.total, notes)
         path: Path | None = getattr(options, "plot", None)
         if path is not None and (panels := report.panels()):
             width, height, legend = report.LAYOUT

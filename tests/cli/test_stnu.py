@@ -185,7 +185,7 @@ def test_a_converted_plan_and_its_network(tmp_path):
 
 def test_ctrl_c_prints_the_best_repair_so_far(here):
     """A schedule of a team that takes long to repair: what is known is a repair, or at least a bound."""
-    (here / "team.json").write_text(network_json(team_network(600, 1)), encoding="utf-8")
+    (here / "team.json").write_text(network_json(team_network(1200, 1)), encoding="utf-8")
     ended = stopped("stnu", "repair", "team.json", "--json", after=4 * LOAD)
     answer = answer_of(ended, "robust/stnu-repair/1")
     (one,) = answer["results"]

@@ -67,13 +67,15 @@ def test_whole_answers_of_checks(monkeypatch, solver) -> None:
     proved, refuted, unknown = Answer.PROVED, Answer.REFUTED, Answer.UNKNOWN
     seen: list[tuple[int, int, str]] = []
     inside = check(PLAN, at=["k=3:11"], solver=solver, on_obligation=lambda *one: seen.append(one))
-    assert timeless(inside) == answer(box(3, 11), proved, [proved] * 3)
+    assert timeless(inside) == answer(box(3, 11), proved, [proved] * 3, solver=solver)
     assert seen == [(index, 3, name) for index, name in enumerate(NAMES)]
     assert (inside.statistics.queries, inside.statistics.unsatisfiable, inside.cut_short) == (3, 3, False)
     for every, last in ((False, unknown), (True, proved)):
         found = check(PLAN, at=["k=2"], every=every, solver=solver)
         broken = shown(NAMES[1], Fraction(2))
-        assert timeless(found) == answer(box(2, 2), refuted, [proved, refuted, last], counterexamples=broken)
+        assert timeless(found) == answer(
+            box(2, 2), refuted, [proved, refuted, last], counterexamples=broken, solver=solver, every=every
+        )
     with monkeypatch.context() as patched:
         asked: list[str] = []
         original = Session.check
@@ -85,7 +87,7 @@ def test_whole_answers_of_checks(monkeypatch, solver) -> None:
     for name, example in everything.counterexamples.items():
         assert {name: example} == shown(name, example.parameters["k"])
     late = check(PLAN, timeout=0, solver=solver, on_obligation=lambda *one: seen.append(one))
-    assert timeless(late) == answer(box(6, 6), unknown, [unknown] * 3, timed_out=True)
+    assert timeless(late) == answer(box(6, 6), unknown, [unknown] * 3, timed_out=True, solver=solver)
 
 
 def test_nothing_is_examined_where_schedules_are_not_known_to_exist(monkeypatch) -> None:
