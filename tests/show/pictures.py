@@ -12,9 +12,12 @@ IMAGES = REPOSITORY / "docs" / "images"
 KITCHEN = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
 NORMAL = ("--distribution", "to_ridge=normal::5", "--distribution", "to_crater=normal::5")
 COFFEE = ("--parameter", "coffee=duration:make-coffee", "--parameter", "limit=at-most:e1:e44")
+ROVER = REPOSITORY / "benchmarks" / "domains" / "solar_rover"
+YIELD = (ROVER / "domain-yield.pddl", ROVER / "problem-yield.pddl", ROVER / "plan-yield.stn")
 PICTURES = {
     "navigation-envelope.svg": ("envelope", *example(), "--plot"),
     "navigation-compare.svg": ("compare", *example(), "--plot"),
+    "controllability.svg": ("envelope", *YIELD, "--plot"),
     "navigation-risk.svg": ("risk", *example(), *NORMAL, "--plot"),
     "breakfast.svg": ("pike", "region", KITCHEN, *COFFEE, "--plot"),
 }
