@@ -100,6 +100,7 @@ class _Server:
             tolerance=Fraction(0) if self._rate is None else _TOLERANCE / self._rate,
         )
         gc.freeze()  # garbage collection looks at nothing of this again, so that its pauses are short
+        self._deadline.enforce()
 
     def close(self) -> None:
         """Let others have the journal."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -181,9 +182,9 @@ def _widths(shown: Table, room: int) -> list[int] | None:
 
 
 def _sizes(column: Column) -> tuple[int, int]:
-    """The lengths of the longest word and of the longest line."""
+    """The lengths of the longest word, with blanks that a line begins with, and of the longest line."""
     lines = [line for cell in (column.header, *column.cells) for line in _plain(cell).split("\n")]
-    words = (cell_len(word) for line in lines for word in line.split(" "))
+    words = (cell_len(word) for line in lines for word in re.findall(r"^\s*\S+|\S+", line))
     return max(words, default=0), max(map(cell_len, lines), default=0)
 
 

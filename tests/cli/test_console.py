@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from io import StringIO
 
+import hypothesis
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -67,6 +68,7 @@ def test_nothing_is_cut_at_60_columns(name, directory, monkeypatch):
 
 
 @given(st.lists(st.tuples(*[st.text("abc (,)", max_size=20)] * 4), min_size=1, max_size=5), st.integers(40, 120))
+@hypothesis.example([("a" * 8, "", "a" * 6, " " + "a" * 9)], 40)
 def test_tables_keep_every_word(rows, width):
     printed = StringIO()
     show_table(console(printed, width=width), table(("first", "second", "third", "fourth"), rows, right=("second",)))
