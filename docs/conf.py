@@ -23,6 +23,7 @@ for module in (robust.api, robust.reading):
 
 project = "robust"
 author = "The robust developers"
+project_copyright = f"2026, {author}"
 version = release = robust.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "reference"]
@@ -50,4 +51,6 @@ autodoc_member_order = "bysource"
 html_theme = "furo"
 html_title = f"robust {release}"
 templates_path = ["templates"]
+html_static_path = ["static"]
+html_css_files = ["wide.css"]
 html_additional_pages = {"index": "index.html"}

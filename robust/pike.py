@@ -49,6 +49,7 @@ from robust.pike_bridge.knowledge import knowledge_bases
 from robust.pike_bridge.knowledge.interface import KnowledgeBase
 from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu
 from robust.pike_bridge.online.executive import PlanExecutive
+from robust.pike_bridge.online.inquiry import why, why_failed, why_not
 from robust.pike_bridge.online.journal import Journal, JournalStep, read_journal, resume
 from robust.pike_bridge.online.moments import LatestMoments, Moment, Moments
 from robust.pike_bridge.online.progress import Completion, Decision, Estimate, Message, Outcome, parse_atom
@@ -132,6 +133,9 @@ __all__ = [
     "run_in_world",
     "sequence",
     "story",
+    "why",
+    "why_failed",
+    "why_not",
     "within",
     "write_tpnu",
 ]

@@ -6,9 +6,6 @@ A human fetches a part and mounts it, or asks the robot to fetch it. The robot m
 from fractions import Fraction
 
 from robust import pike
-from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.progress import Outcome
-from robust.pike_bridge.online.reasoners import make_reasoner
 
 DOMAIN = """
 (define (domain workshop)
@@ -50,9 +47,9 @@ box = pike.envelope(plan, ["charging=duration:(charge)"], assume={"human_does": 
 print(f"with a human who fetches, charging may take up to {float(box['charging'].upper):g}")
 
 # On the way: the human asks, and the robot knows what to do.
-executive = PlanExecutive(plan, make_reasoner("smt"))
+executive = pike.PlanExecutive(plan, pike.make_reasoner("smt"))
 if not executive.prepare():
     raise SystemExit("the plan has no correct execution")
 executive.step(Fraction(0))
-executive.step(Fraction(1, 1000), [Outcome("human_does", "ask")])
+executive.step(Fraction(1, 1000), [pike.Outcome("human_does", "ask")])
 print("the human asks, so the robot must:", *executive.possible_values("robot_does"))

@@ -84,13 +84,13 @@ class Page(_Console):
     def add_table(self, shown: Table) -> None:
         """Keep a table."""
         self._end_text()
-        sides = ["right" if column.justify == "right" else "left" for column in shown.columns]
-        head = [f'<th style="text-align: {side}">{escape(_plain(column.header))}</th>'
-                for side, column in zip(sides, shown.columns, strict=True)]  # fmt: skip
+        looks = [f'style="text-align: {column.justify}; padding: 0.15em 1.2em 0.15em 0"' for column in shown.columns]
+        head = [
+            f"<th {look}>{escape(_plain(column.header))}</th>"
+            for look, column in zip(looks, shown.columns, strict=True)
+        ]
         rows = [
-            "".join(
-                f'<td style="text-align: {side}">{self._cell(cell)}</td>' for side, cell in zip(sides, row, strict=True)
-            )
+            "".join(f"<td {look}>{self._cell(cell)}</td>" for look, cell in zip(looks, row, strict=True))
             for row in zip(*(column.cells for column in shown.columns), strict=True)
         ]
         body = "".join(f"<tr>{row}</tr>" for row in rows)
