@@ -56,7 +56,7 @@ PAPER_SHARE = 0.853
 
 @dataclass(frozen=True, slots=True)
 class Execution:
-    """One simulated execution: seconds of preparation, of each step, and of finding out when to look again.
+    """One simulated execution: seconds of the processor for its preparation, each step, and when to look again.
 
     Attributes:
         outcome: `succeeded`, `failed`, `none` if something was still awaited in the end, `timeout` if the limit came
@@ -115,13 +115,13 @@ def measure_latency(
     plan = random_plan(seed, index).plan()
     name, make = instance_name(seed, index), make_reasoner(backend, deadline=deadline)
     timed: Timed[Decision] | None = None
-    started = time.perf_counter()
+    started = time.process_time()
     try:
         executive = PlanExecutive(plan, make, patience=Fraction(0) if manner.patient else None, deadline=deadline)
         executive.prepare()
         # What is there already is not looked at again by garbage collection, whose pauses would count as decisions.
         gc.freeze()
-        preparation = time.perf_counter() - started
+        preparation = time.process_time() - started
         timed = Timed(executive)
         judge = SemanticReasoner(executive.progress)
         run_in_world(timed, SimulatedTeam(plan, executive, judge, Story(delay=manner.delay), seed=index))
@@ -129,7 +129,7 @@ def measure_latency(
     except OutOfTimeError:
         outcome = TIMEOUT
     if timed is None:
-        return Execution(backend, name, outcome, time.perf_counter() - started)
+        return Execution(backend, name, outcome, time.process_time() - started)
     decided = tuple(timed.decisions)
     steps, wakes = tuple(timed.steps), tuple(timed.wakes)
     return Execution(backend, name, outcome, preparation, steps, wakes, len(decided), decided=decided)
