@@ -118,5 +118,5 @@ def hatch_outside(axes: Axes, label: str) -> None:
     """Hatch what nothing else is drawn over."""
     from matplotlib.patches import Rectangle  # noqa: PLC0415 - takes half a second
 
-    looks: Any = {"facecolor": "white", "edgecolor": SHADE, "linewidth": 0, "hatch": "////", "zorder": 0}
+    looks: Any = {"facecolor": "white", "edgecolor": "0.6", "linewidth": 0, "hatch": "////", "zorder": 0}
     axes.add_patch(Rectangle((0, 0), 1, 1, transform=axes.transAxes, label=label, **looks))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 from rich import box as borders
@@ -33,8 +35,14 @@ _GUARANTEES = {
     Guarantee.WEAK: "not dynamically controllable: the plan may fail although observations are inside",
     Guarantee.NONE: "no guarantee",
 }
+_PROMISES = {
+    Guarantee.DYNAMIC: "values with which the plan succeeds",
+    Guarantee.WEAK: "values with which the plan may succeed",
+}
 _OUTCOMES = {Outcome.DONE: "end", Outcome.FAILED: "failed", Outcome.STOPPED: "stopped", Outcome.RUNNING: "running"}
 _STYLES = {Verdict.CONTROLLABLE: "green", Verdict.NOT_CONTROLLABLE: "bold red", Verdict.UNKNOWN: "yellow"}
+_PARAMETERS = 12
+"""Parameters that a chart has lanes for; it has none if there are more."""
 _REASONS = 5
 """Reasons of failures that are shown at most."""
 
@@ -137,11 +145,16 @@ def _kind(reason: str) -> str:
 
 
 def plot_run(run: Run, executor: str, path: Path) -> None:
-    """A Gantt chart: a lane for each first argument of an action, which most domains give to who acts."""
+    """A Gantt chart: a lane for each first argument of an action, which most domains give to who acts; below them one
+    for each parameter, with the values in which the plan succeeds and those that were observed.
+    """
     executed = [one for segment in run.segments for one in segment.executed]
-    lanes = tuple(Lane(name) for name in dict.fromkeys(_lane(one.instance) for one in executed))
+    names = dict.fromkeys(one.name for segment in run.segments for one in segment.plan.parameters)
+    shown = names if len(names) <= _PARAMETERS else ()
+    lanes = [Lane(name) for name in dict.fromkeys(_lane(one.instance) for one in executed)]
+    lanes += [Lane(_parameter_lane(name), name) for name in shown]
     kinds = {Outcome.DONE: "action", Outcome.RUNNING: "running"}
-    bars = tuple(
+    bars = [
         Bar(
             _lane(one.instance),
             one.start,
@@ -150,13 +163,41 @@ def plot_run(run: Run, executor: str, path: Path) -> None:
             kinds.get(one.outcome, one.outcome.value),
         )
         for one in executed
-    )
+    ]
+    marks = [*_marks(run)]
+    for segment in run.segments:
+        for name in (one.name for one in segment.plan.parameters if one.name in shown):
+            bars += _promises(segment, name)
+            marks += _observed(segment, name)
     title = f"Execution: {run.status.value} with {plural(run.replans, 're-plan')} ({executor}, seed {run.seed})"
-    draw_chart(Chart(title, lanes, bars, tuple(_marks(run))), path)
+    draw_chart(Chart(title, tuple(lanes), tuple(bars), tuple(marks)), path)
 
 
 def _lane(instance: ActionInstance) -> str:
     return instance.arguments[0] if instance.arguments else instance.action
+
+
+def _parameter_lane(name: str) -> str:
+    """Not the name of an object."""
+    return f"parameter {name}"
+
+
+def _promises(segment: Segment, name: str) -> Iterator[Bar]:
+    """Within which values the plan goes on, from one observation to the next, until the value itself is known."""
+    changes = [(segment.start, segment.box, segment.guarantee)]
+    changes += [(one.time, one.box, segment.promised) for one in segment.left if one.box is not None]
+    seen = min((one.time for one in segment.observations if one.what == name), default=segment.end)
+    held = [(time, box[name], _PROMISES[worth]) for time, box, worth in changes if time < seen and worth in _PROMISES]
+    kept = [next(same) for _, same in groupby(held, key=itemgetter(1, 2))]
+    for (time, interval, worth), until in zip(kept, [*(time for time, *_ in kept[1:]), seen], strict=False):
+        yield Bar(_parameter_lane(name), time, until, observed_interval(interval), worth)
+
+
+def _observed(segment: Segment, name: str) -> Iterator[Mark]:
+    for one in segment.observations:
+        if one.what == name:
+            outside = "" if one.inside else ", outside"
+            yield Mark(one.time, _parameter_lane(name), f"{readable(one.value)}{outside}", "observed")
 
 
 def _marks(run: Run) -> Iterator[Mark]:

@@ -19,16 +19,25 @@ PICTURES = {
     "navigation-compare.svg": ("compare", *example(), "--plot"),
     "controllability.svg": ("envelope", *YIELD, "--plot"),
     "navigation-risk.svg": ("risk", *example(), *NORMAL, "--plot"),
+    "navigation-repair.svg": ("region", *example("plan-flexible-wait.stn"), "--plot"),
     "breakfast.svg": ("pike", "region", KITCHEN, *COFFEE, "--plot"),
 }
 """Each with the command that draws it, but for the file."""
+DAY = "".join(
+    f'[[draw]]\nparameter = "{name}"\ndistribution = "constant"\nvalue = {value}\n'
+    for name, value in {"to_ridge": 22, "to_crater": 49}.items()
+)
+"""The world of an execution that leaves its box and goes on."""
 
 
 def main() -> None:
-    for name, asked in PICTURES.items():
-        done = command(*asked, IMAGES / name)
-        assert done.code == 0, done.err
     with tempfile.TemporaryDirectory() as folder:
+        world = Path(folder) / "world.toml"
+        world.write_text(DAY, encoding="utf-8")
+        left = ("execute", *example(), "--world", world, "--executor", "slice:60", "--plot")
+        for name, asked in {**PICTURES, "what-is-left.svg": left}.items():
+            done = command(*asked, IMAGES / name)
+            assert done.code == 0, done.err
         page = Path(folder) / "page.html"
         assert command("compare", *example(), "--html", page).code == 0
         with browser(width=1100) as window:

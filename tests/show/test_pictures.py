@@ -20,12 +20,13 @@ from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.reading import load_plan
-from robust.show import gantt, network, pike_envelope_plots, plots, region_plot, regions, risk_plot
+from robust.show import execution, gantt, network, pike_envelope_plots, plots, region_plot, regions, risk_plot
 from robust.show.drawing import BOX_LINES, HATCHES, LIGHT, STRONG
 from robust.show.gantt import Bar, Chart, Lane, Mark
 from robust.show.words import Words, named
 from tests.cli.running import EXAMPLES, command, example
 from tests.qe.polyhedra import eq, le, lt, polygon, rectangle
+from tests.show.pictures import DAY
 
 LONG = "transport the very long-named container_number_17 from warehouse_north_west_2 to warehouse_south_east_4"
 
@@ -274,3 +275,27 @@ def test_choices_by_parameters(tmp_path, monkeypatch):
     assert (region.code, envelope.code) == (0, 0)
     assert_readable(figures[0], "fixed: cup = 0.5", "no correct execution found", "nominal values")
     assert_readable(figures[1], "box", "nominal values")
+
+
+def test_an_execution_shows_what_is_left_of_each_parameter(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(execution, "draw_chart", lambda chart, _path: drawn.append(chart))
+    (tmp_path / "world.toml").write_text(DAY, encoding="utf-8")
+    asked = ("execute", *example(), "--world", tmp_path / "world.toml", "--plot", tmp_path / "a.svg")
+    for executor in ("slice:60", "blex:1"):
+        command(*asked, "--executor", executor)
+    left, blind = drawn
+    assert [(lane.name, lane.label) for lane in left.lanes] == [
+        ("scout", ""), ("parameter to_ridge", "to_ridge"), ("parameter to_crater", "to_crater")
+    ]  # fmt: skip
+    promised = [(bar.lane, bar.start, bar.end, bar.label) for bar in left.bars if bar.kind.startswith("values")]
+    assert promised == [
+        ("parameter to_ridge", 0, 22, "[25, 36]"),
+        ("parameter to_crater", 0, 22, "[35, 46]"),
+        ("parameter to_crater", 22, 83, "[38, 53]"),
+    ]
+    assert [(mark.time, mark.lane, mark.label) for mark in left.marks] == [
+        (22, "parameter to_ridge", "22, outside"), (83, "parameter to_crater", "49")
+    ]  # fmt: skip
+    assert not [bar for bar in blind.bars if bar.kind.startswith("values")]
+    assert_readable(gantt._Drawing(left).figure(), "values with which the plan succeeds", "observed", "to_crater")
