@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import lcm
@@ -30,7 +30,8 @@ from robust.plan.pddl.forms import read_text
 from robust.smt.limits import Deadline
 from robust.stnu.network import Link, Network
 
-INFINITE = {"inf": 1, "+inf": 1, "-inf": -1}
+_NO_BOUND = ("inf", "infinity", "∞")
+INFINITE = {sign + text: -1 if sign == "-" else 1 for text in _NO_BOUND for sign in ("", "+", "-")}
 
 
 def load(path: str | os.PathLike[str]) -> Network:
@@ -94,23 +95,27 @@ _TYPES = {"stc": False, "stcu": True}
 def parse_network_json(text: str, file: str) -> Network:
     """The network that a JSON text describes; `file` is its name in messages."""
     top = _fields(parse_json(text, file), ("nodes", "constraints"))
-    nodes: list[str] = []
+    known: dict[str, None] = {}
     for one in _items(top["nodes"]):
         value = _fields(one, ("node_id",))["node_id"]
         name = _node(value)
-        if name in nodes:
+        if name in known:
             raise InputError(f"found a second node {shorten(name)}, expected one", value.location)
-        nodes.append(name)
-    known = set(nodes)
-    links = []
-    for one in _items(top["constraints"]):
-        links.append(_constraint(one, known))
+        known[name] = None
+    links = [_constraint(one, known) for one in _items(top["constraints"])]
     if not links:
         raise InputError("found no constraints, expected at least one", top["constraints"].location)
-    return Network(file, tuple(nodes), tuple(links), "0" if "0" in known else None)
+    telling = tuple(link for link in links if not _says_nothing(link))
+    return Network(file, tuple(known), telling, "0" if "0" in known else None)
 
 
-def _constraint(value: Json, known: set[str]) -> Link:
+def _says_nothing(link: Link) -> bool:
+    """Is this the requirement that a time point is not before and not after itself?"""
+    above, below = link.lower is not None and link.lower > 0, link.upper is not None and link.upper < 0
+    return link.source == link.target and not (link.is_contingent or above or below)
+
+
+def _constraint(value: Json, known: Collection[str]) -> Link:
     found = _fields(value, _CONSTRAINT)
     ends = []
     for key in ("first_node", "second_node"):
@@ -213,11 +218,15 @@ def _with_origin(network: Network, name: str) -> Network:
 _EDGE_KEYS = ("Type", "Value", "LabeledValue", "LabeledValues", "UpperCaseLabeledValues", "LowerCaseLabeledValues")
 _NODE_KEYS = ("x", "y", "Obs", "Label", "Potential", "LabeledPotential")
 _GRAPH_KEYS = ("NetworkType", "nEdges", "nVertices", "nContingent", "nObservedProposition", "Name")
+_AN = {"node": "a node", "edge": "an edge", "graph": "a graph"}
 _KEYS = {"node": _NODE_KEYS, "edge": _EDGE_KEYS, "graph": _GRAPH_KEYS}
 _REQUIREMENTS = ("requirement", "normal", "constraint")
 _DERIVED = ("derived", "internal", "qloopFinder")
 _EDGE_TYPES = (*_REQUIREMENTS, "contingent", *_DERIVED)
-_CASE = re.compile(r"(UC|LC)\((.*)\):(.*)", re.DOTALL)
+_CASE = re.compile(r"(UC|LC)\((.*)\)\s*:(.*)", re.DOTALL)
+_LABELED = {"LabeledValues": "", "LowerCaseLabeledValues": "LC", "UpperCaseLabeledValues": "UC"}
+_ENTRY = re.compile(r"\((.*?)\)\s*(?=\(|$)", re.DOTALL)
+_EMPTY_LABELS = ("", "⊡")
 
 
 @dataclass(slots=True)
@@ -241,6 +250,7 @@ class _Reader:
         self.nodes: list[_Element] = []
         self.edges: list[_Element] = []
         self.graph: _Element | None = None
+        self._names: dict[tuple[str, str], str] = {}
         self._open: list[_Element] = []
         self._key: str | None = None
         self._text: list[str] = []
@@ -271,16 +281,30 @@ class _Reader:
         if tag in _KEYS:
             if tag == "graph" and self.graph is not None:
                 raise InputError("found a second graph, expected one", self._place())
+            if attributes.get("edgedefault") == "undirected" or attributes.get("directed") == "false":
+                raise InputError(f"found {_AN[tag]} that is not directed, expected directed edges", self._place())
             self._open.append(_Element(tag, attributes, self._place()))
             if tag == "graph":
                 self.graph = self._open[-1]
+        elif tag == "hyperedge":
+            raise InputError("found a hyperedge, expected edges between two nodes", self._place())
+        elif tag == "key":
+            self._declare(attributes)
         elif tag == "data" and self._open:
-            self._key = attributes.get("key", "")
-            known = _KEYS[self._open[-1].kind]
-            if self._key not in known:
-                wrong = f"found unknown key {shorten(self._key)} of a {self._open[-1].kind}"
-                raise InputError(f"{wrong}, expected one of {', '.join(known)}", self._place())
+            kind, key = self._open[-1].kind, attributes.get("key", "")
+            self._key = self._names.get((kind, key), key)
+            if self._key not in _KEYS[kind]:
+                wrong = f"found unknown key {shorten(self._key)} of {_AN[kind]}"
+                raise InputError(f"{wrong}, expected one of {', '.join(_KEYS[kind])}", self._place())
         self._text.clear()
+
+    def _declare(self, attributes: Mapping[str, str]) -> None:
+        """A key that has another name than its identifier, as most writers of GraphML give it."""
+        key, name = attributes.get("id"), attributes.get("attr.name")
+        if key is not None and name is not None:
+            owner = attributes.get("for", "all")
+            for kind in _KEYS if owner == "all" else (owner,):
+                self._names[kind, key] = name
 
     def _end(self, tag: str) -> None:
         tag = tag.rpartition(":")[2]
@@ -298,26 +322,53 @@ def parse_graphml(text: str, file: str) -> Network:
     """The network that a GraphML text describes; `file` is its name in messages."""
     reader = _Reader(file)
     reader.read(text)
-    for one in (*reader.nodes, *reader.edges):
-        for key in ("Obs", "LabeledValues", "UpperCaseLabeledValues", "LowerCaseLabeledValues"):
-            if one.text(key):
-                raise UnsupportedError(f"found {key}: a network with observations, expected an STNU", one.data[key][1])
-    layout, nodes = {}, []
+    for one in reader.nodes:
+        for key in ("Obs", "Label"):
+            if one.text(key) not in _EMPTY_LABELS:
+                raise _observes(key, one.text(key), one.data[key][1])
+    for one in reader.edges:
+        _without_labels(one)
+    layout, nodes = {}, dict[str, None]()
     for one in reader.nodes:
         name = one.attributes.get("id", "")
         if not name or name in nodes:
             found = f"a second node {shorten(name)}" if name else "a node without id"
             raise InputError(f"found {found}, expected each to have an id of its own", one.place)
-        nodes.append(name)
+        nodes[name] = None
         if "x" in one.data and "y" in one.data:
             layout[name] = one.text("x"), one.text("y")
     if not reader.edges:
         raise InputError("found no edges, expected at least one", Location(file))
-    links = _links(reader.edges, set(nodes), file)
+    links = _links(reader.edges, nodes)
     return Network(file, tuple(nodes), links, "Z" if "Z" in nodes else None, layout)
 
 
-def _links(edges: Sequence[_Element], nodes: set[str], file: str) -> tuple[Link, ...]:
+def _observes(key: str, found: str, place: Location) -> UnsupportedError:
+    return UnsupportedError(f"found {key} {shorten(found)}: a network with observations, expected an STNU", place)
+
+
+def _without_labels(edge: _Element) -> None:
+    """Labeled values as the plain ones that they are where all labels are empty: `{(5, ⊡)}`, `{(C, -9, ⊡)}`."""
+    for key, case in _LABELED.items():
+        if key not in edge.data:
+            continue
+        text, place = edge.data[key]
+        inner = text.removeprefix("{").removesuffix("}").strip()
+        entries = _ENTRY.findall(inner)
+        if _ENTRY.sub("", inner) or len(entries) > 1:
+            raise _observes(key, text, place)
+        for entry in entries:
+            parts = [part.strip() for part in entry.split(",")]
+            labels = [part for part in parts if part in _EMPTY_LABELS]
+            rest = [part for part in parts if part not in _EMPTY_LABELS]
+            if len(labels) != 1 or len(rest) != (2 if case else 1):
+                raise _observes(key, text, place)
+            plain, value = ("LabeledValue", f"{case}({rest[0]}):{rest[1]}") if case else ("Value", rest[0])
+            if edge.data.setdefault(plain, (value, place))[0] != value:
+                raise InputError(f"found {key} beside a {plain} that differs, expected one of them", place)
+
+
+def _links(edges: Sequence[_Element], nodes: Collection[str]) -> tuple[Link, ...]:
     """Requirements, two edges between the same time points as one link, and contingent links of two edges each."""
     most: dict[tuple[str, str], tuple[Fraction, Location]] = {}
     contingent: dict[tuple[str, str], _Element] = {}
@@ -337,9 +388,11 @@ def _links(edges: Sequence[_Element], nodes: set[str], file: str) -> tuple[Link,
             if edge.text("LabeledValue"):
                 place = edge.data["LabeledValue"][1]
                 raise InputError(f"found a LabeledValue of a {kind} edge, expected it of contingent edges", place)
-            value = _value(edge)
-            if value is None:
+            if not edge.text("Value"):
                 raise InputError("found no Value, expected a number", edge.place)
+            value = _value(edge)
+            if value is None or (ends[0] == ends[1] and value >= 0):
+                continue  # what is not infinitely later, and what is not before itself, is any time point
             if ends not in most or value < most[ends][0]:
                 most[ends] = value, edge.place
     links: list[Link] = []
@@ -370,7 +423,7 @@ def _requirements(most: Mapping[tuple[str, str], tuple[Fraction, Location]]) -> 
     return found
 
 
-def _ends(edge: _Element, nodes: set[str]) -> tuple[str, str]:
+def _ends(edge: _Element, nodes: Collection[str]) -> tuple[str, str]:
     ends = []
     for name in ("source", "target"):
         found = edge.attributes.get(name)
@@ -383,8 +436,11 @@ def _ends(edge: _Element, nodes: set[str]) -> tuple[str, str]:
 
 
 def _value(edge: _Element) -> Fraction | None:
+    """The number of an edge; None if there is none, or infinity, which bounds nothing."""
     text = edge.text("Value")
-    return parse_number(text, edge.data["Value"][1]) if text else None
+    if not text or INFINITE.get(text.lower()) == 1:
+        return None
+    return parse_number(text, edge.data["Value"][1])
 
 
 def _contingent(ends: tuple[str, str], edge: _Element, back: _Element) -> Link:
@@ -421,7 +477,7 @@ def _contingent(ends: tuple[str, str], edge: _Element, back: _Element) -> Link:
         return link
     forth, returned = values[ends], values[ends[1], ends[0]]
     if forth is None or returned is None:
-        raise InputError("found a contingent edge without values, expected LC and UC, or Value", edge.place)
+        raise InputError("found a contingent edge without finite values, expected LC and UC, or Value", edge.place)
     if forth < returned:
         ends, forth, returned = (ends[1], ends[0]), returned, forth
     return Link(ends[0], ends[1], -returned, forth, True, edge.place)
@@ -429,6 +485,7 @@ def _contingent(ends: tuple[str, str], edge: _Element, back: _Element) -> Link:
 
 # -- GraphML: writing --------------------------------------------------------------------------------------------------
 
+_NOT_OF_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _HEADER = """\
 <?xml version="1.0" encoding="UTF-8"?>
 <graphml xmlns="http://graphml.graphdrawing.org/xmlns/graphml" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" \
@@ -452,10 +509,13 @@ def graphml(network: Network) -> tuple[str, int]:
     """A network as GraphML in whole numbers, and by what its times are multiplied for that.
 
     Raises:
-        UnsupportedError: for a contingent link without an upper bound, which the format does not have, and for a node
-            Z that is not the origin.
+        UnsupportedError: for a contingent link without an upper bound and a name with characters that XML does not
+            have, neither of which the format can say, and for a node Z that is not the origin.
     """
     network = _with_origin(network, "Z")
+    for node in network.nodes:
+        if _NOT_OF_XML.search(node):
+            raise UnsupportedError(f"found node {shorten(node)}, expected a name that XML can hold, or a .json file")
     for link in network.contingents:
         if link.upper is None:
             raise UnsupportedError(f"contingent link {link} has no upper bound; expected one, or a .json file")

@@ -179,6 +179,21 @@ class Network:
         return Network(self.name, self.nodes, tuple(links), self.origin, self.layout)
 
     @cached_property
+    def decisions(self) -> Mapping[str, str]:
+        """For the end of each contingent link with a negative least length, the time point at which its source is
+        settled: `commit(A,C)`, with as many primes as tell it from all other time points.
+        """
+        taken, found = set(self.nodes), {}
+        for link in self.contingents:
+            if link.lower is not None and link.lower < 0:
+                name = f"commit({link.source},{link.target})"
+                while name in taken:
+                    name += "'"
+                taken.add(name)
+                found[link.target] = name
+        return found
+
+    @cached_property
     def examined(self) -> Examined:
         """The network whose controllability is decided; the execution begins at time zero of it."""
         points = {name: instant(name) for name in self.nodes}
@@ -192,7 +207,7 @@ class Network:
         for number, link in enumerate(self.links):
             source, target = points[link.source], points[link.target]
             if link.is_contingent and link.lower is not None and link.lower < 0:
-                decision = points[commit(link)] = instant(commit(link))
+                decision = points[self.decisions[link.target]] = instant(self.decisions[link.target])
                 length = None if link.upper is None else link.upper - link.lower
                 add(Role.SETTLED, number, stnu.Link(decision, source, -link.lower, -link.lower, origin=str(link)))
                 span = stnu.Link(decision, target, _NOTHING, length, True, link.ends, str(link))
@@ -213,11 +228,6 @@ class Network:
 def instant(name: str) -> TimePoint:
     """The time point of that name."""
     return TimePoint(TimePointKind.INSTANT, name)
-
-
-def commit(link: Link) -> str:
-    """The time point at which the source of a contingent link with a negative least length is settled."""
-    return f"commit({link.source},{link.target})"
 
 
 # -- distance graphs ---------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from robust.numbers import Number
 from robust.presented import Presented
 from robust.smt.limits import OutOfTimeError
 from robust.stnu.files import Source, deadline, network_of
-from robust.stnu.network import Edge, Network, commit, edges_of
+from robust.stnu.network import Edge, Network, edges_of
 
 
 class Verdict(Enum):
@@ -119,7 +119,7 @@ def _distance_graph(network: Network) -> Iterator[_Key]:
         begin, low, high = link.source, link.lower, link.upper
         if link.is_contingent and low is not None:
             if low < 0:
-                begin = commit(link)
+                begin = network.decisions[link.target]
                 yield begin, link.source, -low, "ordinary"
                 yield link.source, begin, low, "ordinary"
                 low, high = Fraction(0), None if high is None else high - low

@@ -183,6 +183,14 @@ WRONG_GRAPHML = (
         r"found A -> D in \[13, 12\], expected a lower",
     ),
     ("document type", "<graphml", "<!DOCTYPE x []>\n<graphml", "^n.stnu:2:.*: found a document type"),
+    (
+        "not directed",
+        '<graph edgedefault="directed"',
+        "<graph edgedefault='undirected'",
+        "^n.stnu:8:1: found a graph that",
+    ),
+    ("edge not directed", '<edge id="AD"', '<edge directed="false" id="AD"', "^n.stnu:22:1: found an edge that is not"),
+    ("hyperedge", "</graph>", "<hyperedge/></graph>", "^n.stnu:24:1: found a hyperedge, expected edges between"),
     ("value twice", ">12</data>", '>12</data><data key="Value">1</data>', "^n.stnu:22:.*: found a second Value"),
 )
 
@@ -207,8 +215,63 @@ def test_graphml_without_a_graph_or_edges():
 
 def test_networks_with_observations_are_unsupported():
     observed = TOOL.replace('<node id="A"/>', '<node id="A"><data key="Obs">p</data></node>')
-    with pytest.raises(UnsupportedError, match=r"^n.stnu:15:.*: found Obs: a network with observations"):
+    with pytest.raises(UnsupportedError, match=r"^n.stnu:15:.*: found Obs 'p': a network with observations"):
         parse_graphml(observed, "n.stnu")
+    for node in ('<data key="Label">¬p</data>', '<data key="Label">p</data><data key="Obs"/>'):
+        with pytest.raises(UnsupportedError, match=r"^n.stnu:15:.*: found Label '¬?p': a network with observations"):
+            parse_graphml(TOOL.replace('<node id="A"/>', f'<node id="A">{node}</node>'), "n.stnu")
+    for value in ("{(12, p) }", "{(12, ⊡) (3, ¬p) }", "{(12)}", "12"):
+        labeled = TOOL.replace('"Value">12<', f'"LabeledValues">{value}<')
+        with pytest.raises(UnsupportedError, match=r"^n.stnu:22:.*: found LabeledValues '.*': a network with obs"):
+            parse_graphml(labeled, "n.stnu")
+
+
+def test_labeled_values_whose_labels_are_all_empty():
+    """What the tool writes of a network that it took for one with observations, in the orders of its versions."""
+    labeled = (
+        TOOL.replace('"LabeledValue">LC(C):1<', '"LowerCaseLabeledValues">{(C, 1, ⊡) }<')
+        .replace('"LabeledValue">UC(C):-10<', '"UpperCaseLabeledValues">{(⊡, C, -10)}<')
+        .replace('"Value">2<', '"LabeledValues">{(2, ⊡) }<')
+        .replace('"Value">-1<', '"Value">-1</data><data key="LabeledValues">{(⊡, -1) }<')
+        .replace('<node id="A"/>', '<node id="A"><data key="Label">⊡</data><data key="Obs"></data></node>')
+        .replace('"Type">derived<', '"LabeledValues">{}</data><data key="Type">derived<')
+    )
+    assert labeled.count("Labeled") == 5
+    assert parse_graphml(labeled, "n.stnu").links == LINKS
+    with pytest.raises(InputError, match=r"^n.stnu:21:.*: found LabeledValues beside a Value that differs"):
+        parse_graphml(labeled.replace("(⊡, -1)", "(⊡, -2)"), "n.stnu")
+
+
+def test_keys_with_names_of_their_own():
+    """Most writers of GraphML number the keys and say in the header what each is called."""
+    other = TOOL
+    for number, key in enumerate(("Type", "Value", "LabeledValue")):
+        other = other.replace(f'key="{key}"', f'key="d{number}"')
+        other = other.replace("<graph ", f'<key id="d{number}" for="edge" attr.name="{key}"/>\n<graph ')
+    assert other.count("attr.name") == 3
+    assert parse_graphml(other, "n.stnu").links == LINKS
+    with pytest.raises(InputError, match="found unknown key 'd2' of an edge, expected one of Type, Value"):
+        parse_graphml(other.replace('id="d2"', 'id="d3"'), "n.stnu")
+
+
+def test_what_is_said_without_bounding_anything():
+    """Infinite values, and requirements of a time point with itself that hold anyway."""
+    for infinite in ("∞", "+∞", "inf", "INFINITY"):
+        unbounded = parse_graphml(TOOL.replace('"Value">12<', f'"Value">{infinite}<'), "n.stnu")
+        assert unbounded.links == LINKS[:2]
+    itself = TOOL.replace("</graph>", '<edge source="D" target="D"><data key="Value">0</data></edge></graph>')
+    assert parse_graphml(itself, "n.stnu").links == LINKS
+    with pytest.raises(InputError, match=r"^n.stnu:24:1: found a link from 'D' to itself"):
+        parse_graphml(itself.replace('"Value">0<', '"Value">-1<'), "n.stnu")
+    found = parse_network_json(document(constraint(1, 2), constraint(3, 3)), "n.json")
+    assert (len(found.nodes), len(found.links)) == (3, 1)
+
+
+def test_names_that_graphml_cannot_hold():
+    odd = network(("a\x01", "b", 0, 5))
+    assert parse_network_json(network_json(odd), "n.json").links == odd.links
+    with pytest.raises(UnsupportedError, match=r"found node 'a\\x01', expected a name that XML can hold"):
+        graphml(odd)
 
 
 def constraint(first, second, kind="stc", low="0", high="5"):
@@ -246,7 +309,7 @@ WRONG_JSON = {
         "^n.json:2:1: found contingent links in a circle",
     ),
     "contingent without least length": (document(constraint(1, 2, "stcu", '"-inf"')), "expected a finite lower bound$"),
-    "link to itself": (document(constraint(1, 1)), "^n.json:2:1: found a link from '1' to itself"),
+    "link to itself": (document(constraint(1, 1, low="1")), "^n.json:2:1: found a link from '1' to itself"),
     "second node": ('{"nodes": [{"node_id": 1}, {"node_id": 1}], "constraints": []}', "found a second node '1'"),
     "no name": ('{"nodes": [{"node_id": null}], "constraints": []}', "found null, expected the name or number"),
 }

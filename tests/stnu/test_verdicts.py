@@ -252,3 +252,17 @@ def test_a_hundred_time_points_take_less_than_50_ms():
             stnu.check(found.with_links(found.links))
             seconds.append(time.process_time() - started)
         assert min(seconds) < 0.05, seed
+
+
+def test_decisions_have_names_that_no_time_point_has():
+    """Neither a time point of the file nor the decision of another link is taken for it."""
+    named = network(("A", "C", -2, 3, "contingent"), ("A", "commit(A,C)", 5, 5))
+    alike = network(("a,b", "c", -2, 3, "contingent"), ("a", "b,c", -1, 4, "contingent"), ("a,b", "a", 4, 4))
+    assert list(named.decisions.values()) == ["commit(A,C)'"]
+    assert len(set(alike.decisions.values())) == 2
+    for found in (named, alike):
+        assert stnu.check(found).is_controllable
+        assert not stnu.dispatch(found).execute(seed=1).violated
+    refuted = stnu.check(network(("A", "C", -2, 3, "contingent"), ("A", "C", 0, 3), ("A", "commit(A,C)", 5, 5)))
+    assert not refuted.is_controllable
+    assert stnu.refutes(refuted.network, refuted.cycle)
