@@ -102,6 +102,7 @@ def test_parameters_of_files(tmp_path):
         (("--parameter", "duration:get"), None),
         ((*COFFEE, "--parameter", "again=at-most:make-coffee"), "found a bound that parameter 'coffee' is already"),
         ((*COFFEE, "--parameter", "coffee=duration:spread"), "found parameter 'coffee' twice"),
+        ((*COFFEE, "--parameter", "again=duration:make-coffee"), "found a second parameter duration:make-coffee, exp"),
         (("--parameter", "duration:make-coffee,lb=4"), "found default 3 for parameter 'make_coffee_human'"),
         (("--parameter", "duration:make-coffee,wait=4"), "found 'wait=4', expected weight=W"),
         ((*COFFEE, "--assume", "xA1=jug"), "jug"),

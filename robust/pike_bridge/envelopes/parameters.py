@@ -218,11 +218,18 @@ def specifications(
     """Those of the plan's file, of a TOML file and of options; the later ones replace earlier ones of the same bound.
 
     Raises:
-        InputError: if a file cannot be read, or a specification is wrong.
+        InputError: if a file cannot be read, a specification is wrong, or one source has two of the same bound.
     """
     found: dict[tuple[Kind, str], TeamParameterSpec] = {}
-    for spec in (*own, *(() if file is None else read_parameter_file(file)), *map(parse_spec, texts)):
-        found[spec.kind, spec.subject] = spec
+    for source in (own, () if file is None else read_parameter_file(file), [parse_spec(text) for text in texts]):
+        seen = set()
+        for spec in source:
+            bound = spec.kind, spec.subject
+            if bound in seen:
+                message = f"found a second parameter {spec.kind.value}:{spec.subject}, expected one for a bound"
+                raise InputError(message, spec.location)
+            seen.add(bound)
+            found[bound] = spec
     return tuple(found.values())
 
 
