@@ -18,17 +18,21 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+LONGEST_PATH = 4096
+"""No system has longer paths; what is longer is cut in messages."""
+
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A place in an input file; lines and columns count from one."""
+    """A place in an input file, as text one line, whatever the file is called; lines and columns count from one."""
 
     file: str
     line: int | None = None
     column: int | None = None
 
     def __str__(self) -> str:
-        parts = [self.file]
+        is_name = self.file.isprintable() and len(self.file) <= LONGEST_PATH
+        parts = [self.file if is_name else repr(f"{self.file[:37]}..." if len(self.file) > 40 else self.file)]
         if self.line is not None:
             parts.append(str(self.line))
             if self.column is not None:

@@ -21,6 +21,7 @@ FILES = example()
 KITCHEN = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
 HANDOVER = EXAMPLES / "handover" / "handover.stnu"
 STEPS = example("steps.plan")
+LIMIT = "limit=at-most:e1:e44"
 
 
 @pytest.fixture(scope="module")
@@ -157,6 +158,15 @@ def test_what_is_no_plan_is_refused(ask, wrong):
         (lambda _: robust.load_plan(*FILES, solver="z4"), "unknown solver 'z4'"),
         (lambda _: robust.validate(*STEPS[:2], 3), "plan: found '3', expected a path"),
         (lambda _: robust.convert(*STEPS, mode="lazy"), "unknown mode 'lazy'"),
+        (lambda _: stnu.load(None), "found 'None', expected the path of a readable text file"),
+        (lambda _: stnu.dispatch(HANDOVER, timeout="soon"), "timeout: found 'soon', expected a number"),
+        (lambda _: pike.load(3), "found '3', expected the path of a readable text file"),
+        (lambda _: robust.load_plan(*FILES[:2], "x" * 5000), "cannot read (file name too long), expected a readable"),
+        (lambda _: robust.load_plan("(define\n(domain d))", *FILES[1:]), "'(define\\n(domain d))': found no such file"),
+        (lambda plan: robust.risk(plan, {3: "normal:1:1"}), "distribution '3': found unknown parameter '3'"),
+        (lambda _: robust.risk(STEPS, {"dur": "normal:1:1"}), "'dur'; the plan has none, and --parameter makes some"),
+        (lambda _: pike.region(KITCHEN, LIMIT).possible({}), "found no values, expected one of each parameter: limit"),
+        (lambda _: pike.region(KITCHEN, LIMIT).possible({"limit": "x"}), "value of limit: found 'x', expected"),
         (lambda _: stnu.check(3), "network: found '3', expected a network or a path"),
         (lambda _: stnu.check(HANDOVER, timeout=-1), "timeout: found '-1', expected a number of at least 0"),
         (lambda _: stnu.repair(HANDOVER, weights={("x", "y"): 1}), "weights: found no link ('x', 'y')"),
@@ -207,6 +217,14 @@ def test_an_invalid_plan_says_what_breaks(tmp_path):
         robust.convert(*STEPS[:2], path)
     assert caught.value.violations
     assert not robust.validate(*STEPS[:2], path).valid
+
+
+def test_lengths_of_contingent_links_are_given_by_name():
+    found = stnu.dispatch(network(("A", "C", 1, 10, "contingent"), ("C", "D", 1, 2)))
+    assert found.execute_with({"C": Fraction(7)}).lengths == {"C": 7}
+    for wrong in ({}, {"D": Fraction(1)}, {"C": Fraction(7), "A": Fraction(0)}):
+        with pytest.raises(InputError, match=r"^found lengths of .*, expected those of the contingent links: C$"):
+            found.execute_with(wrong)
 
 
 def test_an_uncontrollable_network_is_not_executed():

@@ -61,7 +61,7 @@ def _given(given: Given, parameters: Mapping[str, Parameter], place_of: Places) 
     """What is given, each parameter at most once."""
     pairs: list[tuple[str, str | Distribution, Location]] = []
     if isinstance(given, Mapping):
-        pairs = [(name, value, place_of("distribution", name)) for name, value in given.items()]
+        pairs = [(name, value, place_of("distribution", str(name))) for name, value in given.items()]
     else:
         for text in given:
             name, equals, value = (part.strip() for part in text.partition("="))
@@ -72,7 +72,9 @@ def _given(given: Given, parameters: Mapping[str, Parameter], place_of: Places) 
     found: dict[str, Distribution] = {}
     for name, kind, place in pairs:
         if name not in parameters:
-            raise InputError(f"found unknown parameter {shorten(name)}{did_you_mean(name, parameters)}", place)
+            none = "; the plan has none, and --parameter makes some"
+            remedy = did_you_mean(str(name), parameters) if parameters else none
+            raise InputError(f"found unknown parameter {shorten(str(name))}{remedy}", place)
         if name in found:
             raise InputError(f"found a second distribution of {shorten(name)}, expected one", place)
         if not isinstance(kind, str | Distribution):

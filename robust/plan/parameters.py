@@ -26,6 +26,7 @@ The same as TOML, one table for each parameter (floats are read from their text,
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -164,7 +165,9 @@ def specifications(
     if file is not None:
         return (*read_parameter_file(file), *given), None
     beside = None if plan is None or not Path(plan).name else Path(plan).with_suffix(".toml")
-    if beside is None or not beside.is_file() or "parameters" not in toml_document(read_text(beside), str(beside)):
+    if beside is None or not os.path.isfile(beside):  # of no name at all, however long, does this raise
+        return given, None
+    if "parameters" not in toml_document(read_text(beside), str(beside)):
         return given, None
     said = {(one.target, one.subject) for one in given}
     return (*(one for one in read_parameter_file(beside) if (one.target, one.subject) not in said), *given), beside

@@ -72,13 +72,13 @@ def deadline(timeout: Number | None) -> Deadline:
     return Deadline.after(float(found))
 
 
-def write(network: Network, path: Path) -> tuple[str, int]:
+def write(network: Network, path: str | os.PathLike[str]) -> tuple[str, int]:
     """The text of a network as the suffix of a path asks for, and by what times are multiplied: 1 but in GraphML.
 
     Raises:
         InputError: for a suffix that is neither `.json` nor that of GraphML.
     """
-    match path.suffix.lower():
+    match Path(path).suffix.lower():
         case ".json":
             return network_json(network), 1
         case ".stnu" | ".graphml" | ".xml":

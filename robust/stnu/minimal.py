@@ -18,7 +18,7 @@ from fractions import Fraction
 from math import lcm
 from random import Random
 
-from robust.errors import RefutedError
+from robust.errors import InputError, RefutedError
 from robust.execute.dispatchable import DispatchNetwork, NaturalLink, Windows, strategy
 from robust.execute.stnu import DynamicAnswer, Wait, dynamic
 from robust.numbers import Number
@@ -27,7 +27,7 @@ from robust.plan.polynomial import Polynomial
 from robust.presented import Presented
 from robust.qe.box import Interval
 from robust.stnu.files import Source, deadline, network_of
-from robust.stnu.network import Network
+from robust.stnu.network import Network, instant
 from robust.stnu.verdicts import CheckResult, Verdict, check
 
 _NOTHING = Fraction(0)
@@ -100,10 +100,19 @@ class DispatchResult(Presented):
         lengths = {link.target: _drawn(draw, link) for link in self.tables.natural.values()}
         return self.execute_with(lengths, seed)
 
-    def execute_with(self, lengths: Mapping[TimePoint, Fraction], seed: int = 0) -> Execution:
-        """The same with given lengths of contingent links, by their ends, from where the link begins."""
+    def execute_with(self, lengths: Mapping[TimePoint, Fraction] | Mapping[str, Fraction], seed: int = 0) -> Execution:
+        """The same with given lengths of contingent links, by their ends, from where the link begins.
+
+        Raises:
+            InputError: unless there is a length of each contingent link, and of nothing else.
+            RefutedError: if the network is not controllable.
+        """
         if self.tables is None:
             raise RefutedError(f"{self.network.name} is not controllable; expected a controllable network")
+        lengths = {instant(end) if isinstance(end, str) else end: length for end, length in lengths.items()}
+        if lengths.keys() != self.tables.natural.keys():
+            found, expected = (", ".join(map(str, ends)) or "none" for ends in (lengths, self.tables.natural))
+            raise InputError(f"found lengths of {found}, expected those of the contingent links: {expected}")
         times = dict(run_early(self.tables, lengths))
         order = {point: number for number, point in enumerate(times)}
         events = tuple(

@@ -12,10 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from robust.errors import InputError, did_you_mean
+from robust.errors import InputError, Location, did_you_mean
 from robust.irr.search import Status
 from robust.irr.stops import JUST, touching
 from robust.irr.widen import Widening, faces_of
+from robust.numbers import Number, exact
 from robust.pike_bridge.envelopes.parameters import ParametricPlan
 from robust.pike_bridge.envelopes.pieces import (
     BoundStatement,
@@ -92,9 +93,18 @@ class LabeledRegion(Presented):
         ]
         return Region.union_of(self.plan.names, fitting)
 
-    def possible(self, values: Point) -> tuple[Guard, ...]:
-        """The combinations for which some correct execution exists with these parameter values."""
-        return tuple(each.choices for each in self.combinations if any(values in one for one in each.polyhedra))
+    def possible(self, values: Mapping[str, Number]) -> tuple[Guard, ...]:
+        """The combinations for which some correct execution exists with these parameter values.
+
+        Raises:
+            InputError: for parameters that are missing or unknown, and for what is no number.
+        """
+        for name in (*values, *self.plan.names):
+            if name not in values or name not in self.plan.names:
+                found = f"values of {', '.join(map(str, values))}" if values else "no values"
+                raise InputError(f"found {found}, expected one of each parameter: {', '.join(self.plan.names)}")
+        point = {name: exact(value, Location(f"value of {name}")) for name, value in values.items()}
+        return tuple(each.choices for each in self.combinations if any(point in one for one in each.polyhedra))
 
     def exactly(self, deadline: Deadline = NEVER) -> tuple[tuple[tuple[Combination, ...], Region], ...]:
         """The parameter values cut into regions, with the combinations that are possible in each, and no others.

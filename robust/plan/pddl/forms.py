@@ -17,6 +17,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from robust.errors import InputError, Location, did_you_mean
+from robust.numbers import shorten
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
@@ -25,7 +26,8 @@ def read_text(path: str | os.PathLike[str]) -> str:
     Raises:
         InputError: if the file cannot be read or is no text.
     """
-    return _decode(read_bytes(path), Location(os.fspath(path)))
+    data = read_bytes(path)
+    return _decode(data, Location(os.fspath(path)))
 
 
 def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:
@@ -34,8 +36,9 @@ def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:
     Raises:
         InputError: if it cannot be read or is no text.
     """
-    if os.fspath(path) != "-":
-        return read_text(path), os.fspath(path)
+    if path not in {"-", Path("-")}:
+        text = read_text(path)
+        return text, os.fspath(path)
     place = Location("<stdin>")
     if sys.stdin is None:
         raise InputError("found a closed standard input, expected a plan", place)
@@ -61,6 +64,8 @@ def read_bytes(path: str | os.PathLike[str], expected: str = "a readable text fi
     Raises:
         InputError: if it cannot be read; the message says that it is `expected`.
     """
+    if not isinstance(path, str | os.PathLike) or not os.fspath(path):
+        raise InputError(f"found {shorten(repr(path))}, expected the path of {expected}")
     where = Location(os.fspath(path))
     try:
         return Path(path).read_bytes()
@@ -92,7 +97,7 @@ def _similar(path: Path) -> str:
     try:
         names = [entry.name for entry in path.parent.iterdir()]
     except OSError:
-        return f"; the directory {path.parent} does not exist either" if not path.parent.exists() else ""
+        return f"; the directory {Location(str(path.parent))} does not exist either" if not path.parent.exists() else ""
     hint = did_you_mean(path.name, names)
     return hint if hint.startswith("; did you mean") else ""
 

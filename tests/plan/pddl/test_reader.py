@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robust.errors import Location
 from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
 from robust.plan.pddl.forms import read_text
 from robust.plan.pddl.grounding import ground_action, ground_goal
@@ -160,13 +161,21 @@ def test_text_of_files_is_normalised(tmp_path: Path) -> None:
         ("", [": found a directory"]),
         ("zero", ["zero: found binary data, expected a UTF-8 text file"]),
         ("latin", ["latin: found byte 0xff in line 2, expected a UTF-8 text file"]),
-        *((name, ["expected a readable text file"]) for name in ("x" * 5000, "a\0b", "zero/inside")),
+        *(
+            (name, ["expected a readable text file"])
+            for name in ("x" * 5000, "a\0b", "zero/inside", "(define\n(domain d))")
+        ),
     ],
 )
 def test_what_cannot_be_read(tmp_path: Path, name: str, parts: list[str]) -> None:
     for file, data in {"domain.pddl": b"", "zero": b"a\0b", "latin": b"a\nb\xff"}.items():
         (tmp_path / file).write_bytes(data)
-    refused(lambda: read_text(tmp_path / name), str(tmp_path), parts)
+    refused(lambda: read_text(tmp_path / name), str(Location(str(tmp_path / name))), parts)
+
+
+@pytest.mark.parametrize("found", [None, 3, b"domain.pddl", ""])
+def test_what_is_no_path(found: object) -> None:
+    refused(lambda: read_text(found), f"found {repr(found)!r}, expected the path of a readable text file", [])  # type: ignore[arg-type]
 
 
 def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
