@@ -2,8 +2,9 @@
 
 GraphML: nodes by `id`; an edge from A to B with `Value` w says `B − A ≤ w`. The contingent link from A to C of length
 [x, y] is a pair of edges of `Type` contingent, A → C with `LabeledValue` LC(C):x and C → A with UC(C):−y; an older form
-without labels has `Value` y and −x. Node `Z` is the origin. Edges that the tool derived are not read: they follow from
-the others. The tool reads whole numbers only, so other numbers are written in a smaller unit.
+without labels has `Value` y and −x, and one of networks with observations labeled values, whose labels are empty here.
+Node `Z` is the origin. Edges that the tool derived are not read: they follow from the others. The tool reads whole
+numbers only, so other numbers are written in a smaller unit.
 
 JSON: `nodes` with `node_id`, and `constraints` with `first_node`, `second_node`, `min_duration`, `max_duration` and
 `type`, `stc` for a requirement, `stcu` for a contingent link. Node 0 is the origin.

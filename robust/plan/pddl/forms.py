@@ -70,7 +70,8 @@ def read_bytes(path: str | os.PathLike[str], expected: str = "a readable text fi
     try:
         return Path(path).read_bytes()
     except FileNotFoundError:
-        raise InputError(f"found no such file, expected {expected}{_similar(Path(path))}", where) from None
+        found = "a link to a file that does not exist" if Path(path).is_symlink() else "no such file"
+        raise InputError(f"found {found}, expected {expected}{_similar(Path(path))}", where) from None
     except IsADirectoryError:
         raise InputError(f"found a directory, expected {expected}", where) from None
     except PermissionError:
@@ -98,7 +99,7 @@ def _similar(path: Path) -> str:
         names = [entry.name for entry in path.parent.iterdir()]
     except OSError:
         return f"; the directory {Location(str(path.parent))} does not exist either" if not path.parent.exists() else ""
-    hint = did_you_mean(path.name, names)
+    hint = did_you_mean(path.name, set(names) - {path.name})
     return hint if hint.startswith("; did you mean") else ""
 
 

@@ -157,6 +157,7 @@ def test_text_of_files_is_normalised(tmp_path: Path) -> None:
     [
         ("domian.pddl", ["domian.pddl: found no such file", "did you mean 'domain.pddl'?"]),
         ("zzz", ["zzz: found no such file, expected a readable text file"]),
+        ("broken-link", ["broken-link: found a link to a file that does not exist, expected a readable text file"]),
         ("nowhere/zzz", ["nowhere does not exist either"]),
         ("", [": found a directory"]),
         ("zero", ["zero: found binary data, expected a UTF-8 text file"]),
@@ -170,6 +171,7 @@ def test_text_of_files_is_normalised(tmp_path: Path) -> None:
 def test_what_cannot_be_read(tmp_path: Path, name: str, parts: list[str]) -> None:
     for file, data in {"domain.pddl": b"", "zero": b"a\0b", "latin": b"a\nb\xff"}.items():
         (tmp_path / file).write_bytes(data)
+    (tmp_path / "broken-link").symlink_to("nowhere.pddl")
     refused(lambda: read_text(tmp_path / name), str(Location(str(tmp_path / name))), parts)
 
 
