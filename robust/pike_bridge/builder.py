@@ -15,8 +15,22 @@ from itertools import pairwise
 from typing import TypeAlias, assert_never
 
 from robust.errors import InputError, Location
-from robust.numbers import Number, exact
-from robust.pike_bridge.model import ALWAYS, EPSILON, Activity, Assignment, Choice, Constraint, Event, Guard, Tpnu
+from robust.numbers import Number, exact, shorten
+from robust.pike_bridge.model import (
+    ALWAYS,
+    EPSILON,
+    PROPER_ACTION,
+    PROPER_NAME,
+    Activity,
+    Assignment,
+    Choice,
+    Constraint,
+    Event,
+    Guard,
+    Tpnu,
+    as_ground_action,
+    is_name,
+)
 
 LOWER, UPPER = Location("lower"), Location("upper")
 """What errors about arguments name."""
@@ -59,39 +73,67 @@ Element: TypeAlias = Act | InSequence | InParallel | Choose | Within
 
 def act(action: str, lower: Number, upper: Number | None, *, agent: str | None = None) -> Act:
     """An activity: a ground PDDL action that takes between `lower` and `upper` time units."""
-    return Act(action.lower(), exact(lower, LOWER), None if upper is None else exact(upper, UPPER), agent)
+    ground = as_ground_action(action) if isinstance(action, str) else None
+    if ground is None:
+        raise InputError(f"found {shorten(str(action))}, expected {PROPER_ACTION}", Location("action"))
+    return Act(ground, exact(lower, LOWER), None if upper is None else exact(upper, UPPER), agent)
 
 
 def sequence(*elements: Element) -> InSequence:
     """One after the other; without elements, nothing but a moment."""
-    return InSequence(elements)
+    return InSequence(_elements(elements))
 
 
 def parallel(*elements: Element) -> InParallel:
     """All at the same time, in any order; it ends when the last of them has ended."""
-    return InParallel(elements)
+    return InParallel(_elements(elements))
 
 
 def choose(name: str, branches: Mapping[str, Element], *, controllable: bool = True) -> Choose:
     """Exactly one of the branches, by the value of a choice variable that is decided when the element starts."""
-    return Choose(name, tuple(branches.items()), controllable)
+    if not isinstance(branches, Mapping):
+        raise InputError(f"found {shorten(repr(branches))}, expected an element for each value", Location("branches"))
+    for text in (name, *branches):
+        _named(text, Location(f"choice {name!r}"))
+    return Choose(name, tuple(zip(branches, _elements(branches.values()), strict=True)), controllable)
 
 
 def within(element: Element, *, lower: Number | None = None, upper: Number | None = None) -> Within:
     """The element, with bounds on the time from its start to its end."""
+    _elements([element])
     return Within(
         element, None if lower is None else exact(lower, LOWER), None if upper is None else exact(upper, UPPER)
     )
 
 
-def build(name: str, element: Element, *, epsilon: Fraction = EPSILON) -> Tpnu:
+def _named(found: object, place: Location) -> None:
+    """InputError unless it is a name."""
+    if not isinstance(found, str) or not is_name(found):
+        raise InputError(f"found {shorten(repr(found))}, expected {PROPER_NAME}", place)
+
+
+def _elements(found: Iterable[Element]) -> tuple[Element, ...]:
+    """What is found, all of which are elements."""
+    elements = tuple(found)
+    for one in elements:
+        if not isinstance(one, Element):
+            raise InputError(f"found {shorten(repr(one))}, expected act, sequence, parallel, choose or within of them")
+    return elements
+
+
+def build(name: str, element: Element, *, epsilon: Number = EPSILON) -> Tpnu:
     """The network of a program.
 
     Raises:
-        InputError: if two choices have the same name, or a choice has no branch.
+        InputError: if two choices have the same name, a choice has no branch, or something is no element.
     """
-    network = _Network(epsilon)
-    network.add(element, ALWAYS)
+    _named(name, Location("name"))
+    separation = exact(epsilon, Location("epsilon"))
+    if separation < 0:
+        raise InputError(f"found {shorten(str(epsilon))}, expected a number of at least 0", Location("epsilon"))
+    network = _Network(separation)
+    [whole] = _elements([element])
+    network.add(whole, ALWAYS)
     return Tpnu(
         name=name,
         choices=tuple(network.choices.values()),

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,7 +20,18 @@ from robust.files import atomic_write
 from robust.json_text import Array, Constant, Json, Numeral, Object, Text, describe, parse_json, walk
 from robust.numbers import EXPECTED_NUMBER, format_number, is_number, parse_number, shorten
 from robust.pike_bridge.envelopes.parameters import TeamParameterSpec, of_members
-from robust.pike_bridge.model import Activity, Choice, Constraint, Event, Guard, Tpnu
+from robust.pike_bridge.model import (
+    PROPER_ACTION,
+    PROPER_NAME,
+    Activity,
+    Choice,
+    Constraint,
+    Event,
+    Guard,
+    Tpnu,
+    as_ground_action,
+    is_name,
+)
 from robust.pike_bridge.model import guard as conjunction
 from robust.pike_bridge.validate import NOWHERE, Places
 from robust.plan.pddl.forms import read_text
@@ -30,8 +40,6 @@ FORMAT: Final = "tpnu/1"
 SCHEMA_FILE: Final = Path(__file__).with_name("tpnu.schema.json")
 """The JSON Schema of the format."""
 
-_ACTION = re.compile(r"\( *[^ ()]+(?: +[^ ()]+)* *\)")
-_UNPRINTABLE = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 _KINDS_OF_PARAMETERS = ("duration", "at-least", "at-most", "hesitation")
 _NUMBERS_OF_PARAMETERS = (("default", None), ("lower", "-inf"), ("upper", "inf"), ("weight", None))
 T = TypeVar("T")
@@ -137,11 +145,10 @@ def _list(reader: Callable[[Json], T]) -> Callable[[Json], tuple[T, ...]]:
 
 
 def _text(value: Json) -> str:
-    """Names are shown in messages of one line, so that they have no control characters."""
     if not isinstance(value, Text):
         raise _fault(value, "a text in quotes")
-    if not value.value or _UNPRINTABLE.search(value.value):
-        raise _fault(value, "a text that is not empty and has no control characters")
+    if not is_name(value.value):
+        raise _fault(value, PROPER_NAME)
     return value.value
 
 
@@ -208,11 +215,10 @@ def _guard(value: Json) -> Guard:
 
 
 def _action(value: Json) -> str:
-    """A ground action in lower case with single blanks."""
-    text = _text(value)
-    if not _ACTION.fullmatch(text):
-        raise _fault(value, "a ground action such as '(get human mug)'")
-    return f"({' '.join(word for word in text.lower().strip('()').split(' ') if word)})"
+    action = as_ground_action(_text(value))
+    if action is None:
+        raise _fault(value, PROPER_ACTION)
+    return action
 
 
 def _json(value: object) -> str:

@@ -5,6 +5,7 @@ Source: [PIKE, Definitions 2.1 to 2.9]. Times are exact, in the time unit of the
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -22,6 +23,24 @@ GOAL = "e_goal"
 """The event at which the goal must hold; every other event is earlier."""
 EPSILON = Fraction(1, 1000)
 """How much earlier is "before", for a producer, its consumer and what threatens them, unless it is given."""
+
+
+_GROUND_ACTION = re.compile(r"\( *[^ ()]+(?: +[^ ()]+)* *\)")
+_CONTROL_CHARACTER = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+PROPER_NAME = "a text that is not empty and has no control characters"
+PROPER_ACTION = "a ground action such as '(get human mug)'"
+
+
+def is_name(text: str) -> bool:
+    """Whether it is a :data:`PROPER_NAME`: messages of one line show names."""
+    return bool(text) and _CONTROL_CHARACTER.search(text) is None
+
+
+def as_ground_action(text: str) -> str | None:
+    """A ground action in lower case with single blanks; None if it is none."""
+    if not is_name(text) or not _GROUND_ACTION.fullmatch(text):
+        return None
+    return f"({' '.join(word for word in text.lower().strip('()').split(' ') if word)})"
 
 
 class Assignment(NamedTuple):

@@ -84,6 +84,30 @@ def test_the_networks_of_a_choice_and_of_bounds_around_an_element():
     assert bounded.constraints == (Constraint("e1", "e2", Fraction(1, 3), Fraction(5)),)
 
 
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: act("get ann cup", 1, 2), "action: found 'get ann cup', expected a ground action such as"),
+        (lambda: act(None, 1, 2), "action: found 'None', expected a ground action such as"),
+        (lambda: sequence("(get)"), "found \"'(get)'\", expected act, sequence, parallel, choose or within"),
+        (lambda: within(None, upper=3), "found 'None', expected act, sequence"),
+        (lambda: build("x", 3), "found '3', expected act, sequence"),
+        (lambda: choose("x", ["a"]), "branches: found \"['a']\", expected an element for each value"),
+        (lambda: choose("x", {"a": "b"}), "found \"'b'\", expected act, sequence"),
+        (lambda: choose("x\n", {"a": sequence()}), "expected a text that is not empty and has no control characters"),
+        (lambda: choose("x", {1: sequence()}), "choice 'x': found '1', expected a text that is not empty"),
+        (lambda: choose("x", {"": sequence()}), "choice 'x': found \"''\", expected a text that is not empty"),
+        (lambda: build(None, sequence()), "name: found 'None', expected a text that is not empty"),
+        (lambda: build("x", sequence(), epsilon=-1), "epsilon: found '-1', expected a number of at least 0"),
+    ],
+)
+def test_what_is_no_program_is_named(make, says):
+    with pytest.raises(InputError) as caught:
+        make()
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
 def test_mistakes():
     branches = {"a": sequence()}
     with pytest.raises(InputError, match="'x' is made twice"):
