@@ -150,7 +150,20 @@ def problem_of(problem: up.Problem) -> tuple[Domain, Problem]:
     return domain, replace(read, atoms=atoms, fluents=fluents, timed_literals=tuple(literals))
 
 
+def bounds_of(fluent: up.Fluent) -> tuple[Fraction | None, Fraction | None]:
+    """The least and the greatest value of a fluent's type, None for none."""
+    if not (fluent.type.is_int_type() or fluent.type.is_real_type()):
+        return None, None
+    lower, upper = fluent.type.lower_bound, fluent.type.upper_bound
+    return None if lower is None else Fraction(lower), None if upper is None else Fraction(upper)
+
+
 def _check_supported(problem: up.Problem) -> None:
+    model = module_of("unified_planning.model")
+    if not isinstance(problem, model.Problem):
+        raise UnsupportedError(f"found a {type(problem).__name__}, expected a Problem of unified-planning")
+    if problem.kind.has_hierarchical() or problem.kind.has_contingent():
+        raise UnsupportedError(f"found a {type(problem).__name__}, expected a problem without tasks and unknown facts")
     present = {
         "timed goals": problem.timed_goals,
         "trajectory constraints": problem.trajectory_constraints,
@@ -336,11 +349,20 @@ def from_unified_planning(problem: up.Problem, plan: up_plans.Plan) -> tuple[Dom
             say.
         InputError: for another kind of plan, and for names that PDDL cannot tell apart.
     """
+    found = converted(problem, plan)
+    bounded = next((one.name for one in problem.fluents if bounds_of(one) != (None, None)), None)
+    if bounded is not None and bounded not in {one.name for one in problem.get_static_fluents()}:
+        raise UnsupportedError(f"found bounds of the type of fluent {bounded!r}, expected conditions that say them")
+    return found
+
+
+def converted(problem: up.Problem, plan: up_plans.Plan) -> tuple[Domain, Problem, TimedPlan | STNPlan]:
+    """The same, but for the bounds of types, about which nothing is said."""
     plans = module_of("unified_planning.plans")
     if isinstance(plan, plans.STNPlan):
         return (*problem_of(problem), _network(plan))
     if isinstance(plan, plans.SequentialPlan):
-        if problem.timed_effects:
+        if getattr(problem, "timed_effects", None):
             raise UnsupportedError("found timed effects beside a plan without times, expected one with times")
         steps = tuple(_step(Fraction(number), one, None) for number, one in enumerate(plan.actions, start=1))
     elif isinstance(plan, plans.TimeTriggeredPlan):
@@ -447,6 +469,8 @@ def to_unified_planning(
         InputError: for an action, an object or a parameter without counterpart in `problem` or `values`.
     """
     plans = module_of("unified_planning.plans")
+    if not isinstance(plan, STNPlan | TimedPlan):
+        raise InputError(f"found a {type(plan).__name__}, expected a plan with a network, or with times")
     if isinstance(plan, TimedPlan):
         steps = [(step.time, _instance(step, problem, plans), step.duration) for step in plan.steps]
         if problem.kind.has_continuous_time() or problem.kind.has_discrete_time():

@@ -36,7 +36,7 @@ from robust.plan.simulate import Simulation, Violation, simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
 from robust.smt.limits import Deadline, noticing_interrupts
-from robust.unified_planning.convert import from_unified_planning, instances_of
+from robust.unified_planning.convert import bounds_of, converted, instances_of
 
 if TYPE_CHECKING:
     import unified_planning.model as up
@@ -55,7 +55,7 @@ KIND = {
         "INT_TYPE_DURATIONS",
         "REAL_TYPE_DURATIONS",
     ),
-    "numbers": ("CONTINUOUS_NUMBERS", "DISCRETE_NUMBERS"),
+    "numbers": ("CONTINUOUS_NUMBERS", "DISCRETE_NUMBERS", "BOUNDED_TYPES"),
     "conditions_kind": (
         "NEGATIVE_CONDITIONS",
         "DISJUNCTIVE_CONDITIONS",
@@ -175,7 +175,7 @@ class _Judge:
     def result(self, timeout: float | None) -> ValidationResult:
         if self.plan.kind is PlanKind.STN_PLAN and not self.plan.is_consistent():
             return _result(ValidationResultStatus.INVALID, "the plan's network has no schedule")
-        domain, problem, plan = from_unified_planning(self.problem, self.plan)
+        domain, problem, plan = converted(self.problem, self.plan)
         if isinstance(plan, STNPlan):
             return self._of_network(domain, problem, plan, timeout)
         return self._of_schedule(domain, problem, plan)
@@ -185,6 +185,9 @@ class _Judge:
         plan = assemble(domain, problem, STNPlan((), declared, (), timed.file), may_be_empty=True)
         epsilon = self.epsilon if self.plan.kind is PlanKind.TIME_TRIGGERED_PLAN else Fraction(1)
         simulation = simulate(plan, plan.nominal, schedule_of(timed, declared), epsilon=epsilon)
+        outside = self._outside(simulation)
+        if simulation.valid and outside is not None:
+            return _result(ValidationResultStatus.INVALID, outside)
         if simulation.valid:
             return _result(ValidationResultStatus.VALID, trace=self._trace(simulation, None))
         first = min(simulation.violations, key=lambda one: one.time)
@@ -194,6 +197,8 @@ class _Judge:
         plan = assemble(domain, problem, stn, may_be_empty=True)
         with noticing_interrupts():
             found = check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
+        if found.answer is Answer.PROVED and any(bounds_of(one) != (None, None) for one in self._changing()):
+            return _result(ValidationResultStatus.UNKNOWN, "found bounds of types, expected a plan with times for them")
         if found.answer is Answer.PROVED:
             return _result(ValidationResultStatus.VALID)
         if found.answer is Answer.UNKNOWN:
@@ -207,6 +212,23 @@ class _Judge:
         )
         broken = next(one for one in example.simulation.violations if one.obligation == example.obligation)
         return self._refuted(example.simulation, broken, f"; the plan allows this schedule: {times}")
+
+    def _changing(self) -> list[up.Fluent]:
+        static = {one.name for one in self.problem.get_static_fluents()}
+        return [one for one in self.problem.fluents if one.name not in static]
+
+    def _outside(self, simulation: Simulation) -> str | None:
+        """The first value that leaves the bounds of its fluent's type; between happenings, values are in between."""
+        bounds = {one.name.lower(): bounds_of(one) for one in self._changing()}
+        for step in simulation.trace:
+            for fluent, value in step.fluents.items():
+                lower, upper = bounds.get(fluent.function, (None, None))
+                if (lower is not None and value < lower) or (upper is not None and value > upper):
+                    ends = f"[{'-inf' if lower is None else lower}, {'inf' if upper is None else upper}]"
+                    return (
+                        f"{fluent} = {readable(value)} at {readable(step.time)}, expected a value in {ends}, its type"
+                    )
+        return None
 
     def _refuted(self, simulation: Simulation, broken: Violation, more: str) -> ValidationResult:
         reason = _reason(broken)

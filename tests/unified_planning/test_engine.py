@@ -1,6 +1,7 @@
 """The engine of unified-planning, beside its built-in validators, and plans of all three kinds there and back."""
 
 from fractions import Fraction
+from importlib import import_module
 
 import pytest
 
@@ -42,6 +43,57 @@ def of_examples():
     for name, one in examples.get_example_problems().items():
         for valid, every in ((True, one.valid_plans), (False, one.invalid_plans)):
             yield from (pytest.param(name, one.problem, plan, valid) for plan in every if plan.kind in KINDS)
+
+
+def counting(most, kind=None):
+    """A problem whose only action counts, within the bounds of a type, and that action."""
+    problem = up.Problem("counting") if kind is None else kind("counting")
+    count, done = up.Fluent("count", up.IntType(0, most)), up.Fluent("done")
+    problem.add_fluent(count, default_initial_value=0)
+    problem.add_fluent(done, default_initial_value=False)
+    action = up.InstantaneousAction("tick")
+    action.add_increase_effect(count, 1)
+    action.add_effect(done, value=True)
+    problem.add_action(action)
+    problem.add_goal(done)
+    return problem, plans.ActionInstance(action)
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3])
+def test_values_stay_in_the_bounds_of_their_types(steps):
+    problem, tick = counting(2)
+    plan = plans.SequentialPlan([plans.ActionInstance(tick.action) for _ in range(steps)])
+    found = judged(problem, plan)
+    with up.PlanValidator(name="sequential_plan_validator") as other:
+        assert found.status is other.validate(problem, plan).status
+    if steps > 2:
+        assert [each.message for each in found.log_messages] == [
+            "(count) = 3 at 3, expected a value in [0, 2], its type"
+        ]
+    with pytest.raises(robust.UnsupportedError, match="found bounds of the type of fluent 'count'"):
+        from_unified_planning(problem, plan)
+    node = plans.stn_plan.STNPlanNode
+    network = plans.STNPlan(
+        [(node(up.TimepointKind.GLOBAL_START), Fraction(1), Fraction(2), node(up.TimepointKind.START, tick))]
+    )
+    assert judged(problem, network).status is results.ValidationResultStatus.UNKNOWN
+
+
+def test_other_problems_are_unknown():
+    """Tasks to be decomposed and unknown facts are more than what a plan's actions do."""
+    kinds = import_module("unified_planning.model.htn"), import_module("unified_planning.model.contingent_problem")
+    tasks, tick = counting(2, kinds[0].HierarchicalProblem)
+    tasks.task_network.add_subtask(tasks.add_task("all"))
+    sensing, _ = counting(2, kinds[1].ContingentProblem)
+    for problem in (tasks, sensing):
+        found = judged(problem, plans.SequentialPlan([tick]))
+        assert found.status is results.ValidationResultStatus.UNKNOWN
+        with pytest.raises(robust.UnsupportedError, match="without tasks and unknown facts"):
+            from_unified_planning(problem, plans.SequentialPlan([]))
+    with pytest.raises(robust.UnsupportedError, match="found a int, expected a Problem"):
+        from_unified_planning(3, plans.TimeTriggeredPlan([]))
+    with pytest.raises(robust.InputError, match="found a int, expected a plan with a network, or with times"):
+        to_unified_planning(3, tasks)
 
 
 def test_engines_are_added_once():
