@@ -6,20 +6,23 @@ from collections.abc import Callable, Collection
 from fractions import Fraction
 from pathlib import Path
 
-from robust.backends import OFFERED, SOLVERS
+from robust.backends import OFFERED
 from robust.errors import InputError, Location
 from robust.numbers import Number
 from robust.options.declare import argument, option, ordinal, place_of, positive, seconds, writable
 from robust.options.shared import (
     DRAWING,
     LIMIT,
-    METHODS,
     SOLVING,
     Output,
     PlanningOutput,
     PlanParameters,
     Separation,
+    beta_option,
+    doubling_option,
     encoding_option,
+    method_option,
+    solver_option,
 )
 
 Question = tuple[str, str, tuple[str, ...]]
@@ -39,7 +42,7 @@ def _file(path: str | Path, _: Location) -> Path:
 class BatchOptions(Separation, PlanningOutput, PlanParameters):
     """What all questions about many plans have in common; those of single plans have the same meaning there."""
 
-    solver: str = option("z3", "the solver that is asked", choices=SOLVERS, rank=SOLVING)
+    solver: str = solver_option()
     encoding: str = encoding_option()
     jobs: int = option(
         1, "processes at a time on this machine; more than 1 disturbs timings", metavar="N", read=ordinal, rank=PLACES
@@ -105,22 +108,9 @@ class BatchCheckOptions(BatchOptions):
 class BatchEnvelopeOptions(BatchOptions):
     """Of `robust.batch("envelope", ...)`."""
 
-    method: str = option(
-        "widen",
-        "widen: exact, no valid box contains the result; irr: step by step, up to a precision (IRR); "
-        "optimal: exact, the greatest total width of all boxes, which CCMMZ asks for",
-        choices=METHODS,
-    )
-    beta: Number | None = option(
-        None,
-        "for irr: no end of a complete box can move outwards by B; 1 if not given",
-        metavar="B",
-        read=positive,
-        needs=("method", ("irr",)),
-    )
-    doubling: bool = option(
-        False, "for irr: steps double until the first failure; ends are up to 2 B away", needs=("method", ("irr",))
-    )
+    method: str = method_option()
+    beta: Number | None = beta_option()
+    doubling: bool = doubling_option()
 
     @property
     def asked(self) -> tuple[Question, ...]:

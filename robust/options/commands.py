@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from robust.errors import InputError, Location
-from robust.numbers import shorten
-
-if TYPE_CHECKING:
-    pass
-from robust.numbers import Number
+from robust.numbers import Number, shorten
 from robust.options.declare import (
     STNU_SUFFIXES,
     argument,

@@ -5,15 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from robust.backends import ENCODINGS, SOLVERS
 from robust.errors import Location
-
-if TYPE_CHECKING:
-    pass
 from robust.numbers import Number
-from robust.options.declare import Options, argument, names, not_negative, option, ordinal, plot_file, seconds
+from robust.options.declare import (
+    Options,
+    argument,
+    names,
+    not_negative,
+    option,
+    ordinal,
+    plot_file,
+    positive,
+    seconds,
+)
 
 METHODS = ("widen", "irr", "optimal")
 PARAMETERS, EPSILON, ENCODING, SOLVING, LIMIT, DRAWING, EXPORT, OUTPUT = range(1, 9)
@@ -75,15 +82,49 @@ class Limited(Options):
         return None if self.timeout is None else float(self.timeout)
 
 
+def solver_option() -> Any:
+    """Whom to ask."""
+    return option("z3", "the solver that is asked", choices=SOLVERS, rank=SOLVING)
+
+
 class Solving(Limited):
     """Whom to ask, and for how long."""
 
-    solver: str = option("z3", "the solver that is asked", choices=SOLVERS, rank=SOLVING)
+    solver: str = solver_option()
 
 
 def encoding_option(rank: int = ENCODING) -> Any:
     """How the plan becomes formulas."""
     return option("relational", "how the plan becomes formulas", choices=ENCODINGS, rank=rank)
+
+
+def method_option(**others: str) -> Any:
+    """How a box is found; `others` are more methods, with what they find."""
+    known = {
+        "widen": "exact, no valid box contains the result",
+        "irr": "step by step, up to a precision (IRR)",
+        "optimal": "exact, the greatest total width of all boxes, which CCMMZ asks for",
+        **others,
+    }
+    return option("widen", "; ".join(f"{name}: {what}" for name, what in known.items()), choices=known)
+
+
+def beta_option() -> Any:
+    """β of one box."""
+    return option(
+        None,
+        "for irr: no end of a complete box can move outwards by B; 1 if not given",
+        metavar="B",
+        read=positive,
+        needs=("method", ("irr",)),
+    )
+
+
+def doubling_option() -> Any:
+    """Whether steps of one box double."""
+    return option(
+        False, "for irr: steps double until the first failure; ends are up to 2 B away", needs=("method", ("irr",))
+    )
 
 
 class Search(Separation, Solving):

@@ -21,7 +21,6 @@ from robust.numbers import Number
 from robust.options.declare import Settings, argument, names, option, ordinal, place_of, plan_file, positive, writable
 from robust.options.shared import (
     DRAWING,
-    METHODS,
     AskCommand,
     Export,
     Output,
@@ -31,7 +30,10 @@ from robust.options.shared import (
     Separation,
     Slice,
     Solving,
+    beta_option,
+    doubling_option,
     encoding_option,
+    method_option,
 )
 
 
@@ -84,12 +86,7 @@ _FOR_RISK = ("method", ("risk",))
 class EnvelopeOptions(Separation, Solving, Export):
     """Of :func:`robust.envelope`."""
 
-    method: str = option(
-        "widen",
-        "widen: exact, no valid box contains the result; irr: step by step, up to a precision (IRR); "
-        "optimal: exact, the greatest total width of all boxes, which CCMMZ asks for; risk: the most probable box",
-        choices=(*METHODS, "risk"),
-    )
+    method: str = method_option(risk="the most probable box")
     distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions(_FOR_RISK)
     world: str | Path | None = world_file(_FOR_RISK)
     within: Number = option(
@@ -99,18 +96,8 @@ class EnvelopeOptions(Separation, Solving, Export):
         read=positive,
         needs=_FOR_RISK,
     )
-    beta: Number | None = option(
-        None,
-        "for irr: no end of a complete box can move outwards by B; 1 if not given",
-        metavar="B",
-        read=positive,
-        needs=("method", ("irr",)),
-    )
-    doubling: bool = option(
-        False,
-        "for irr: steps double until the first failure; ends are up to 2 B away",
-        needs=("method", ("irr",)),
-    )
+    beta: Number | None = beta_option()
+    doubling: bool = doubling_option()
     contain_nominal: bool = option(
         False, "for optimal: only boxes around the nominal values", needs=("method", ("optimal",))
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from rich.console import Console
 from rich.text import Text
@@ -32,9 +32,6 @@ from robust.show.documents import Document, Ended, SearchEnded, document
 from robust.show.region_documents import Constraint as ConstraintRecord
 from robust.show.region_documents import Polyhedron as PolyhedronRecord
 from robust.show.region_documents import rows_of
-
-if TYPE_CHECKING:
-    pass
 
 MANY = 20
 """Combinations that are told one by one."""
