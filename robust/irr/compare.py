@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction
 from functools import partial
-from math import prod
 from operator import itemgetter
 
 from robust.encode import create_encoding
@@ -302,21 +301,12 @@ def bounding_width(short: Region | None) -> Fraction | None:
     return None if cell is None else sum((upper - lower for _, lower, upper in cell), Fraction(0))
 
 
-def box_volume(box: Box) -> Fraction | None:
-    """The product of the widths; None if infinite."""
-    widths = [interval.width for interval in box.intervals.values()]
-    if 0 in widths:
-        return Fraction(0)
-    finite = [width for width in widths if width is not None]
-    return prod(finite, start=Fraction(1)) if len(finite) == len(widths) else None
-
-
 def volume_share(box: Box, volume: VolumeBounds, *, exact: bool) -> Share | None:
     """Volume of the box as a share of the region's; None where there is no finite one, or the region has no inside.
 
     Of an outer bound only the lower end counts: the envelope may be smaller.
     """
-    own = box_volume(box)
+    own = box.volume
     if own is None or not box.intervals or volume.upper is None or not volume.upper:
         return None
     # The box is inside, so that the region is at least as large.

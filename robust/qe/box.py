@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
+from math import prod
 
 from robust.encode.variables import Grid
 from robust.errors import InputError
@@ -143,6 +144,15 @@ class Box:
         widths = [interval.width for interval in self.intervals.values()]
         finite = [width for width in widths if width is not None]
         return sum(finite, Fraction(0)) if len(finite) == len(widths) else None
+
+    @property
+    def volume(self) -> Fraction | None:
+        """The product of the widths, 0 if one of them is; None if infinite."""
+        widths = [interval.width for interval in self.intervals.values()]
+        if 0 in widths:
+            return Fraction(0)
+        finite = [width for width in widths if width is not None]
+        return prod(finite, start=Fraction(1)) if len(finite) == len(widths) else None
 
     def constraints(self) -> Iterator[LinearConstraint]:
         """The box as linear constraints."""

@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import prod
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -22,7 +21,7 @@ from robust.errors import InputError, RobustError
 from robust.plan.pddl.forms import read_text
 from robust.presented import Presented
 from robust.processes import Ended, Processes
-from robust.qe.box import Interval
+from robust.qe.box import Box
 from robust.smt.limits import Deadline
 from robust.sweeps.measure import COMMAND, Ends, box_of, complaint, ends_of, interval_of, measured
 from robust.sweeps.pool import Task
@@ -117,17 +116,15 @@ class BatchRow:
         """Total width of IRR's box as a share of that of CCMMZ's; None if one is infinite, or that is a point."""
         if self._boxes is None:
             return None
-        irr, ccmmz = (_total(box.values()) for box in self._boxes)
+        irr, ccmmz = (box.total_width for box in self._boxes)
         return None if irr is None or not ccmmz else irr / ccmmz
 
     @property
-    def _boxes(self) -> tuple[Mapping[str, Interval], Mapping[str, Interval]] | None:
+    def _boxes(self) -> tuple[Box, Box] | None:
         """Those of IRR and CCMMZ, if both are complete."""
-        irr, ccmmz = (self.runs.get(name) for name in (IRR, CCMMZ))
-        if irr is None or ccmmz is None or irr.exit_code or ccmmz.exit_code:
-            return None
-        first, second = (box_of(run.box or {}).intervals for run in (irr, ccmmz))
-        return first, second
+        runs = (self.runs.get(name) for name in (IRR, CCMMZ))
+        boxes = [box_of(run.box) for run in runs if run is not None and run.exit_code == 0 and run.box is not None]
+        return (boxes[0], boxes[1]) if len(boxes) == 2 else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,27 +185,14 @@ def worst(codes: Iterable[int]) -> int:
     return next((code for code in (1, BAD, UNSUPPORTED, UNDECIDED) if code in found), 0)
 
 
-def volume_ratio(box: Mapping[str, Interval], other: Mapping[str, Interval]) -> Fraction | None:
+def volume_ratio(box: Box, other: Box) -> Fraction | None:
     """The volume of a box as a share of another's, over the parameters that are not single values in both.
 
     None if one of them is infinite, if the other has no volume, or if both are points.
     """
-    names = [name for name in other if name in box and any(one[name].width != 0 for one in (box, other))]
-    own, others = (_volume(one[name].width for name in names) for one in (box, other))
-    return None if len(box) != len(other) or not names or own is None or not others else own / others
-
-
-def _volume(widths: Iterable[Fraction | None]) -> Fraction | None:
-    """The product; None if one is infinite."""
-    known = list(widths)
-    finite = [width for width in known if width is not None]
-    return prod(finite, start=Fraction(1)) if len(finite) == len(known) else None
-
-
-def _total(intervals: Iterable[Interval]) -> Fraction | None:
-    widths = [interval.width for interval in intervals]
-    finite = [width for width in widths if width is not None]
-    return sum(finite, Fraction(0)) if len(finite) == len(widths) else None
+    names = [name for name in other.intervals if any(one[name].width != 0 for one in (box, other))]
+    own, others = (Box({name: one[name] for name in names}).volume for one in (box, other))
+    return None if not names or own is None or not others else own / others
 
 
 # -- a batch -----------------------------------------------------------------------------------------------------------
@@ -258,7 +242,7 @@ def run_batch(
         except InputError as error:
             troubles[one.name] = PlanRun("error", BAD, message=reading.shown(error))
     tasks = [
-        Task(f"{one.name}: {each.name}" if len(asked) > 1 else one.name, (one.name, texts[one.name], each, limit))
+        Task(_label(one, each, asked), (one.name, texts[one.name], each, limit))
         for one in suite.instances
         if one.name in texts
         for each in asked
@@ -275,21 +259,21 @@ def run_batch(
         threads=True,
         deadline=deadline,
     )
-    known = {(task.given[0], task.given[2].name): run for task, run in sweep.results}
-    failed = {failure.task: PlanRun("error", UNDECIDED, message=failure.reason) for failure in sweep.failures}
+    known = {task.label: run for task, run in sweep.results}
+    known |= {failure.task: PlanRun("error", UNDECIDED, message=failure.reason) for failure in sweep.failures}
     rows = []
     for one in suite.instances:
-        trouble = troubles.get(one.name)
-        runs = {}
-        for each in asked:
-            label = f"{one.name}: {each.name}" if len(asked) > 1 else one.name
-            found = trouble or known.get((one.name, each.name)) or failed.get(label)
-            if found is not None:
-                runs[each.name] = found
+        found = {each.name: troubles.get(one.name) or known.get(_label(one, each, asked)) for each in asked}
+        runs = {name: run for name, run in found.items() if run is not None}
         if runs:
             rows.append(BatchRow(one, runs))
     seconds = time.perf_counter() - began
     return Batch(verb, str(path), asked, tuple(rows), len(suite.instances), _ended(sweep), sweep.notes, seconds)
+
+
+def _label(one: Instance, question: Asked, asked: Sequence[Asked]) -> str:
+    """What a task is called."""
+    return f"{one.name}: {question.name}" if len(asked) > 1 else one.name
 
 
 def _ended(sweep: Sweep) -> str:

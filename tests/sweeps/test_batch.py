@@ -20,7 +20,7 @@ import robust
 from benchmarks.generators.delivery import scaling_instance
 from benchmarks.generators.sizes import unordered_instance
 from robust.errors import InputError, UnsupportedError
-from robust.qe.box import Interval
+from robust.qe.box import Box, Interval
 from robust.show.batch import batch as document
 from robust.show.batch import csv_text, exact_box, print_batch
 from robust.show.batch_page import batch_page
@@ -169,7 +169,7 @@ def interval(lower, upper):
     ],
 )
 def test_shares_of_volumes(box, other, expected):
-    first, second = ({name: interval(*ends) for name, ends in one.items()} for one in (box, other))
+    first, second = (Box({name: interval(*ends) for name, ends in one.items()}) for one in (box, other))
     assert volume_ratio(first, second) == expected
 
 
