@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Protocol, TypeVar, cast
 
 from robust.errors import InputError, did_you_mean
-from robust.options.batch import BATCHES, BatchOptions
+from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
 from robust.options.declare import Options, place_of, settings, texts
 from robust.options.verbs import (
     CheckOptions,
@@ -26,6 +26,7 @@ from robust.options.verbs import (
     RegionOptions,
     RepairOptions,
     RiskOptions,
+    RiskSettings,
 )
 from robust.reading import Plan, plan_of
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
@@ -385,6 +386,23 @@ def searching_risk(plan: ParametrizedPlan, options: RiskOptions) -> Search[RiskR
     )
 
 
+class Risking(Protocol[Given]):
+    """What :func:`risk` takes, for type checkers."""
+
+    def __call__(
+        self,
+        plan: Plan,
+        distributions: Mapping[str, str | Distribution] | Sequence[str] = (),
+        *args: Given.args,
+        **given: Given.kwargs,
+    ) -> RiskResult: ...
+
+
+def _risking(_options: Callable[Given, RiskSettings]) -> Callable[[Callable[..., RiskResult]], Risking[Given]]:
+    return lambda function: function
+
+
+@_risking(RiskSettings)
 def risk(plan: Plan, distributions: Mapping[str, str | Distribution] | Sequence[str] = (), **given: Any) -> RiskResult:
     """The probability that a plan succeeds when its parameters are random and independent, as certified bounds.
 
@@ -473,6 +491,17 @@ def run_batch(verb: str, suite: str | os.PathLike[str], options: BatchOptions) -
     )
 
 
+class Batching(Protocol[Given]):
+    """What :func:`batch` takes, for type checkers."""
+
+    def __call__(self, verb: str, suite: str | os.PathLike[str], *args: Given.args, **given: Given.kwargs) -> Batch: ...
+
+
+def _batching(_options: Callable[Given, BatchOptions]) -> Callable[[Callable[..., Batch]], Batching[Given]]:
+    return lambda function: function
+
+
+@_batching(AnyBatchOptions)
 def batch(verb: str, suite: str | os.PathLike[str], **given: Any) -> Batch:
     """One question about many plans, each asked in a process of its own: `robust batch`.
 

@@ -25,9 +25,11 @@ def test_scripts_of_users_are_checked(tmp_path):
     assert read_by_mypy(SCRIPT, tmp_path / "cache").startswith("Success"), SCRIPT
     wrong = tmp_path / "wrong.py"
     text = 'import robust\n\nplan = robust.load_plan("d", "p", "s")\nrobust.check(plan, encodin="positions")\n'
-    wrong.write_text(text + "robust.envelope(plan, beta=[1]).box.area\n", encoding="utf-8")
+    text += 'robust.envelope(plan, beta=[1]).box.area\nrobust.risk(plan, {"a": "normal:3:1"}, withing=1)\n'
+    wrong.write_text(text + 'robust.batch("compare", "suite", job=2, regio="project")\n', encoding="utf-8")
     found = read_by_mypy(wrong, tmp_path / "cache")
-    assert 'Unexpected keyword argument "encodin"' in found
+    for name in ("encodin", "withing", "job", "regio"):
+        assert f'Unexpected keyword argument "{name}"' in found
     assert 'Argument "beta"' in found
     assert 'has no attribute "area"' in found
 

@@ -23,11 +23,13 @@ region: robust.RegionResult = robust.region(plan, backend="project")
 compared: robust.Comparison = robust.compare(plan, beta="0.5")
 repaired: robust.Repair = robust.repair(plan, require={"a": (1, 2.5)}, change="both")
 likely: robust.RiskResult = robust.risk(plan, {"a": "normal:30:4"}, within=0.01)
+alike: robust.RiskResult = robust.risk(FILES, distributions=["a=normal:30:4"], solver="cvc5", draws=100)
 verdict: robust.Verdict = robust.validate("domain.pddl", "problem.pddl", "steps.plan", epsilon=Decimal("0.001"))
 made: robust.Conversion = robust.convert("domain.pddl", "problem.pddl", "steps.plan", mode="causal", epsilon=0.001)
 remade: robust.Conversion = robust.convert("d.pddl", "p.pddl", "steps.plan", mode=robust.Mode.ESTEREL)
 exported: str = robust.export(plan, box, "csv")
 many_plans: robust.Batch = robust.batch("check", "suite", jobs=2)
+both: robust.Batch = robust.batch("compare", Path("suite"), beta="1/2", doubling=False, region="project", limit=60)
 
 answer: robust.Answer = checked.answer
 ends: dict[str, tuple[Fraction | None, Fraction | None]] = box.box.ranges

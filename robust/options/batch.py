@@ -133,7 +133,7 @@ class BatchRegionOptions(BatchOptions):
 class BatchCompareOptions(BatchOptions):
     """Of `robust.batch("compare", ...)`."""
 
-    beta: Number = option("1", "the precision of IRR", metavar="B", read=positive)
+    beta: Number | None = option("1", "the precision of IRR", metavar="B", read=positive)
     doubling: bool = option(True, "whether steps of IRR double until the first failure, as in its published runs")
     region: str | None = option(
         None,
@@ -145,10 +145,14 @@ class BatchCompareOptions(BatchOptions):
     def asked(self) -> tuple[Question, ...]:
         doubling = ["--doubling"] if self.doubling else []
         found = [
-            self._one("envelope", "--method=irr", f"--beta={Fraction(self.beta)}", *doubling, name="irr"),
+            self._one("envelope", "--method=irr", f"--beta={Fraction(self.beta or 1)}", *doubling, name="irr"),
             self._one("envelope", "--method=optimal", name="ccmmz"),
         ]
         return (*found, self._one("region", f"--backend={self.region}")) if self.region else tuple(found)
+
+
+class AnyBatchOptions(BatchEnvelopeOptions, BatchRegionOptions, BatchCompareOptions):
+    """What :func:`robust.batch` takes for one verb or another; each verb takes its own only."""
 
 
 BATCHES: dict[str, type[BatchOptions]] = {

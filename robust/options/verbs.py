@@ -18,7 +18,18 @@ if TYPE_CHECKING:
     from robust.qe.box import Box
     from robust.qe.polyhedron import Polyhedron
 from robust.numbers import Number
-from robust.options.declare import Settings, argument, names, option, ordinal, place_of, plan_file, positive, writable
+from robust.options.declare import (
+    Options,
+    Settings,
+    argument,
+    names,
+    option,
+    ordinal,
+    place_of,
+    plan_file,
+    positive,
+    writable,
+)
 from robust.options.shared import (
     DRAWING,
     AskCommand,
@@ -231,10 +242,15 @@ class CompareCommand(CompareOptions, Slice, AskCommand):
     )
 
 
-class RiskOptions(Search):
-    """Of :func:`robust.risk`."""
+class Distributed(Options):
+    """How parameters are distributed."""
 
     distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions()
+
+
+class RiskSettings(Search):
+    """Of :func:`robust.risk`, beside distributions."""
+
     world: str | Path | None = world_file()
     within: Number = option("0.001", "how close the bounds of the probability are to be", metavar="W", read=positive)
     draws: int | None = option(
@@ -245,6 +261,10 @@ class RiskOptions(Search):
     )
     on_bounds: Callable[[Bounds], None] | None = option(None, "called with bounds that have changed", shown=False)
     on_stage: Callable[[str], None] | None = option(None, "called with the name of each stage", shown=False)
+
+
+class RiskOptions(RiskSettings, Distributed):
+    """Of :func:`robust.risk`."""
 
 
 class RiskCommand(RiskOptions, Plot, AskCommand):
