@@ -13,10 +13,11 @@ from robust.options.shared import PlanningOutput, Separation, Solving
 from robust.options.verbs import ValidateOptions
 
 if TYPE_CHECKING:
-    from robust.execute.convert import Conversion, Mode
+    from robust.execute.convert import Conversion, Mode, Settings
     from robust.execute.validate import Verdict
     from robust.plan.load import File
     from robust.plan.model import ParametrizedPlan
+    from robust.plan.parameters import ParameterSpec
     from robust.plan.pddl.syntax import Domain, Problem
     from robust.plan.timed import TimedPlan
 
@@ -91,17 +92,7 @@ def load_plan(
     from robust.plan.timed import parse_timed_plan
 
     timed = parse_timed_plan(text, name, reading.plan_number)
-    found = convert(
-        parsed_domain,
-        parsed_problem,
-        timed,
-        specs=specs,
-        epsilon=reading.separation,
-        tolerance=reading.rounding,
-        solver=reading.solver,
-        timeout=reading.limit,
-        on_progress=on_progress,
-    )
+    found = convert(parsed_domain, parsed_problem, timed, **reading.conversion(specs, on_progress))
     if found.ended is Ended.INTERRUPTED:
         raise KeyboardInterrupt
     made = f"made a network of {plural(len(found.stn.constraints), 'constraint')}"
@@ -111,6 +102,17 @@ def load_plan(
 
 class _Reading(PlanningOutput, Separation, Solving):
     """How a plan is read."""
+
+    def conversion(self, specs: Sequence[ParameterSpec], on_progress: Callable[[str], None] | None) -> Settings:
+        """How a network is made of its steps."""
+        return {
+            "specs": specs,
+            "epsilon": self.separation,
+            "tolerance": self.rounding,
+            "solver": self.solver,
+            "timeout": self.limit,
+            "on_progress": on_progress,
+        }
 
 
 def _require_path(name: str, found: object) -> None:
@@ -256,14 +258,4 @@ def convert(
     if not isinstance(plan, TimedPlan):
         _require_path("plan", plan)
         plan = parse_timed_plan(*read_source(plan, "<plan>"), reading.plan_number)
-    return convert(
-        *parsed,
-        plan,
-        mode=Mode(mode),
-        specs=specs,
-        epsilon=reading.separation,
-        tolerance=reading.rounding,
-        solver=reading.solver,
-        timeout=reading.limit,
-        on_progress=on_progress,
-    )
+    return convert(*parsed, plan, **reading.conversion(specs, on_progress) | {"mode": Mode(mode)})
