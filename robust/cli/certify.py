@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from robust.cli.build import action
 from robust.errors import InputError, Location, RefutedError, UnsupportedError
 from robust.files import atomic_write
-from robust.numbers import exact_end, parse_end, shorten
+from robust.numbers import exact_end, shorten
 from robust.options.commands import CertifyCommand, VerifyCommand
 from robust.options.declare import place_of, settings
 from robust.plan.pddl.forms import read_bytes, read_text
@@ -345,13 +345,8 @@ def read_box(path: Path, nominal: Box) -> Box:
         missing = nominal.intervals.keys() ^ ends.keys()
         if missing:
             raise InputError(f"found parameters that differ from the plan's in {sorted(missing)[0]!r}", place)
-        return Box({name: _interval(ends[name]) for name in nominal.intervals})
+        return Box({name: Interval.from_dict(ends[name]) for name in nominal.intervals})
     except (ValueError, AttributeError, TypeError, KeyError, RecursionError) as error:
         raise InputError(
             f"found {shorten(type(error).__name__)}, expected a box as `robust envelope --json` prints it", place
         ) from None
-
-
-def _interval(ends: Mapping[str, Any]) -> Interval:
-    lower, upper = parse_end(ends["lower"]), parse_end(ends["upper"])
-    return Interval(lower, upper, bool(ends.get("lower_closed", True)), bool(ends.get("upper_closed", True)))

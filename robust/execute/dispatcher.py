@@ -122,7 +122,7 @@ class LeftBox:
         if self.value is None:
             bound = "no end" if self.interval.upper is None else format_number(self.interval.upper)
             return f"{self.what} exceeds {bound}"
-        return f"{self.what} = {format_number(self.value)} is outside {interval_text(self.interval)}"
+        return f"{self.what} = {format_number(self.value)} is outside {self.interval.written(format_number)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,15 +186,6 @@ class Succeeded:
 Ending = LeftBox | Missed | Unobserved | Contradicted
 """Why a plan is given up."""
 Decision = Dispatch | Ending | Rejected | Succeeded
-
-
-def interval_text(interval: Interval) -> str:
-    """`[1/3, inf)`, with numbers as they are written elsewhere."""
-    lower = "-inf" if interval.lower is None else format_number(interval.lower)
-    upper = "inf" if interval.upper is None else format_number(interval.upper)
-    opening = "[" if interval.lower is not None and interval.lower_closed else "("
-    closing = "]" if interval.upper is not None and interval.upper_closed else ")"
-    return f"{opening}{lower}, {upper}{closing}"
 
 
 # -- the dispatcher ----------------------------------------------------------------------------------------------------

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
 from math import prod
+from typing import Any
 
 from robust.encode.variables import Grid
 from robust.errors import InputError
+from robust.numbers import parse_end
 from robust.plan.model import Parameter
 from robust.qe.constraint import LinearConstraint, Sense
 
@@ -50,6 +52,12 @@ class Interval:
         both = self.lower_closed and self.upper_closed
         if self.lower > self.upper or (self.lower == self.upper and not both):
             raise InputError(f"the interval {self} is empty; expected a lower end below the upper one")
+
+    @staticmethod
+    def from_dict(ends: Mapping[str, Any]) -> Interval:
+        """The interval of `lower` and `upper`, as text, and whether they are closed, which they are if not said."""
+        closed = {name: bool(ends.get(name, True)) for name in ("lower_closed", "upper_closed")}
+        return Interval(parse_end(ends["lower"]), parse_end(ends["upper"]), **closed)
 
     def __contains__(self, value: Fraction) -> bool:
         above = self.lower is None or self.lower < value or (self.lower_closed and self.lower == value)
@@ -91,12 +99,16 @@ class Interval:
             return Interval(self.lower, end, self.lower_closed, closed)
         return Interval(end, self.upper, closed, self.upper_closed)
 
-    def __str__(self) -> str:
+    def written(self, number: Callable[[Fraction], str]) -> str:
+        """`[1/3, inf)`, with numbers in that way."""
         opening = "[" if self.lower is not None and self.lower_closed else "("
         closing = "]" if self.upper is not None and self.upper_closed else ")"
-        lower = "-inf" if self.lower is None else str(self.lower)
-        upper = "inf" if self.upper is None else str(self.upper)
+        lower = "-inf" if self.lower is None else number(self.lower)
+        upper = "inf" if self.upper is None else number(self.upper)
         return f"{opening}{lower}, {upper}{closing}"
+
+    def __str__(self) -> str:
+        return self.written(str)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from rich.text import Text
 from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, interval_text, plural
 from robust.qe.region import Region
-from robust.show.console import show_table, table
+from robust.show.console import colour_of, show_table, table
 from robust.show.documents import Document, Ends, box_of, document
 from robust.show.regions import in_form, region_lines
 from robust.sweeps import measure
@@ -25,8 +25,6 @@ from robust.sweeps.batch import CCMMZ, IRR, REGION, Batch, BatchRow, PlanRun, So
 
 NAMES = {IRR: "IRR", CCMMZ: "CCMMZ", REGION: "region"}
 """What is compared, as people call it."""
-STYLES = {"proved": "green", "complete": "green", "refuted": "bold red", "invalid": "bold red"}
-"""Colours of verdicts and endings; of the others yellow."""
 FIRST = 3
 """Lines of an answer that tables show."""
 _NOTHING = "–"
@@ -104,7 +102,7 @@ def _print_compared(out: Console, found: Batch) -> None:
 
 
 def _word(run: PlanRun | None) -> Text:
-    return Text(_NOTHING) if run is None else Text(run.status, style=STYLES.get(run.status, "yellow"))
+    return Text(_NOTHING) if run is None else Text(run.status, style=colour_of(run.status))
 
 
 def summary_lines(found: Batch) -> list[str]:
@@ -353,13 +351,7 @@ def exact_box(run: PlanRun) -> str | None:
     """The box in one cell, exactly: `a [1/3, 7/2); b [0, inf)`."""
     if run.box is None:
         return None
-    return "; ".join(f"{name} {_exact(lower, upper)}" for name, (lower, upper) in run.box.items())
-
-
-def _exact(lower: str, upper: str) -> str:
-    opening = "(" if lower.endswith(measure.OPEN) or lower == "-inf" else "["
-    closing = ")" if upper.endswith(measure.OPEN) or upper == "inf" else "]"
-    return f"{opening}{lower.removesuffix(measure.OPEN)}, {upper.removesuffix(measure.OPEN)}{closing}"
+    return "; ".join(f"{name} {interval}" for name, interval in measure.box_of(run.box).intervals.items())
 
 
 _RUN: Mapping[str, Column] = {

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from html import escape
 
-from robust.show.batch import NAMES, STYLES, answer_lines, ratio, summary_lines
+from robust.show.batch import NAMES, answer_lines, ratio, summary_lines
+from robust.show.console import colour_of
 from robust.show.pages import self_contained
 from robust.sweeps.batch import Batch, BatchRow, PlanRun
 
@@ -76,5 +77,5 @@ def _answer(run: PlanRun | None) -> list[Cell]:
         return [_NOTHING] * 3
     lines = answer_lines(run)
     said = Cell(lines[0], more=lines) if len(lines) > 1 else Cell("".join(lines))
-    kind = _COLOURS.get(STYLES.get(run.status, ""), "open")
+    kind = _COLOURS.get(colour_of(run.status), "open")
     return [Cell(run.status, kind=kind), Cell(f"{run.seconds:.2f}", run.seconds, kind="number"), said]

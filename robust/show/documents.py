@@ -64,7 +64,8 @@ class Ends(JsonObject):
     upper_closed: bool
 
 
-def _ends(interval: Interval) -> dict[str, Any]:
+def ends_of(interval: Interval) -> dict[str, Any]:
+    """The fields of :class:`Ends`."""
     return {
         "lower": exact_end(interval.lower, upper=False),
         "upper": exact_end(interval.upper, upper=True),
@@ -74,7 +75,7 @@ def _ends(interval: Interval) -> dict[str, Any]:
 
 
 def box_of(box: Box) -> dict[str, Ends]:
-    return {name: Ends(**_ends(interval)) for name, interval in box.intervals.items()}
+    return {name: Ends(**ends_of(interval)) for name, interval in box.intervals.items()}
 
 
 def exact(values: Mapping[Any, Fraction]) -> Rationals:
@@ -423,7 +424,7 @@ def _within(result: EnvelopeResult, parameter: Parameter) -> Within:
     stops = {side.value: str(stop) for (name, side), stop in result.stops.items() if name == parameter.name}
     return Within(
         nominal=parameter.nominal if parameter.has_nominal else None,
-        **_ends(interval),
+        **ends_of(interval),
         percent_below=parameter.percent(interval.lower),
         percent_above=parameter.percent(interval.upper),
         stopped_below=stops.get("lower"),
@@ -445,7 +446,9 @@ def _controllability(report: ControllabilityReport) -> Controllability:
 def _stopped(widest: Widest) -> dict[str, Stopped]:
     stops = {(name, side.value): str(stop) for (name, side), stop in widest.stops.items()}
     return {
-        name: Stopped(**_ends(one), stopped_below=stops.get((name, "lower")), stopped_above=stops.get((name, "upper")))
+        name: Stopped(
+            **ends_of(one), stopped_below=stops.get((name, "lower")), stopped_above=stops.get((name, "upper"))
+        )
         for name, one in widest.box.intervals.items()
     }
 
@@ -455,7 +458,7 @@ def _part(box: Box, lost: Loss) -> dict[str, Lost]:
     above = {name: gap for (name, side), gap in lost.faces.items() if side.value == "upper"}
     return {
         name: Lost(
-            **_ends(one),
+            **ends_of(one),
             lost_below=exact_end(below[name], upper=True),
             lost_above=exact_end(above[name], upper=True),
         )

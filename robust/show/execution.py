@@ -14,18 +14,17 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from robust.execute.controllability import ADVERBS, ControllabilityReport, Verdict, Widest
+from robust.execute.controllability import ADVERBS, ControllabilityReport, Widest
 from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
 from robust.execute.dispatchable import Guarantee
-from robust.execute.dispatcher import interval_text as observed_interval
 from robust.execute.replan import Run, RunStatus, Segment
 from robust.execute.slices import Answer, Left
 from robust.execute.worlds import Outcome
 from robust.irr.stops import advice
-from robust.numbers import end, interval_text, plural, readable
+from robust.numbers import end, format_number, interval_text, plural, readable
 from robust.plan.model import ActionInstance
 from robust.qe.box import Side
-from robust.show.console import show_table, table
+from robust.show.console import colour_of, show_table, table
 from robust.show.gantt import Bar, Chart, Lane, Mark, draw_chart
 from robust.show.made import summary
 from robust.show.text import percentages, print_advice
@@ -40,7 +39,6 @@ _PROMISES = {
     Guarantee.WEAK: "values with which the plan may succeed",
 }
 _OUTCOMES = {Outcome.DONE: "end", Outcome.FAILED: "failed", Outcome.STOPPED: "stopped", Outcome.RUNNING: "running"}
-_STYLES = {Verdict.CONTROLLABLE: "green", Verdict.NOT_CONTROLLABLE: "bold red", Verdict.UNKNOWN: "yellow"}
 _PARAMETERS = 12
 """Parameters that a chart has lanes for; it has none if there are more."""
 _REASONS = 5
@@ -62,7 +60,7 @@ def print_run(out: Console, run: Run, executor: str, *, quiet: bool) -> None:
             interval = segment.box[parameter.name]
             percent = percentages(parameter, interval)
             out.print(
-                f"  {parameter.name} in {observed_interval(interval)}{percent and f' ({percent})'}", soft_wrap=True
+                f"  {parameter.name} in {interval.written(format_number)}{percent and f' ({percent})'}", soft_wrap=True
             )
         print_advice(out, advice(segment.plan, segment.box))
         for time, what, detail in sorted(_events(segment), key=lambda event: event[0]):
@@ -102,7 +100,7 @@ def _left(left: Left) -> str:
     if left.box is None:
         late = left.answer is Answer.OUT_OF_TIME
         return "not known in time; only the box promised before counts" if late else "nothing of the envelope"
-    unknown = [f"{name} in {observed_interval(one)}" for name, one in left.box.intervals.items() if one.width != 0]
+    unknown = [f"{name} in {one.written(format_number)}" for name, one in left.box.intervals.items() if one.width != 0]
     changed = "" if left.kept else "another promise: "
     return f"{changed}{', '.join(unknown)}" if unknown else "all is known"
 
@@ -190,7 +188,7 @@ def _promises(segment: Segment, name: str) -> Iterator[Bar]:
     held = [(time, box[name], _PROMISES[worth]) for time, box, worth in changes if time < seen and worth in _PROMISES]
     kept = [next(same) for _, same in groupby(held, key=itemgetter(1, 2))]
     for (time, interval, worth), until in zip(kept, [*(time for time, *_ in kept[1:]), seen], strict=False):
-        yield Bar(_parameter_lane(name), time, until, observed_interval(interval), worth)
+        yield Bar(_parameter_lane(name), time, until, interval.written(format_number), worth)
 
 
 def _observed(segment: Segment, name: str) -> Iterator[Mark]:
@@ -215,7 +213,7 @@ def print_controllability(out: Console, report: ControllabilityReport, *, quiet:
     """The verdicts, and the part that is controllable where the box is not; unless `quiet` also reasons and waits."""
     out.print()
     for one in report.findings:
-        text = Text.assemble((one.verdict.value, _STYLES[one.verdict]), f": {ADVERBS[one.kind]}")
+        text = Text.assemble((one.verdict.value, colour_of(one.verdict.value)), f": {ADVERBS[one.kind]}")
         if one.reason is not None and not quiet:
             text.append(f"; {one.reason}")
         out.print(text, soft_wrap=True)

@@ -23,6 +23,7 @@ from robust.pike_bridge.online.inquiry import Reason, WhyChosen, WhyExcluded, Wh
 from robust.pike_bridge.online.moments import Moments
 from robust.pike_bridge.online.world import ExecutionRecord, ExecutionStep
 from robust.pike_bridge.semantics import Execution
+from robust.show.console import colour_of
 from robust.show.documents import Document, Ended, Rationals, Verdict, document
 from robust.show.gantt import Bar, Chart, Lane, Mark, draw_chart
 
@@ -138,7 +139,6 @@ class PikePlot(JsonObject, tag_field="schema", tag="robust/pike-plot/1"):
 DOCUMENTS: tuple[type[JsonObject], ...] = (PikeChecked, PikeCompile, PikeCross, PikePatience, PikePlot)
 """As in :mod:`robust.show.documents`."""
 STAGES = ("precedence", "links", "conflicts", "knowledge")
-_STYLES = {"succeeded": "green", "failed": "bold red"}
 
 
 # -- check -------------------------------------------------------------------------------------------------------------
@@ -399,7 +399,7 @@ def print_run(out: Console, record: ExecutionRecord, *, quiet: bool) -> None:
     """How it ended; unless `quiet` also the timeline, and what contradicts each other if that was not explained."""
     ending = record.ending.value
 
-    headline = Text(ending, style=_STYLES.get(ending, "yellow"))
+    headline = Text(ending, style=colour_of(ending))
     slowest = max((step.seconds for step in record.steps), default=0.0)
     typical = median(step.seconds for step in record.steps) if record.steps else 0.0
     headline.append(

@@ -28,7 +28,7 @@ from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
-from robust.show.documents import Document, Ended, SearchEnded, document
+from robust.show.documents import Document, Ended, SearchEnded, document, ends_of
 from robust.show.region_documents import Constraint as ConstraintRecord
 from robust.show.region_documents import Polyhedron as PolyhedronRecord
 from robust.show.region_documents import rows_of
@@ -288,10 +288,7 @@ def _within(found: TeamEnvelope, one: TeamParameter, telling: Telling) -> TeamWi
         kind=one.kind.value,
         meaning=one.meaning,
         nominal=one.parameter.nominal,
-        lower=exact_end(interval.lower, upper=False),
-        upper=exact_end(interval.upper, upper=True),
-        lower_closed=interval.lower is not None and interval.lower_closed,
-        upper_closed=interval.upper is not None and interval.upper_closed,
+        **ends_of(interval),
         stopped_below=stopped(Side.LOWER),
         stopped_above=stopped(Side.UPPER),
     )

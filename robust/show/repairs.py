@@ -11,6 +11,7 @@ from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.irr.repair import Cost, Repair, RepairStatus
 from robust.numbers import duration, plural, readable
 from robust.qe.box import Box
+from robust.show.console import colour_of
 from robust.show.documents import (
     Document,
     Ended,
@@ -27,21 +28,15 @@ from robust.show.text import told
 if TYPE_CHECKING:
     from rich.console import Console
 
-_COLOURS = {
-    RepairStatus.UNNEEDED: "green",
-    RepairStatus.OPTIMAL: "green",
-    RepairStatus.FEASIBLE: "yellow",
-    RepairStatus.IMPOSSIBLE: "bold red",
-    RepairStatus.UNKNOWN: "yellow",
-}
-
 
 # -- for people --------------------------------------------------------------------------------------------------------
 
 
 def print_repair(out: Console, found: Repair, written: Path | None = None, *, quiet: bool) -> None:
     """The changes and what they cost; unless `quiet` with the statements that change and what for."""
-    out.print(Text.assemble((found.status.value, _COLOURS[found.status]), f": {_verdict(found)}"), soft_wrap=True)
+    out.print(
+        Text.assemble((found.status.value, colour_of(found.status.value)), f": {_verdict(found)}"), soft_wrap=True
+    )
     for change in found.changes:
         out.print(Text(f"  {told(change) if quiet else change.words}"), soft_wrap=True)
         if not quiet:

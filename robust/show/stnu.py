@@ -13,6 +13,7 @@ from rich.text import Text
 
 from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import exact_end, format_number, plural, readable
+from robust.show.console import colour_of
 from robust.show.documents import Document, Ended, Noted, document
 
 if TYPE_CHECKING:
@@ -28,13 +29,6 @@ Result = TypeVar("Result")
 
 _CODES = {"controllable": 0, "uncontrollable": 1, "unneeded": 0, "optimal": 0, "impossible": 1}
 _UNDECIDED = 3
-_COLOURS = {
-    "controllable": "green",
-    "unneeded": "green",
-    "optimal": "green",
-    "uncontrollable": "bold red",
-    "impossible": "bold red",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +71,7 @@ def _print_all(
     """A line for each file and more below it; several are counted."""
     for one in judged:
         text = Text("" if len(judged) == 1 or one.error is not None else f"{one.file}: ")
-        text.append(one.word, style=_COLOURS.get(one.word, "yellow"))
+        text.append(one.word, style=colour_of(one.word))
         text.append(f": {one.error if one.result is None else line(one.result)}")
         out.print(text, soft_wrap=True)
         if one.result is not None:

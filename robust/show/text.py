@@ -15,12 +15,10 @@ from robust.numbers import approximate, duration, end, plural, readable, readabl
 from robust.plan.model import Fluent, Parameter
 from robust.plan.simulate import TraceStep, Violation
 from robust.qe.box import Interval
-from robust.show.console import show_table, table
+from robust.show.console import colour_of, show_table, table
 
 if TYPE_CHECKING:
     from robust.irr.quantities import Change
-
-_COLOURS = {Answer.PROVED: "green", Answer.REFUTED: "bold red", Answer.UNKNOWN: "yellow"}
 
 
 # -- check -----------------------------------------------------------------------------------------------------------
@@ -52,7 +50,7 @@ def told(change: Change) -> str:
 
 
 def _verdict(result: CheckResult) -> Text:
-    text = Text(result.answer.value, style=_COLOURS[result.answer])
+    text = Text(result.answer.value, style=colour_of(result.answer.value))
     broken = [name for name, answer in result.obligations.items() if answer is Answer.REFUTED]
     match result.answer:
         case Answer.PROVED:
@@ -95,7 +93,7 @@ def _print_broken(out: Console, result: CheckResult) -> None:
         if answer is not Answer.PROVED:
             found = result.counterexamples.get(name)
             when, why = ("", "") if found is None else _when_and_why(found)
-            rows.append((Text(answer.value, style=_COLOURS[answer]), name, when, why))
+            rows.append((Text(answer.value, style=colour_of(answer.value)), name, when, why))
     if rows:
         out.print()
         show_table(out, table(("verdict", "obligation", "time", "why"), rows, right=("time",)))

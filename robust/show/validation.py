@@ -14,6 +14,7 @@ from rich.text import Text
 
 from robust.codec import Count, JsonObject, Rational, like, one_of
 from robust.numbers import format_number, plural
+from robust.show.console import colour_of
 from robust.show.documents import Document, Ended, Noted, document
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class Judged:
 
 
 _UNSUPPORTED = 4
-_COLOURS = {"valid": "green", "invalid": "bold red", "error": "yellow", "unsupported": "yellow"}
+_WORDS = ("valid", "invalid", "error", "unsupported")
 
 
 # -- for people --------------------------------------------------------------------------------------------------------
@@ -59,7 +60,7 @@ def print_verdicts(out: Console, judged: Sequence[Judged], *, quiet: bool) -> No
     for one in judged:
         named = len(judged) == 1 or str(one.error).startswith(str(one.plan))
         text = Text("" if named else f"{one.plan}: ")
-        text.append(one.word, style=_COLOURS[one.word])
+        text.append(one.word, style=colour_of(one.word))
         text.append(f": {one.verdict.size if one.verdict is not None else one.error}")
         out.print(text, soft_wrap=True)
         if one.verdict is not None and not quiet:
@@ -68,7 +69,7 @@ def print_verdicts(out: Console, judged: Sequence[Judged], *, quiet: bool) -> No
             for name, value in one.verdict.remedies.named.items():
                 out.print(Text(f"  --{name} {format_number(value)} would make it valid", style="dim"), soft_wrap=True)
     if len(judged) > 1:
-        counts = Counter(sorted((one.word for one in judged), key=list(_COLOURS).index))
+        counts = Counter(sorted((one.word for one in judged), key=_WORDS.index))
         parts = [plural(counts[word], word) if word == "error" else f"{counts[word]} {word}" for word in counts]
         out.print(Text(", ".join(parts), style="dim"))
 
@@ -135,7 +136,7 @@ class JudgedPlan(JsonObject):
     domain: str
     problem: str
     plan: str
-    verdict: Annotated[str, one_of(*_COLOURS)]
+    verdict: Annotated[str, one_of(*_WORDS)]
     steps: Count | None
     end: Rational | None
     shift: Shift | None
