@@ -35,10 +35,11 @@ from robust.pike_bridge.compile import checked_assumptions
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.plan.load import load_plan
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.sweeps.measure import COMMAND, Files
+from robust.sweeps.measure import COMMAND
 
 from .catalogue import RecordedOptions
 from .engine.experiment import Experiment, Report, Task
+from .engine.measure import Files
 from .engine.show import Columns, Table, family
 from .suite import read_deliveries, read_suite
 

@@ -31,6 +31,7 @@ from robust.sweeps import measure
 from .catalogue import EXPERIMENTS
 from .certificates import CERTIFICATES
 from .engine.experiment import Experiment
+from .engine.measure import Run, run_robust
 from .engine.show import Columns, Table, number, page
 from .suite import DELIVERIES, Delivery, read_deliveries
 
@@ -91,11 +92,11 @@ def run_all(suite: Path, general: float, comparison: float, exact: float, plots:
 def _deliveries(suite: Path, limit: float) -> str:
     """Checks of the plans of which nothing is recorded."""
     plans = read_deliveries(suite)
-    runs: list[tuple[Delivery, measure.Run]] = []
+    runs: list[tuple[Delivery, Run]] = []
     for one, files in plans:
-        runs.append((one, measure.run_robust("check", files, [], limit=limit)))
+        runs.append((one, run_robust("check", files, [], limit=limit)))
         _progress(len(runs), len(plans), f"{one.instance}: {runs[-1][1].text}")
-    columns: Columns[tuple[Delivery, measure.Run]] = {
+    columns: Columns[tuple[Delivery, Run]] = {
         "plan": lambda one: one[0].instance,
         "parameters": lambda one: one[0].parameters,
         "verdict": lambda one: one[1].text,

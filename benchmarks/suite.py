@@ -21,7 +21,8 @@ from robust.errors import InputError, Location
 from robust.numbers import parse_end
 from robust.plan.pddl.forms import read_text
 from robust.qe.box import Box, Interval
-from robust.sweeps.measure import Files
+
+from .engine.measure import Files
 
 FILE_NAME = "recorded-results.json"
 DELIVERIES = Path("robot-delivery", "instances.json")

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import robust
 from robust.plan.pddl.forms import read_text
-from robust.sweeps.measure import Files, write_files
+
+from ..engine.measure import Files, write_files
 
 GENERATING_SET = Path(robust.__file__).parent / "examples" / "generator" / "domain.pddl"
 

@@ -6,9 +6,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robust.sweeps.measure import FAILURES, Files, Run, run_robust
-
 from ..engine.experiment import Report, Results
+from ..engine.measure import FAILURES, Files, Run, run_robust
 from ..engine.show import NOTHING, Columns, Table, family, middle, number
 
 BACKENDS = ("project", "z3", "cvc5", "fourier-motzkin", "loos-weispfenning")

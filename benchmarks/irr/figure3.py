@@ -20,10 +20,11 @@ from typing import Any, ClassVar
 from robust.codec import plain
 from robust.qe.box import Box
 from robust.qe.region import Region
-from robust.sweeps.measure import COST, Run, box_of, ends_of
+from robust.sweeps.measure import box_of, ends_of
 
 from ..catalogue import Figure3Options
 from ..engine.experiment import Report, Results, Task
+from ..engine.measure import COST, Run
 from ..engine.show import NOTHING, OTHER, SHORTEST, STYLES, Columns, Panel, Series, Table
 from ..suite import RecordedInstance
 from . import contenders

@@ -32,10 +32,11 @@ from robust.plan.stn import write_stn
 from robust.plan.timed import parse_timed_plan
 from robust.qe.box import Box, Side
 from robust.smt.limits import Deadline, OutOfTimeError
-from robust.sweeps.measure import COST, Ending, Files, Run, box_of, write_files
+from robust.sweeps.measure import box_of
 
 from ..catalogue import Figure4Options
 from ..engine.experiment import Experiment, Results, Task
+from ..engine.measure import COST, Ending, Files, Run, write_files
 from ..engine.show import NOTHING, OTHER, STYLES, Columns, Panel, Series, Table, family, number
 from ..generators.delivery import scaling_instance
 from ..suite import read_deliveries

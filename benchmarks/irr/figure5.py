@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from robust.show.drawing import BLACK, VERMILION
-from robust.sweeps.measure import FAILURES, Run
 
 from ..catalogue import Figure5Options
 from ..engine.experiment import Report, Task
+from ..engine.measure import FAILURES, Run
 from ..engine.show import WINE, Columns, Panel, Series, Table
 from ..suite import RecordedInstance
 from .contenders import IRR, Contender

@@ -18,11 +18,11 @@ from typing import Any, ClassVar
 
 from robust.codec import plain
 from robust.show.drawing import BLUE, VERMILION
-from robust.sweeps.measure import COST, FAILURES, Ending, Files, Run
 from robust.sweeps.sweep import restored
 
 from ..catalogue import BackendsOptions, EncodingsOptions, ScalingOptions, WideningOptions
 from ..engine.experiment import Experiment, Task
+from ..engine.measure import COST, FAILURES, Ending, Files, Run
 from ..engine.show import NOTHING, OTHER, STYLES, Columns, Panel, Series, Table, family, number
 from ..generators.sizes import write_instance, write_unordered
 from .contenders import OURS, REGIONS, Contender, ContendersReport, run_cell

@@ -13,10 +13,11 @@ from functools import cached_property, partial
 from typing import Any, ClassVar
 
 from robust.codec import plain
-from robust.sweeps.measure import Ending, Run, ends_of
+from robust.sweeps.measure import ends_of
 
 from ..catalogue import RecordedOptions
 from ..engine.experiment import Experiment, Report, Task
+from ..engine.measure import Ending, Run
 from ..engine.show import NOTHING, SHORTEST, STYLES, Columns, Panel, Series, Table, cell, number
 from ..suite import RecordedInstance, RecordedRun, read_suite
 from .contenders import IRR, Curve

@@ -25,7 +25,7 @@ from robust.pike_bridge.random_plans import DEFAULT, FEASIBLE, random_plan
 from robust.pike_bridge.scenarios import candidate_subplans
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.show.drawing import BLACK, BLUE
-from robust.sweeps import measure
+from robust.sweeps.measure import COMMAND, complaint, measured
 
 from ..catalogue import Figure20aOptions, Figure21Options
 from ..engine.experiment import Experiment, Report, Task
@@ -112,7 +112,7 @@ def run_contender(seed: int, index: int, contender: str, limit: float, feasible:
     with TemporaryDirectory(prefix="robust-bench-") as directory:
         drawn(seed, index, feasible).write(Path(directory))
         words = ("pike", command, f"{directory}/plan.tpnu.json", *options, "--json", "--timeout", str(limit))
-        found = measure.measured((*measure.COMMAND, *words), limit=limit + GRACE)
+        found = measured((*COMMAND, *words), limit=limit + GRACE)
     answer = json.loads(found.stdout) if found.stdout and not found.timed_out else {}
     satisfiable = answer.get("satisfiable")
     if command == "check":
@@ -126,7 +126,7 @@ def run_contender(seed: int, index: int, contender: str, limit: float, feasible:
         memory_mb=round(found.memory_mb, 1),
         satisfiable=satisfiable,
         stages=answer.get("seconds", {}),
-        message=None if late or satisfiable is not None else measure.complaint(found),
+        message=None if late or satisfiable is not None else complaint(found),
         **counts,
     )
 

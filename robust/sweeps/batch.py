@@ -21,9 +21,9 @@ from robust.errors import InputError, RobustError
 from robust.plan.pddl.forms import read_text
 from robust.presented import Presented
 from robust.processes import Ended, Processes
-from robust.qe.box import Box
+from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline
-from robust.sweeps.measure import COMMAND, Ends, box_of, complaint, ends_of, interval_of, measured
+from robust.sweeps.measure import COMMAND, Ends, box_of, complaint, ends_of, measured
 from robust.sweeps.pool import Task
 from robust.sweeps.suites import Instance, Suite, read_suite
 from robust.sweeps.sweep import Progress, Sweep, run_sweep
@@ -402,7 +402,7 @@ def _check(answer: Json, code: int, cost: Json) -> PlanRun:
 
 
 def _envelope(answer: Json, code: int, cost: Json) -> PlanRun:
-    box = {name: ends_of(interval_of(ends)) for name, ends in answer["parameters"].items()}
+    box = {name: ends_of(Interval.from_dict(ends)) for name, ends in answer["parameters"].items()}
     return PlanRun(
         answer["status"],
         code,

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.engine.measure import Ending
 from benchmarks.generators.sizes import envelope_sum, time_points, unordered_instance, write_instance, write_unordered
 from benchmarks.irr.contenders import IRR, OPTIMAL, RECORDED_BOX, REGIONS, WIDEN
 from benchmarks.irr.figure3 import CONTENDERS
@@ -33,7 +34,6 @@ from robust.qe.box import Box, Interval
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
-from robust.sweeps.measure import Ending
 from tests.benchmarks.conftest import example, navigation, rendered, run
 
 

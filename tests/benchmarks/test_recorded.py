@@ -24,6 +24,7 @@ from benchmarks.certificates import (
     measure,
     measure_choices,
 )
+from benchmarks.engine.measure import Ending
 from benchmarks.suite import RecordedInstance, RecordedRun, read_suite
 from robust.api import envelope
 from robust.encode.encoding import RelationalEncoding
@@ -34,7 +35,6 @@ from robust.plan.load import load_plan
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Interval, Side
 from robust.smt.limits import Deadline
-from robust.sweeps.measure import Ending
 from tests.benchmarks.conftest import example, navigation, rendered, run
 from tests.certify import tools
 

@@ -12,13 +12,13 @@ import pytest
 
 from benchmarks import results
 from benchmarks.certificates import CERTIFICATES, CertificateReport, Measured
+from benchmarks.engine.measure import Ending, Run
 from benchmarks.irr.contenders import IRR, WIDEN
 from benchmarks.irr.conversions import CONVERSIONS, ConversionReport, ConversionRow, Count, Kind, Removal, Source
 from benchmarks.irr.figure4 import FIGURE4, Assessment, Figure4Report, Figure4Row, Origin
 from benchmarks.irr.tables import DREEX, TABLE1, TABLE2, Table1Report, Table2Report
 from benchmarks.pike.figure17_18 import KIntentsRun
 from benchmarks.results import MARK, joined, main, part_of
-from robust.sweeps.measure import Ending, Run
 from tests.benchmarks.conftest import example, navigation
 from tests.benchmarks.test_execution import row
 from tests.benchmarks.test_pike import execution, made
