@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from robust.cli.guard import Run
-    from robust.irr.quantities import Change
-    from robust.irr.repair import Cost, Repair, RepairSearch
+    from robust.irr.quantities import Change, Cost
+    from robust.irr.repair import Repair, RepairSearch
 
 CODES = {"unneeded": 0, "optimal": 0, "feasible": 3, "impossible": 1, "unknown": 3}
 """Exit codes of how searches end."""

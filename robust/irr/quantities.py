@@ -243,3 +243,32 @@ def _bounded(constraint: TemporalConstraint, side: Side, value: Fraction) -> str
     if value < 0:
         return f"{'at least' if upper else 'at most'} {readable(-value)} before {constraint.source}"
     return f"{'at most' if upper else 'at least'} {readable(value)} after {constraint.source}"
+
+
+# -- what comes of a repair --------------------------------------------------------------------------------------------
+
+
+class RepairStatus(Enum):
+    """How a search for a repair ended."""
+
+    UNNEEDED = "unneeded"
+    """It is right as it is."""
+    OPTIMAL = "optimal"
+    FEASIBLE = "feasible"
+    """A repair, but perhaps not the cheapest."""
+    IMPOSSIBLE = "impossible"
+    """Whatever is changed of what may be changed, it is not right."""
+    UNKNOWN = "unknown"
+
+    @property
+    def is_open(self) -> bool:
+        """Whether something ended the search before it was done."""
+        return self in {RepairStatus.FEASIBLE, RepairStatus.UNKNOWN}
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Cost:
+    """Fewer changes that count come first, then a smaller sum of amounts times weights."""
+
+    count: int = 0
+    total: Fraction = Fraction(0)

@@ -18,15 +18,25 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from fractions import Fraction
 
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON, Facet
 from robust.errors import SolverError
+from robust.irr.cheapest import Candidate, CheapestChanges, cost_name
 from robust.irr.check import Answer, Checker, CheckResult
 from robust.irr.containment import EFFORTS, within
-from robust.irr.quantities import Change, Kind, Quantity, Unchanged, bound_name, change_of, changed, lifted, quantities
+from robust.irr.quantities import (
+    Change,
+    Cost,
+    Kind,
+    RepairStatus,
+    Unchanged,
+    change_of,
+    changed,
+    lifted,
+    quantities,
+)
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParameterReference, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
@@ -37,37 +47,11 @@ from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import CROWDED, satisfiable
 from robust.qe.nnf import Model
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.simplex import Supremum, feasible_point, maximize
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula, Terms
 
 _NOTHING = Fraction(0)
-_CLOSE = Fraction(1, 1_000_000)
-"""How much more than the infimum is paid, as a share, where the infimum is only approached."""
-_FAR = Fraction(1_000_000)
-"""Where an infinite bound is looked for that became finite, as a multiple of the greatest number of the plan."""
-
-
-class RepairStatus(Enum):
-    """How a search for a repair ended."""
-
-    UNNEEDED = "unneeded"
-    """The plan is proved as it is."""
-    OPTIMAL = "optimal"
-    FEASIBLE = "feasible"
-    """A repair, but perhaps not the cheapest."""
-    IMPOSSIBLE = "impossible"
-    """Whatever is changed of what may be changed, the plan is not proved."""
-    UNKNOWN = "unknown"
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Cost:
-    """Fewer changes that count come first, then a smaller sum of amounts times weights."""
-
-    count: int = 0
-    total: Fraction = _NOTHING
 
 
 @dataclass(frozen=True)
@@ -102,7 +86,7 @@ class Repair(Presented):
     @property
     def cut_short(self) -> bool:
         """Whether something ended the search before it was done."""
-        return self.status in {RepairStatus.FEASIBLE, RepairStatus.UNKNOWN}
+        return self.status.is_open
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,35 +95,6 @@ class _Clause:
 
     choices: tuple[LinearConstraint, ...]
     reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class _Candidate:
-    """The cheapest changes under some inequalities; `values` has what changes only, `cost` is the infimum."""
-
-    chosen: tuple[LinearConstraint, ...]
-    values: Mapping[str, Fraction]
-    cost: Cost
-    attained: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class _Programme:
-    """The linear programme of the cheapest changes under some inequalities, of quantities that are `used`, of which
-    `new` ones were infinite; `best` is its solution."""
-
-    chosen: tuple[LinearConstraint, ...]
-    used: Sequence[str]
-    new: Sequence[str]
-    names: Sequence[str]
-    constraints: Sequence[LinearConstraint]
-    objective: Mapping[str, Fraction]
-    best: Supremum
-
-    @property
-    def cost(self) -> Cost:
-        """What they cost if the number of finite bounds that change does not count."""
-        return Cost(len(self.new), -(self.best.value or _NOTHING))
 
 
 _CHANGES = {frozenset({Kind.BOUND}): "bounds", frozenset({Kind.NOMINAL}): "nominal", frozenset(Kind): "both"}
@@ -185,14 +140,12 @@ class RepairSearch:
         self._started = time.perf_counter()
         gap = None if reorder else epsilon
         self._quantities = {one.name: one for one in quantities(plan, kinds, self._required, gap)}
-        numbers = [abs(one.old) for one in self._quantities.values() if one.old is not None]
-        greatest = max([Fraction(1), *numbers, *(abs(p.nominal) for p in plan.parameters)])
-        self._reach = _FAR * greatest
-        self._infinity = greatest * (1 + len(plan.constraints))
+        self._cheapest = CheapestChanges(plan, self._quantities, counts=count)
+        self._infinity = self._cheapest.greatest * (1 + len(plan.constraints))
         self._clauses: list[_Clause] = []
         self._examined = 0
         self._lowest = Cost()
-        self._best: _Candidate | None = None
+        self._best: Candidate | None = None
         self._proof: CheckResult | None = None
         self._terms = Terms()
         self._session = Session(self._terms, solver=solver)
@@ -272,7 +225,7 @@ class RepairSearch:
                 return tuple(kept)
         return ()
 
-    def _cheapest_known(self) -> _Candidate | None:
+    def _cheapest_known(self) -> Candidate | None:
         """The cheapest changes that no known clause forbids; None if they are no cheaper than the best repair."""
         for clause in self._clauses[self._asserted :]:
             self._session.add(self._asserted_clause(self._session, clause, self._declared))
@@ -286,36 +239,36 @@ class RepairSearch:
                 known = self._session.values(self._terms.real(ParameterReference(n)) for n in self._symbols())
             least = found = self._improved({name: Fraction(value) for name, value in known.items()})
 
-    def _improved(self, model: Mapping[str, Fraction]) -> _Candidate:
+    def _improved(self, model: Mapping[str, Fraction]) -> Candidate:
         """The best of the choices that a model makes."""
         free = {name for name in self._declared if not self._has_flag(name) or model.get(_flag(name))}
         values = {name: model[name] for name in free if name in model}
-        chosen = (next(one for one in clause.choices if self._holds(one, values)) for clause in self._clauses)
-        found = self._cheapest(tuple(chosen), free)
+        chosen = (next(one for one in clause.choices if self._cheapest.holds(one, values)) for clause in self._clauses)
+        found = self._cheapest.candidate(tuple(chosen), free)
         if found is None:
             raise ValueError("a model satisfies the inequalities that were chosen by it")
         return found
 
-    def _dive(self, candidate: _Candidate) -> None:
+    def _dive(self, candidate: Candidate) -> None:
         """Satisfy one clause after the other by its cheapest inequality; the end is a repair, if there is one."""
         while (clause := self._clause_at(candidate)) is not None:
             steps = []
             for choice in clause.choices:
                 self._deadline.enforce()
                 chosen = (*candidate.chosen, choice)
-                needed = {n for one in chosen for n in one.parameters if not self._holds(one, {}, (n,))}
+                needed = {n for one in chosen for n in one.parameters if not self._cheapest.holds(one, {}, (n,))}
                 free = {n for n, one in self._quantities.items() if one.old is not None} | needed
-                if (found := self._programme(chosen, free)) is not None:
+                if (found := self._cheapest.programme(chosen, free)) is not None:
                     steps.append(found)
             if self._counts:
-                candidate = min(map(self._solution, steps), key=lambda one: one.cost, default=candidate)
+                candidate = min(map(self._cheapest.solution, steps), key=lambda one: one.cost, default=candidate)
             elif steps:
-                candidate = self._solution(min(steps, key=lambda one: one.cost))
+                candidate = self._cheapest.solution(min(steps, key=lambda one: one.cost))
             if not steps or (self._best is not None and candidate.cost >= self._best.cost):
                 return
         self._accept(candidate)
 
-    def _accept(self, candidate: _Candidate) -> None:
+    def _accept(self, candidate: Candidate) -> None:
         """Check the repaired plan by itself; it is the best one by now."""
         plan = self._changed(candidate)
         box = Box.nominal(plan.parameters)
@@ -332,11 +285,11 @@ class RepairSearch:
         if self._on_repair is not None:
             self._on_repair(candidate.cost)
 
-    def _clause_at(self, candidate: _Candidate) -> _Clause | None:
+    def _clause_at(self, candidate: Candidate) -> _Clause | None:
         """A clause that the changes do not satisfy; None if nothing bad is left by them."""
         self._deadline.enforce()
         for known in self._clauses:
-            if not any(self._holds(choice, candidate.values) for choice in known.choices):
+            if not any(self._cheapest.holds(choice, candidate.values) for choice in known.choices):
                 return known
         self._examined += 1
         while True:
@@ -346,14 +299,14 @@ class RepairSearch:
             clause = self._clause(piece)
             if clause not in self._clauses:
                 self._clauses.append(clause)
-            if not any(self._holds(choice, candidate.values) for choice in clause.choices):
+            if not any(self._cheapest.holds(choice, candidate.values) for choice in clause.choices):
                 return clause
             if all(one.old is not None for one in self._quantities.values()):
                 raise ValueError(f"{piece} meets what its clause excludes")
             # Only a bound that stands for an infinite one can have run into it.
             self._infinity *= 2
 
-    def _box_at(self, candidate: _Candidate) -> Box:
+    def _box_at(self, candidate: Candidate) -> Box:
         """Where the plan with parameters for what may be changed has to be valid."""
         box = Box.nominal(self._bad.encoding.plan.parameters)
         for name, interval in self._required.items():
@@ -390,141 +343,6 @@ class RepairSearch:
         with self._network.frame(choice.to_formula(terms)):
             return satisfiable(self._network, "some schedule under an inequality between changes", self._deadline)
 
-    def _holds(
-        self, choice: LinearConstraint, values: Mapping[str, Fraction], names: Iterable[str] | None = None
-    ) -> bool:
-        """Whether an inequality holds, where bounds that are not in `values` are what they were, perhaps infinite.
-
-        With `names`, whether it holds because of these being infinite, or does not depend on it.
-        """
-        endless = [
-            factor * self._quantities[name].side.sign
-            for name, factor in choice.coefficients
-            if name not in values and self._quantities[name].old is None and (names is None or name in names)
-        ]
-        if endless:
-            return all(sign < 0 for sign in endless)
-        return names is not None or choice.evaluate(Unchanged(self._quantities, values))
-
-    # -- the cheapest changes, by linear programming -------------------------------------------------------------------
-
-    def _cheapest(self, chosen: tuple[LinearConstraint, ...], free: Collection[str]) -> _Candidate | None:
-        """The cheapest changes of `free` quantities that satisfy inequalities; None if none do."""
-        programme = self._programme(chosen, free)
-        return None if programme is None else self._solution(programme)
-
-    def _programme(self, chosen: tuple[LinearConstraint, ...], free: Collection[str]) -> _Programme | None:
-        """What the cheapest changes of `free` quantities that satisfy inequalities cost; None if none do."""
-        constraints = []
-        for choice in chosen:
-            endless = [n for n in choice.parameters if n not in free and self._quantities[n].old is None]
-            if not endless:
-                old = {n: self._quantities[n].old or _NOTHING for n in choice.parameters if n not in free}
-                constraints.append(choice.substitute(old))
-            elif not self._holds(choice, {}, endless):
-                return None
-        mentioned = {name for one in constraints for name in one.parameters}
-        # The other bound of a constraint may have to make room, unless it is infinite.
-        partners = {other for name in mentioned if (other := self._partner(name)) is not None and other in free}
-        used = sorted(mentioned | {name for name in partners if self._quantities[name].old is not None})
-        constraints += self._always(used)
-        if any(one.is_false for one in constraints):
-            return None
-        finite = [name for name in used if self._quantities[name].old is not None]
-        constraints += [limit for name in finite for limit in self._price(name)]
-        names = [*used, *map(_cost, finite)]
-        objective = {_cost(name): Fraction(-1) for name in finite}
-        best = maximize(names, constraints, objective)
-        if best is None or best.value is None:
-            return None
-        return _Programme(
-            chosen, used, [name for name in used if name not in finite], names, constraints, objective, best
-        )
-
-    def _solution(self, solved: _Programme) -> _Candidate:
-        """Changes that cost that, or little more."""
-        best = solved.best
-        point = self._point(solved)
-        values = {name: point[name] for name in solved.used if point[name] != self._quantities[name].old}
-        if not best.attained:
-            values = self._without_idle(values, solved.constraints, point)
-        count = len(values) if self._counts else solved.cost.count
-        return _Candidate(solved.chosen, values, Cost(count, solved.cost.total), best.attained)
-
-    def _point(self, solved: _Programme) -> Mapping[str, Fraction]:
-        """A point that costs as little, or little more; bounds that were infinite are as far out as they can be."""
-        names, kept, point = solved.names, solved.constraints, solved.best.point
-        outwards = {name: Fraction(self._quantities[name].side.sign) for name in solved.new}
-        for goal, best in ((solved.objective, solved.best), (outwards, None)):
-            found = best or (maximize(names, kept, goal) if goal else None)
-            if found is not None and found.value is not None:
-                slack = _NOTHING if found.attained else max(abs(found.value), Fraction(1)) * _CLOSE
-                kept = [*kept, LinearConstraint.of(goal, ">=", found.value - slack)]
-                point = found.point
-        # An optimum is on the boundary, which strict inequalities exclude.
-        return point if all(one.evaluate(point) for one in kept) else feasible_point(names, kept) or point
-
-    def _without_idle(
-        self, values: Mapping[str, Fraction], constraints: Sequence[LinearConstraint], point: Mapping[str, Fraction]
-    ) -> dict[str, Fraction]:
-        """Changes without those that only use up what is paid above the infimum, one by one or both of a constraint."""
-        kept = dict(values)
-        for name in values:
-            pair = {name, self._partner(name) or name}
-            for idle in ({name}, pair):
-                still = {other: value for other, value in kept.items() if other not in idle}
-                olds = {other: self._quantities[other].old for other in idle & point.keys()}
-                at = {**point, **{other: old for other, old in olds.items() if old is not None}}
-                if None not in olds.values() and all(one.evaluate({**at, **still}) for one in constraints):
-                    kept, point = still, at
-                    break
-        return kept
-
-    def _partner(self, name: str) -> str | None:
-        """The other bound of the same constraint, if it may be changed."""
-        one = self._quantities[name]
-        other = bound_name(one.constraint, Side.LOWER if one.side is Side.UPPER else Side.UPPER)
-        return other if one.kind is Kind.BOUND and other in self._quantities else None
-
-    def _always(self, names: Collection[str]) -> Iterator[LinearConstraint]:
-        """Bounds and nominal values within their limits, lower bounds not above upper ones; the others do not move."""
-        for name in names:
-            yield from self._limits(self._quantities[name])
-        yield from dict.fromkeys(order for name in names for order in self._in_order(name, names))
-
-    def _limits(self, one: Quantity) -> Iterator[LinearConstraint]:
-        far = self._reach if one.old is None else None
-        lower = one.lower if one.lower is not None or far is None else -far
-        upper = one.upper if one.upper is not None or far is None else far
-        if lower is not None:
-            yield LinearConstraint.of({one.name: 1}, ">=", lower)
-        if upper is not None:
-            yield LinearConstraint.of({one.name: 1}, "<=", upper)
-
-    def _in_order(self, name: str, moving: Collection[str]) -> Iterator[LinearConstraint]:
-        """The lower bound is not above the upper one, if it is about a bound and both are numbers."""
-        if self._quantities[name].kind is Kind.NOMINAL:
-            return
-        constraint = self._quantities[name].constraint
-        written = self._plan.constraints[constraint]
-        form: dict[str, int] = {}
-        least = _NOTHING
-        for side, bound in ((Side.LOWER, written.lower), (Side.UPPER, written.upper)):
-            if (one := bound_name(constraint, side)) in moving:
-                form[one] = side.sign
-            elif bound is None or not bound.is_constant:
-                return
-            else:
-                least -= side.sign * bound.constant_term
-        yield LinearConstraint.of(form, ">=", least)
-
-    def _price(self, name: str) -> Iterator[LinearConstraint]:
-        """A change costs its amount times its weight, whichever way it goes."""
-        one = self._quantities[name]
-        old = one.old or _NOTHING
-        for sign in (1, -1):
-            yield LinearConstraint.of({_cost(name): 1, name: -sign * one.weight}, ">=", -sign * one.weight * old)
-
     # -- what the solver knows -----------------------------------------------------------------------------------------
 
     def _has_flag(self, name: str) -> bool:
@@ -541,12 +359,12 @@ class RepairSearch:
         """The clause as a formula; what it mentions for the first time is declared."""
         terms = self._terms
         mentioned = {name for choice in clause.choices for name in choice.parameters}
-        partners = {other for name in mentioned if (other := self._partner(name)) is not None}
+        partners = {other for name in mentioned if (other := self._cheapest.partner(name)) is not None}
         new = sorted((mentioned | partners) - declared)
         declared.update(new)
         for name in new:
             session.add(*self._domain(name))
-            session.add(*(self._formula(order) for order in self._in_order(name, new)))
+            session.add(*(self._formula(order) for order in self._cheapest.in_order(name, new)))
         return terms.disjunction(map(self._formula, clause.choices))
 
     def _formula(self, choice: LinearConstraint) -> Formula:
@@ -563,12 +381,12 @@ class RepairSearch:
     def _domain(self, name: str) -> Iterator[Formula]:
         """What holds of a quantity in every model: its limits, its price, and a flag that is 1 if it changes."""
         terms, one = self._terms, self._quantities[name]
-        yield from (limit.to_formula(terms) for limit in self._limits(one))
+        yield from (limit.to_formula(terms) for limit in self._cheapest.limits(one))
         flag = _variable(_flag(name))
         if self._has_flag(name):
             yield terms.disjunction((terms.equal(flag), terms.equal(flag - 1)))
         if one.old is not None:
-            yield from (limit.to_formula(terms) for limit in self._price(name))
+            yield from (limit.to_formula(terms) for limit in self._cheapest.price(name))
             if self._has_flag(name):
                 yield terms.disjunction((terms.equal(_variable(name) - one.old), terms.equal(flag - 1)))
 
@@ -576,7 +394,7 @@ class RepairSearch:
         """That changes cost less."""
         terms = self._terms
         flags = [_variable(_flag(name)) for name in self._declared if self._has_flag(name)]
-        costs = [_variable(_cost(name)) for name in self._declared if self._quantities[name].old is not None]
+        costs = [_variable(cost_name(name)) for name in self._declared if self._quantities[name].old is not None]
         spare = Polynomial.constant(Fraction(cost.count)) - sum(flags, Polynomial[ParameterReference]({}))
         less = Polynomial.constant(cost.total) - sum(costs, Polynomial[ParameterReference]({}))
         return terms.disjunction((terms.greater(spare), terms.conjunction((terms.equal(spare), terms.greater(less)))))
@@ -596,7 +414,7 @@ class RepairSearch:
 
     # -- results -------------------------------------------------------------------------------------------------------
 
-    def _changed(self, candidate: _Candidate) -> ParametrizedPlan:
+    def _changed(self, candidate: Candidate) -> ParametrizedPlan:
         return changed(self._plan, list(self._quantities.values()), candidate.values)
 
     def _unfinished(self, *, interrupted: bool = False, reason: str | None = None) -> Repair:
@@ -633,11 +451,11 @@ class RepairSearch:
             solver=self._solver,
         )
 
-    def _paid(self, found: _Candidate) -> Cost:
+    def _paid(self, found: Candidate) -> Cost:
         """What the changes cost: a little more than the infimum where that is only approached."""
         return Cost(found.cost.count, sum((one.cost or _NOTHING for one in self._changes(found)), _NOTHING))
 
-    def _changes(self, found: _Candidate) -> Iterator[Change]:
+    def _changes(self, found: Candidate) -> Iterator[Change]:
         for name, one in self._quantities.items():
             if name in found.values:
                 yield change_of(self._plan, one, found.values[name], self._served(name, found.values))
@@ -645,12 +463,12 @@ class RepairSearch:
     def _served(self, name: str, values: Mapping[str, Fraction]) -> tuple[str, ...]:
         """What breaks if a change is undone, together with that of the bound which would be on the wrong side of it."""
         undone = {other: value for other, value in values.items() if other != name}
-        other = self._partner(name)
+        other = self._cheapest.partner(name)
         if self._quantities[name].old is not None and other in undone:
             now = Unchanged(self._quantities, undone)
-            if not all(order.evaluate(now) for order in self._in_order(name, {name, other})):
+            if not all(order.evaluate(now) for order in self._cheapest.in_order(name, {name, other})):
                 del undone[other]
-        broken = (c.reason for c in self._clauses if not any(self._holds(each, undone) for each in c.choices))
+        broken = (c.reason for c in self._clauses if not any(self._cheapest.holds(each, undone) for each in c.choices))
         return tuple(dict.fromkeys(broken))
 
 
@@ -684,10 +502,6 @@ def _ends(required: Mapping[str, Interval]) -> Iterator[dict[str, Fraction]]:
     for side in Side:
         ends = {name: one.end(side) if one.is_closed_at(side) else None for name, one in required.items()}
         yield {name: required[name].some_value() if end is None else end for name, end in ends.items()}
-
-
-def _cost(name: str) -> str:
-    return f"cost of {name}"
 
 
 def _flag(name: str) -> str:

@@ -11,7 +11,7 @@ from robust.backends import ELIMINATORS, OFFERED, SPLITTINGS
 from robust.errors import InputError, Location
 
 if TYPE_CHECKING:
-    from robust.irr.repair import Cost
+    from robust.irr.quantities import Cost
     from robust.irr.search import EnvelopeResult, Step
     from robust.probability.distributions import Distribution
     from robust.probability.measure import Bounds

@@ -18,7 +18,7 @@ from robust.qe.constraint import LinearConstraint, Sense
 
 
 class Side(Enum):
-    """A face of a box: the least or the greatest value of a parameter."""
+    """An end of an interval, a face of a box, a bound: the least or the greatest value."""
 
     LOWER = "lower"
     UPPER = "upper"

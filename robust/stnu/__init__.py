@@ -13,10 +13,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from robust.irr.quantities import RepairStatus
+    from robust.qe.box import Side
     from robust.stnu.files import load, write
     from robust.stnu.minimal import DispatchResult, Execution, dispatch
-    from robust.stnu.network import Edge, Link, Network, Side
-    from robust.stnu.repairs import Change, Repair, RepairStatus, repair
+    from robust.stnu.network import Edge, Link, Network
+    from robust.stnu.repairs import Change, Repair, repair
     from robust.stnu.verdicts import CheckResult, Verdict, check, refutes
 
 _HOME = {
@@ -28,8 +30,8 @@ _HOME = {
     "Link": "robust.stnu.network",
     "Network": "robust.stnu.network",
     "Repair": "robust.stnu.repairs",
-    "RepairStatus": "robust.stnu.repairs",
-    "Side": "robust.stnu.network",
+    "RepairStatus": "robust.irr.quantities",
+    "Side": "robust.qe.box",
     "Verdict": "robust.stnu.verdicts",
     "check": "robust.stnu.verdicts",
     "dispatch": "robust.stnu.minimal",

@@ -20,15 +20,9 @@ from robust.errors import InputError, Location
 from robust.execute import stnu
 from robust.numbers import format_number, plural, shorten
 from robust.plan.model import ZERO, TimePoint, TimePointKind
+from robust.qe.box import Side
 
 _NOTHING = Fraction(0)
-
-
-class Side(Enum):
-    """One of the two bounds of a link."""
-
-    LOWER = "lower"
-    UPPER = "upper"
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,17 +18,18 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from fractions import Fraction
 from math import inf
 
 from robust.encode.variables import variable
 from robust.errors import InputError, Location
 from robust.execute.stnu import NegativeCycle, Step, Way, dynamic, explain
+from robust.irr.quantities import RepairStatus
 from robust.numbers import Number, exact, format_number
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
 from robust.presented import Presented
+from robust.qe.box import Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import satisfiable
 from robust.qe.simplex import maximize
@@ -36,26 +37,13 @@ from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session
 from robust.smt.terms import Terms
 from robust.stnu.files import Source, deadline, network_of
-from robust.stnu.network import Link, Network, Role, Side
+from robust.stnu.network import Link, Network, Role
 
 _NOTHING = Fraction(0)
 Bound = tuple[int, Side]
 """A bound of a link, by its number."""
 Form = Mapping[Bound, int]
 """A length as a sum of multiples of bounds."""
-
-
-class RepairStatus(Enum):
-    """How a search for a repair ended."""
-
-    UNNEEDED = "unneeded"
-    """The network is controllable as it is."""
-    OPTIMAL = "optimal"
-    FEASIBLE = "feasible"
-    """A repair, but perhaps not the cheapest."""
-    IMPOSSIBLE = "impossible"
-    """Whatever is changed of what may be changed, the network is not controllable."""
-    UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +93,7 @@ class Repair(Presented):
 
     @property
     def cut_short(self) -> bool:
-        return self.status in {RepairStatus.FEASIBLE, RepairStatus.UNKNOWN}
+        return self.status.is_open
 
 
 def repair(
