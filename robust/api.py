@@ -154,12 +154,10 @@ def searching_check(plan: ParametrizedPlan, options: CheckOptions) -> Search[Che
     """What :func:`check` runs."""
     from robust.irr.check import Answer, Checker, CheckResult
     from robust.plan.load import require_nominal_values
-    from robust.qe.box import Box, Interval
+    from robust.qe.box import Box
 
     require_nominal_values(plan.parameters)
-    box = Box.nominal(plan.parameters)
-    for name, value in settings(options.at, [parameter.name for parameter in plan.parameters]).items():
-        box = box.replace(name, value if isinstance(value, Interval) else Interval(value, value))
+    box = Box.nominal(plan.parameters).changed(settings(options.at, [one.name for one in plan.parameters]))
 
     def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> Search[CheckResult]:
         return Checker(
@@ -433,13 +431,8 @@ def searching_repair(plan: ParametrizedPlan, options: RepairOptions) -> RepairSe
     from robust.irr.quantities import Kind
     from robust.irr.repair import RepairSearch
     from robust.plan.load import require_nominal_values
-    from robust.qe.box import Interval
 
-    known = [parameter.name for parameter in plan.parameters]
-    required = {
-        name: value if isinstance(value, Interval) else Interval(value, value)
-        for name, value in settings(options.require, known, "require").items()
-    }
+    required = settings(options.require, [one.name for one in plan.parameters], "require")
     require_nominal_values(parameter for parameter in plan.parameters if parameter.name not in required)
     return RepairSearch(
         plan,

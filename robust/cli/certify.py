@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping, Sequence
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -325,13 +324,9 @@ def demanded_box(texts: Sequence[str]) -> str | None:
             raise InputError(f"found {shorten(files[0])} and something else, expected {expected}", place_of("box"))
         read_bytes(Path(files[0]))
         return str(Path(files[0]).absolute())
-    ends = {
-        name: Interval(value, value) if isinstance(value, Fraction) else value
-        for name, value in settings(texts, None, "box").items()
-    }
     shown = {
         name: {"lower": exact_end(each.lower, upper=False), "upper": exact_end(each.upper, upper=True)}
-        for name, each in ends.items()
+        for name, each in settings(texts, None, "box").items()
     }
     return json.dumps({"parameters": shown}) if texts else None
 

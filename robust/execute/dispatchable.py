@@ -304,12 +304,11 @@ def _natural(link: boxes.ParametricLink, box: Box, executor: Executor) -> Natura
     length = link.lower or Polynomial({})
     if isinstance(executor, Blex) and length.is_constant:
         return NaturalLink(link.source, link.target, length, executor.interval(length.constant_term))
-    ends = boxes.ends_of(box)
-    lower, upper = boxes.finite_value(boxes.least(length), ends), boxes.finite_value(boxes.greatest(length), ends)
-    below = [box[name].lower_closed if factor > 0 else box[name].upper_closed for name, factor in length.coefficients()]
-    above = [box[name].upper_closed if factor > 0 else box[name].lower_closed for name, factor in length.coefficients()]
-    interval = Interval(lower, upper, lower is not None and all(below), upper is not None and all(above))
-    return NaturalLink(link.source, link.target, length, interval)
+    return NaturalLink(link.source, link.target, length, _values(length, box))
+
+
+def _values(length: boxes.Length, box: Box) -> Interval:
+    return box.values_of(length.coefficients(), length.constant_term)
 
 
 def _possible_edges(
@@ -317,12 +316,11 @@ def _possible_edges(
 ) -> Iterable[tuple[int, int, Fraction]]:
     """What holds for some values in the box: bounds are as weak as the box makes them."""
     index = {point: i for i, point in enumerate(network.points)}
-    ends = boxes.ends_of(box)
     for link in network.links:
         if link.is_contingent:
             continue
-        lower = None if link.lower is None else boxes.finite_value(boxes.least(link.lower), ends)
-        upper = None if link.upper is None else boxes.finite_value(boxes.greatest(link.upper), ends)
+        lower = None if link.lower is None else _values(link.lower, box).lower
+        upper = None if link.upper is None else _values(link.upper, box).upper
         yield from _edges(index[link.source], index[link.target], lower, upper)
     for natural in links:
         allowed = natural.allowed

@@ -127,28 +127,14 @@ def _overrun(
     for name in names:
         if others := sorted(uses[name] - {_duration(instance)}):
             return fixed(f"parameter {name} also stands for {' and '.join(others)}, and is proved only for all at once")
-    proved, closed = _greatest(moving[0], box)
+    longest = box.values_of(moving[0].coefficients(), moving[0].constant_term)
+    proved, closed = longest.upper, longest.upper_closed
     least = min(constants, default=None)
     if least is not None and (proved is None or least < proved):
         proved, closed = least, True
-    below = (_greatest(-limit, box)[0] for limit in found.least)
-    shortest = max((-least for least in below if least is not None), default=Fraction(0))
+    below = (box.values_of(limit.coefficients(), limit.constant_term).lower for limit in found.least)
+    shortest = max((least for least in below if least is not None), default=Fraction(0))
     return Overrun(instance, planned, proved, closed, None, names, shortest)
-
-
-def _greatest(limit: Limit, box: Box) -> tuple[Fraction | None, bool]:
-    """The supremum of a sum over a box, None if infinite, and whether it is reached."""
-    total, reached = limit.constant_term, True
-    for reference, coefficient in limit.coefficients():
-        interval = box[reference.name]
-        end, closed = (
-            (interval.upper, interval.upper_closed) if coefficient > 0 else (interval.lower, interval.lower_closed)
-        )
-        if end is None:
-            return None, False
-        total += coefficient * end
-        reached = reached and closed
-    return total, reached
 
 
 @dataclass(slots=True)

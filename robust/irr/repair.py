@@ -271,9 +271,7 @@ class RepairSearch:
     def _accept(self, candidate: Candidate) -> None:
         """Check the repaired plan by itself; it is the best one by now."""
         plan = self._changed(candidate)
-        box = Box.nominal(plan.parameters)
-        for name, interval in self._required.items():
-            box = box.replace(name, interval)
+        box = Box.nominal(plan.parameters).changed(self._required)
         encoding = RelationalEncoding(plan, self._epsilon)
         proof = Checker(encoding, box, solver=self._solver, deadline=self._deadline).run()
         if proof.answer is Answer.UNKNOWN:
@@ -308,17 +306,15 @@ class RepairSearch:
 
     def _box_at(self, candidate: Candidate) -> Box:
         """Where the plan with parameters for what may be changed has to be valid."""
-        box = Box.nominal(self._bad.encoding.plan.parameters)
-        for name, interval in self._required.items():
-            box = box.replace(name, interval)
+        moved = dict(self._required)
         for name, one in self._quantities.items():
             value = candidate.values.get(name, one.old)
             if value is not None:
-                box = box.replace(name, Interval(value, value))
+                moved[name] = Interval(value, value)
             else:
                 end = one.side.sign * self._infinity
-                box = box.replace(name, Interval(end, None) if one.side is Side.UPPER else Interval(None, end))
-        return box
+                moved[name] = Interval(end, None) if one.side is Side.UPPER else Interval(None, end)
+        return Box.nominal(self._bad.encoding.plan.parameters).changed(moved)
 
     def _clause(self, piece: Polyhedron) -> _Clause:
         """What a repair must break of a polyhedron: it is bad whatever the required parameters are in it."""

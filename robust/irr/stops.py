@@ -96,13 +96,8 @@ def _may_touch(piece: Polyhedron, box: Box, face: Face) -> bool:
 
 def _is_within_reach(half: LinearConstraint, box: Box) -> bool:
     """Whether the closed box has a point that satisfies `form ≤ constant`."""
-    total = Fraction(0)
-    for name, factor in half.coefficients:
-        end = box[name].end(Side.LOWER if factor > 0 else Side.UPPER)
-        if end is None:
-            return True
-        total += factor * end
-    return total <= half.constant
+    least = box.values_of(half.coefficients, 0).lower
+    return least is None or least <= half.constant
 
 
 # -- durations that plan and domain both fix ---------------------------------------------------------------------------

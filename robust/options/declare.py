@@ -334,8 +334,8 @@ Settings = Mapping[str, "Number | Interval | Range"] | str | Sequence[str]
 
 def settings(
     given: Settings | Box | EnvelopeResult, known: Sequence[str] | None, option: str = "at"
-) -> dict[str, Fraction | Interval]:
-    """Values and intervals of parameters, each at most once; a box is intervals, an envelope its box.
+) -> dict[str, Interval]:
+    """Values and intervals of parameters, each at most once, as intervals; an envelope is its box.
 
     Args:
         given: the values.
@@ -347,7 +347,7 @@ def settings(
     """
     from robust.qe.box import Box, Interval  # noqa: PLC0415 - options are read before anything else is imported
 
-    found: dict[str, Fraction | Interval] = {}
+    found: dict[str, Interval] = {}
     if not isinstance(given, Mapping | str | Sequence):
         if not getattr(given, "verified", True):
             raise InputError("found an envelope without a verified box, expected one with", place_of(option))
@@ -374,7 +374,8 @@ def settings(
             raise InputError(f"found a second value for {shorten(name)}, expected one", place)
         low, colon, high = (part.strip() for part in value.partition(":"))
         if not colon:
-            found[name] = parse_number(low, place)
+            number = parse_number(low, place)
+            found[name] = Interval(number, number)
             continue
         lower, upper = _end(low, place), _end(high, place)
         if low in {"inf", "+inf"} or high == "-inf" or (lower is not None and upper is not None and lower > upper):
@@ -383,7 +384,7 @@ def settings(
     return found
 
 
-def _setting_of(setting: Number | Interval | Range, place: Location) -> Fraction | Interval:
+def _setting_of(setting: Number | Interval | Range, place: Location) -> Interval:
     """A value or an interval, exactly."""
     from robust.qe.box import Interval  # noqa: PLC0415 - as above
 
@@ -392,7 +393,8 @@ def _setting_of(setting: Number | Interval | Range, place: Location) -> Fraction
         ends = (setting.lower, setting.upper)
         closed = (setting.lower_closed, setting.upper_closed)
     elif not isinstance(setting, tuple | list):
-        return exact(setting, place)
+        number = exact(setting, place)
+        return Interval(number, number)
     elif len(setting) != 2:
         raise InputError(f"found {len(setting)} numbers, expected a lower and an upper end", place)
     else:

@@ -133,7 +133,11 @@ class Box:
         return all(values[name] in interval for name, interval in self.intervals.items())
 
     def replace(self, name: str, interval: Interval) -> Box:
-        return Box({**self.intervals, name: interval})
+        return self.changed({name: interval})
+
+    def changed(self, intervals: Mapping[str, Interval]) -> Box:
+        """The box with these intervals for some parameters."""
+        return Box({**self.intervals, **intervals})
 
     def moved(self, face: Face, end: Fraction | None, *, closed: bool = True) -> Box:
         """The box with one face elsewhere."""
@@ -156,6 +160,18 @@ class Box:
         widths = [interval.width for interval in self.intervals.values()]
         finite = [width for width in widths if width is not None]
         return sum(finite, Fraction(0)) if len(finite) == len(widths) else None
+
+    def values_of(self, coefficients: Iterable[tuple[object, Fraction | int]], constant: Fraction | int) -> Interval:
+        """All values over the box of a linear form, of which these are the coefficients by parameter."""
+        ends: dict[Side, Fraction | None] = dict.fromkeys(Side, Fraction(constant))
+        closed = dict.fromkeys(Side, True)
+        for unknown, factor in coefficients:
+            interval = self.intervals[str(unknown)]
+            for side, other in zip(Side, Side if factor > 0 else reversed(Side), strict=True):
+                total, end = ends[side], interval.end(other)
+                ends[side] = None if total is None or end is None else total + factor * end
+                closed[side] = ends[side] is not None and closed[side] and interval.is_closed_at(other)
+        return Interval(ends[Side.LOWER], ends[Side.UPPER], closed[Side.LOWER], closed[Side.UPPER])
 
     @property
     def volume(self) -> Fraction | None:

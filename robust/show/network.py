@@ -66,7 +66,7 @@ def plot_network(
     links: Iterable[tuple[str, str, str]] = (),
     epsilon: Fraction = EPSILON,
 ) -> None:
-    """Draw a network, and causal links as dotted arcs.
+    """Draw a network, and causal links as dotted wires.
 
     Args:
         path: the file to write; its suffix names the format.
