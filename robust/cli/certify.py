@@ -199,7 +199,7 @@ def _parametrized(
     problem = read_problem(options.files[1], domain)
     stn = parse_stn(text, file)
     needed = options.kind != "region"
-    fluents = initial_fluents(domain, problem)
+    fluents = initial_fluents(problem)
     wiring = wire(stn, specs, fluents, domain_parameters(domain, stn), nominal_needed=needed)
     named = [ParameterSpec(Target.DURATION, one, name) for one, name in wiring.durations.items()]
     named += [ParameterSpec(Target.FLUENT, str(fluent), name) for fluent, name in wiring.fluents.items()]

@@ -312,14 +312,14 @@ class Run:
 
         self.answer(found.as_dict, lambda out: print_result(out, found, quiet=self._quiet))
 
-    def only(self, work: Callable[[], Found], on_stuck: Callable[[], bool] | None = None) -> Found:
+    def only(self, work: Callable[[], Found]) -> Found:
         """What the work returns.
 
         Raises:
             GivenUpError: if it was interrupted, or is out of time.
         """
         try:
-            with self.working(on_stuck):
+            with self.working():
                 return work()
         except KeyboardInterrupt:
             raise GivenUpError from None

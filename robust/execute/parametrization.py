@@ -246,7 +246,7 @@ def parametrization(
     rigid = replace(
         plan, constraints=tuple(STNConstraint(target, source, length, length) for target, source, length in lengths)
     )
-    wiring = wire(rigid, specs, initial_fluents(domain, problem), declared)
+    wiring = wire(rigid, specs, initial_fluents(problem), declared)
     known = {parameter.name: parameter for parameter in wiring.parameters}
     parametric = tuple(one for one in wiring.constraints if isinstance(one.lower, model.ParameterReference))
     for one in parametric:

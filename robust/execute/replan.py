@@ -341,20 +341,13 @@ class NoPlanError(RobustError):
     exit_code = 1
 
 
-def execute(
-    mission: Mission,
-    seed: int | str,
-    prepared: Prepared | None = None,
-    *,
-    on_segment: Callable[[Segment], None] | None = None,
-) -> Run:
+def execute(mission: Mission, seed: int | str, prepared: Prepared | None = None) -> Run:
     """One simulated run.
 
     Args:
         mission: what is to be executed.
         seed: of what nature draws: the same seed gives the same run.
         prepared: the first plan, ready for dispatch; the planner is asked if None.
-        on_segment: called when a plan has been carried out or given up.
 
     Returns:
         What happened. The run has succeeded only if the simulator, told all that was executed and drawn, finds the
@@ -365,15 +358,14 @@ def execute(
     Raises:
         InputError: for a rule about a duration that the dispatcher chooses.
     """
-    return _Running(mission, seed, on_segment or (lambda _: None)).run(prepared)
+    return _Running(mission, seed).run(prepared)
 
 
 class _Running:
-    def __init__(self, mission: Mission, seed: int | str, on_segment: Callable[[Segment], None]) -> None:
+    def __init__(self, mission: Mission, seed: int | str) -> None:
         self._mission = mission
         self._seed = seed
         self._luck = Luck(mission.rules, seed)
-        self._on_segment = on_segment
         self._begun = monotonic()
         self._segments: list[Segment] = []
         self._beginning: model.ParametrizedPlan | None = None
@@ -395,7 +387,6 @@ class _Running:
             if not self._mission.drain:
                 world.stop(last)
             self._segments.append(_segment(dispatcher, prepared, world, origin, last))
-            self._on_segment(self._segments[-1])
             if dispatcher.ending is None or not dispatcher.ended:
                 return self._finished(dispatcher)
             if self._achieved(world):

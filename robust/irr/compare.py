@@ -15,7 +15,7 @@ from robust.irr.check import Answer, Checker
 from robust.irr.containment import Containment
 from robust.irr.exact import ExactSearch
 from robust.irr.irr import IncrementalRobustification
-from robust.irr.search import EnvelopeResult, Status
+from robust.irr.search import DECIDED, EnvelopeResult, Status
 from robust.irr.widen import faces_of, least_stretch
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented
@@ -119,7 +119,7 @@ class Comparison(Presented):
     @property
     def cut_short(self) -> bool:
         """Whether something ended it before it was done."""
-        return self.status in {Status.TIMEOUT, Status.INTERRUPTED, Status.UNKNOWN}
+        return self.status not in DECIDED
 
 
 @dataclass(eq=False)

@@ -105,7 +105,7 @@ class EnvelopeResult(Presented):
     @property
     def cut_short(self) -> bool:
         """Whether something ended the search before it was done."""
-        return self.status in {Status.TIMEOUT, Status.INTERRUPTED, Status.UNKNOWN}
+        return self.status not in DECIDED
 
     def convergence(self) -> tuple[tuple[int, Fraction], ...]:
         """[IRR §5, Convergence]: after each check, Σ(u − l) as a share of the final one, between 0 and 1.

@@ -340,13 +340,11 @@ def _listed(found: set[tuple[Assignment, ...]]) -> str:
     return ", ".join([*shown, *(["…"] if len(found) > 3 else [])]) or "none"
 
 
-def differing(
-    plan: TeamPlan, subject: Subject, *, solver: str, seed: int, limit: float, samples: int = SAMPLES
-) -> bool:
+def differing(plan: TeamPlan, subject: Subject, *, solver: str, seed: int, limit: float) -> bool:
     """Whether the subject disagrees with the oracle about a plan; for shrinking, so within a limit of seconds."""
     deadline = Deadline.after(limit)
     try:
-        return not cross_check(plan, [subject], solver=solver, seed=seed, samples=samples, deadline=deadline).agree
+        return not cross_check(plan, [subject], solver=solver, seed=seed, deadline=deadline).agree
     except OutOfTimeError:
         return False
 

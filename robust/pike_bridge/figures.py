@@ -105,10 +105,6 @@ def figure_23(choices: int = 3) -> Instance:
     return _instance(f"figure-23-{choices}", sequence(*steps))
 
 
-SHIPPED: Final = ("kitchen", "wing")
-"""The stories of the paper, whose files are installed."""
-
-
 def shipped(name: str) -> Instance:
     """A story: the breakfast plan `kitchen` [PIKE §1.1], or the `wing` of an aeroplane [PIKE §6.1]."""
     return Instance.read(Path(robust.examples.__file__ or "").with_name(name) / f"{name}.tpnu.json")

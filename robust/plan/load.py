@@ -77,7 +77,7 @@ def assemble(
     if not (stn.instances or may_be_empty):
         raise InputError("empty plan: found no action instance, expected at least one", Location(stn.file))
     _check_references(stn)
-    fluents = initial_fluents(domain, problem)
+    fluents = initial_fluents(problem)
     declared = domain_parameters(domain, stn)
     wiring = wire(stn, specs, fluents, declared, nominal_needed=nominal_needed)
     varied = wiring.fluents.keys()  # must stay symbolic even where grounding would need a constant

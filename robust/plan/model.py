@@ -362,13 +362,14 @@ class TemporalConstraint:
 
     def __str__(self) -> str:
         """As plan files write it, with its line."""
-        lower = "-inf" if self.lower is None else _as_written(self.lower)
-        upper = "inf" if self.upper is None else _as_written(self.upper)
+        lower = "-inf" if self.lower is None else as_written(self.lower)
+        upper = "inf" if self.upper is None else as_written(self.upper)
         line = f" (line {self.location.line})" if self.location and self.location.line else ""
         return f"c: {self.target} - {self.source} in [{lower}, {upper}]{line}"
 
 
-def _as_written(bound: Bound) -> str:
+def as_written(bound: Bound) -> str:
+    """A bound as plan files have it: a number, or an expression over parameters."""
     return format_number(bound.constant_term) if bound.is_constant else str(bound)
 
 

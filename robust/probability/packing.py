@@ -193,7 +193,6 @@ class Points:
         distributions: of the parameters.
         good: boxes of good values.
         region: the envelope, if it is known.
-        seed: of the points.
     """
 
     def __init__(
@@ -203,14 +202,13 @@ class Points:
         *,
         good: Sequence[Box] = (),
         region: Region | None = None,
-        seed: int = 0,
     ) -> None:
         self._bad = bad
         self._distributions = {name: one.settled for name, one in distributions.items()}
         self._good = good
         self._region = region
         self._pieces: list[Polyhedron] = []
-        self._random = Random(seed)  # noqa: S311 - a simulation
+        self._random = Random(0)  # noqa: S311 - a simulation
         self.draws = self.successes = 0
 
     def run(self, draws: int, deadline: Deadline) -> None:

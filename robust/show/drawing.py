@@ -18,6 +18,7 @@ from robust.files import atomic_write
 from robust.options.declare import place_of
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -94,6 +95,15 @@ def without_frame(axes: Axes, sides: Iterable[str] = ("top", "right")) -> None:
     for side in sides:
         axes.spines[side].set_visible(False)
     axes.set_axisbelow(True)
+
+
+def entries(axes: Iterable[Axes]) -> dict[str, Artist]:
+    """What a legend of these axes says, by label: each once."""
+    found: dict[str, Artist] = {}
+    for one in axes:
+        for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    return found
 
 
 def cut(label: str, longest: int = 44) -> str:

@@ -15,7 +15,7 @@ from robust.plan.model import Parameter
 from robust.qe.box import Interval, Side
 from robust.show.console import show_table, table
 from robust.show.probabilities import greatest_text
-from robust.show.text import percentages, print_advice, print_counterexample
+from robust.show.text import percentages, print_advice, print_counterexample, stopped
 
 
 def print_envelope(out: Console, result: EnvelopeResult, *, quiet: bool) -> None:
@@ -50,7 +50,7 @@ def _print_box(out: Console, result: EnvelopeResult, quiet: bool) -> None:
             print_advice(out, result.advice)
         return
     if not result.verified:
-        word = _stopped(result)
+        word = stopped(result.status, result.reason)
         out.print(Text(f"{word}; the nominal values are not decided, no box is known", style="yellow"))
         return
     if result.parameters:
@@ -62,18 +62,10 @@ def _print_box(out: Console, result: EnvelopeResult, quiet: bool) -> None:
         print_advice(out, result.advice)
         out.print()
     if result.status is not Status.COMPLETE:
-        word = _stopped(result)
+        word = stopped(result.status, result.reason)
         out.print(Text(f"{word}: the best box so far; sound, not maximal", style="yellow"), soft_wrap=True)
     if not quiet:
         out.print(_summary(result), soft_wrap=True)
-
-
-_STOPPED = {Status.TIMEOUT: "out of time", Status.INTERRUPTED: "interrupted"}
-
-
-def _stopped(result: EnvelopeResult) -> str:
-    """Why the search did not come to its end."""
-    return _STOPPED.get(result.status) or f"{result.reason}"
 
 
 def envelope_table(result: EnvelopeResult) -> Table:

@@ -188,13 +188,10 @@ def _parameters(plan: ParametrizedPlan, result: EnvelopeResult) -> list[dict[str
     for one in overruns(plan, result.box):
         for name in one.parameters:
             actions.setdefault(name, []).append(f"{one.instance.identifier} {one.instance}")
-    return [
-        {
-            column: {"name": name, "action": "; ".join(actions.get(name, [])) or None, **facts}[column]
-            for column in COLUMNS
-        }
-        for name, facts in within.items()
-    ]
+    rows = (
+        {"name": name, "action": "; ".join(actions.get(name, [])) or None, **facts} for name, facts in within.items()
+    )
+    return [{column: row[column] for column in COLUMNS} for row in rows]
 
 
 def csv_rows(plan: ParametrizedPlan, result: EnvelopeResult) -> str:

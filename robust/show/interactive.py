@@ -54,15 +54,14 @@ def shown_region(result: Comparison) -> tuple[Region | None, str]:
     """The region that a page can decide with; else why there is none, as a sentence."""
     if result.region is None:
         why = _ENDED.get(result.status, "it was not computed")
-        return None, f"The exact envelope is not in this page: {why}. Only points in a box are decided."
-    if not result.region.is_exact:
+    elif not result.region.is_exact:
         why = _ENDED.get(result.status, "its computation ended early")
-        return None, f"The exact envelope is not in this page: {why}. Only points in a box are decided."
-    region = in_form(result.region.region, None)
-    if len(region.pieces) > MOST:
-        many = f"it takes {len(region.pieces)} polyhedra"
-        return None, f"The exact envelope is not in this page: {many}. Only points in a box are decided."
-    return region, ""
+    else:
+        region = in_form(result.region.region, None)
+        if len(region.pieces) <= MOST:
+            return region, ""
+        why = f"it takes {len(region.pieces)} polyhedra"
+    return None, f"The exact envelope is not in this page: {why}. Only points in a box are decided."
 
 
 # -- the document ------------------------------------------------------------------------------------------------------

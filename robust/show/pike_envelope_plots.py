@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from math import atan2
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,15 +14,17 @@ from robust.pike_bridge.envelopes.parameters import ParametricPlan, TeamParamete
 from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope
 from robust.pike_bridge.model import guard_text
 from robust.qe.box import Box
-from robust.qe.constraint import LinearConstraint
-from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
-from robust.show.drawing import DARK_GREY, HATCHES, LIGHT, NOMINAL, box_line, cut, hatch_outside, save, wrapped
+from robust.show.drawing import DARK_GREY, HATCHES, LIGHT, NOMINAL, box_line, cut, entries, hatch_outside, save, wrapped
 from robust.show.pike_envelopes import Cells, cells_of, promise
+from robust.show.region_plot import clip_to, corners_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+_NAMED = 4
+"""Combinations of choices that the legend names of an area."""
 
 
 def plotted(plan: ParametricPlan, axes: Sequence[str]) -> tuple[TeamParameter, TeamParameter]:
@@ -79,10 +80,10 @@ def region_layers(found: LabeledRegion, cells: Cells | None) -> Layers:
     ]
 
 
-def _few(labels: Sequence[str], most: int = 4) -> Sequence[str]:
+def _few(labels: Sequence[str]) -> Sequence[str]:
     """The labels, of many the first ones."""
-    shown = [cut(one, 80) for one in labels[:most]]
-    return shown if len(labels) <= most else [*shown, f"and {len(labels) - most} more"]
+    shown = [cut(one, 80) for one in labels[:_NAMED]]
+    return shown if len(labels) <= _NAMED else [*shown, f"and {len(labels) - _NAMED} more"]
 
 
 def plot_layers(
@@ -99,33 +100,21 @@ def plot_layers(
 def _figure(
     plan: ParametricPlan, shown: tuple[TeamParameter, TeamParameter], layers: Layers, box: Box | None
 ) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     lines = sum(label.count("\n") + 1 for label, _ in layers)
     figure = Figure(figsize=(8.4, 4.8 + 0.15 * lines), layout="constrained")
-    FigureCanvasAgg(figure)
     canvas = figure.add_subplot()
     figure.suptitle(_title(plan, shown, box), fontsize=10, x=0.01, ha="left")
-    frame = {one.name: _view(plan, one, layers, box) for one in shown}
-    view = Polyhedron(
-        tuple(frame),
-        tuple(
-            constraint
-            for name, (low, high) in frame.items()
-            for constraint in (
-                LinearConstraint.of({name: 1}, ">=", low),
-                LinearConstraint.of({name: 1}, "<=", high),
-            )
-        ),
-    )
+    frame = {one.name: _view(one, layers, box) for one in shown}
+    view = clip_to(tuple(frame), tuple(frame.values()))
     for number, (label, region) in enumerate(layers):
         look: dict[str, Any] = {
             "facecolor": LIGHT[number % len(LIGHT)], "edgecolor": DARK_GREY, "linewidth": 0.5,
             "hatch": HATCHES[number % len(HATCHES)],
         }  # fmt: skip
         for piece in region.pieces:
-            corners = _corners(piece.intersection(view))
+            corners = [(float(x), float(y)) for x, y in corners_of(piece.restricted(view))]
             if len(corners) > 2:
                 canvas.fill(*zip(*corners, strict=True), label=label, **look)
     hatch_outside(canvas, "no correct execution found")
@@ -166,13 +155,12 @@ def _finish(canvas: Axes, shown: Sequence[TeamParameter], frame: Mapping[str, tu
     canvas.set_ylabel(wrapped(f"{up.words}: {up.meaning}", 48))
     canvas.set_xlim(*map(float, frame[across.name]))
     canvas.set_ylim(*map(float, frame[up.name]))
-    handles, labels = canvas.get_legend_handles_labels()
-    once = dict(zip(labels, handles, strict=True))
+    once = entries([canvas])
     texts = [wrapped(label, 60) for label in once]
     canvas.figure.legend(once.values(), texts, loc="outside lower center", fontsize="small", frameon=False, ncols=2)
 
 
-def _view(plan: ParametricPlan, one: TeamParameter, layers: Layers, box: Box | None) -> tuple[Fraction, Fraction]:
+def _view(one: TeamParameter, layers: Layers, box: Box | None) -> tuple[Fraction, Fraction]:
     """The values that are shown: those at which something happens, and the nominal one, with a margin."""
     values = [one.parameter.nominal]
     for _, region in layers:
@@ -184,12 +172,3 @@ def _view(plan: ParametricPlan, one: TeamParameter, layers: Layers, box: Box | N
     margin = (high - low) / 5 or Fraction(1)
     lowest = low - margin if one.parameter.lower is None else max(one.parameter.lower, low - margin)
     return lowest, high + margin
-
-
-def _corners(piece: Polyhedron) -> list[tuple[float, float]]:
-    """The vertices in the order around their centre."""
-
-    across, up = piece.parameters
-    corners = [(float(one[across]), float(one[up])) for one in piece.vertices()]
-    x, y = (sum(values) / len(corners) for values in zip(*corners, strict=True)) if corners else (0.0, 0.0)
-    return sorted(corners, key=lambda corner: atan2(corner[1] - y, corner[0] - x))

@@ -281,7 +281,7 @@ def _within(found: TeamEnvelope, one: TeamParameter, telling: Telling) -> TeamWi
             return None
         constraint = None if stop.constraint is None else str(stop.constraint)
         told = list(telling.statements(stop.statements))
-        reason = telling.stop(stop, one)
+        reason = telling.stop(stop)
         return StoppedBy(choices=_choices(stop.choices), constraint=constraint, statements=told, reason=reason)
 
     return TeamWithin(
@@ -414,7 +414,7 @@ class Telling:
     def _event(self, name: str) -> str:
         return self._events.get(name, name)
 
-    def stop(self, stop: TeamStop, parameter: TeamParameter) -> str:
+    def stop(self, stop: TeamStop) -> str:
         """Why a side ends."""
         if stop.declared:
             return "declared bound"
@@ -496,7 +496,7 @@ def print_envelope(out: Console, found: TeamEnvelope, *, quiet: bool) -> None:
                 for side, word in ((Side.UPPER, "above"), (Side.LOWER, "below")):
                     stop = found.stops.get((one.name, side))
                     if stop is not None:
-                        _line(out, f"  {word}: {telling.stop(stop, one)}")
+                        _line(out, f"  {word}: {telling.stop(stop)}")
     if not quiet:
         out.print()
         _line(out, f"{_ended(found.status.value)}: {plural(found.boxes, 'box').replace('boxs', 'boxes')} tried, "

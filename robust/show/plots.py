@@ -21,7 +21,7 @@ from robust.irr.search import EnvelopeResult, Status
 from robust.numbers import approximate, end, readable
 from robust.options.declare import place_of
 from robust.qe.box import Box
-from robust.show.drawing import BLACK, EDGE, GREY, GRID, NOMINAL, VALID, save, without_frame, wrapped
+from robust.show.drawing import BLACK, EDGE, GREY, GRID, NOMINAL, VALID, entries, save, without_frame, wrapped
 from robust.show.words import Words
 
 if TYPE_CHECKING:
@@ -68,9 +68,8 @@ def _figure(result: EnvelopeResult, rows: Sequence[_Row]) -> Figure:
     _draw_box(figure.add_subplot(grid[:, 0] if tall else grid[0, 0]), rows)
     _draw_convergence(figure.add_subplot(grid[0, 1]), result)
     figure.suptitle(_title(result), fontsize=10, x=0.01, ha="left")
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    once = dict(zip(labels, handles, strict=True))
-    figure.legend(once.values(), once.keys(), loc="outside lower left", ncols=4, fontsize=8, frameon=False)
+    shown = entries(figure.axes[:1])
+    figure.legend(shown.values(), shown.keys(), loc="outside lower left", ncols=4, fontsize=8, frameon=False)
     return figure
 
 
@@ -220,7 +219,7 @@ def _convergence(result: EnvelopeResult) -> tuple[list[int], list[float], str]:
 
 
 def _width(box: Box, names: Sequence[str]) -> Fraction:
-    return sum((box[name].width or Fraction(0) for name in names), start=Fraction(0))
+    return Box({name: box[name] for name in names}).total_width or Fraction(0)
 
 
 def _tidy(axes: Axes, *, grid: Literal["x", "both"]) -> None:

@@ -25,6 +25,7 @@ from robust.show.drawing import (
     REMOVED,
     VALID,
     box_line,
+    entries,
     hatch_outside,
     wrapped,
 )
@@ -66,7 +67,6 @@ def draw_region(
         words: what parameters are called; their names where they are not in it.
         exact: whether the region is the envelope itself, or an outer bound of it.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     shown = _shown(region, tuple(axes), at or {})
@@ -76,13 +76,12 @@ def draw_region(
     rectangle = tuple(_range(shown, name, here, list(points.values())) for name in shown.parameters)
     flat = len(shown.parameters) == 1
     figure = Figure(figsize=(8.6, 2.0 + 0.35 * len(sliced) if flat else 5.0), layout="constrained")
-    FigureCanvasAgg(figure)
     canvas = figure.add_subplot()
     (_draw_line if flat else draw_plane)(canvas, shown, rectangle, sliced, points, words=words, exact=exact)
     if inner is not None:
         _draw_inner(canvas, inner, shown.parameters, rectangle)
     title = _title(at or {}, words, exact=exact)
-    view = Polyhedron(shown.parameters, tuple(_clip(shown.parameters, rectangle)))
+    view = Polyhedron(shown.parameters, tuple(clip_to(shown.parameters, rectangle)))
     if shown.intersection(Region.union_of(shown.parameters, [view])).is_empty:
         title += "\nnone of them in this view"
     figure.suptitle(title, fontsize=10, x=0.01, ha="left")
@@ -104,12 +103,10 @@ def _title(at: Point, words: Mapping[str, str] | None, *, exact: bool) -> str:
 
 def legend(canvas: Axes) -> None:
     """Everything with a label, beside the drawing."""
-    handles, labels = canvas.get_legend_handles_labels()
-    once = dict(reversed(list(zip(labels, handles, strict=True))))
-    ordered = [label for label in dict.fromkeys(labels) if label in once]
-    texts = [wrapped(label, 34) for label in ordered]
-    canvas.legend([once[label] for label in ordered], texts, loc="upper left", bbox_to_anchor=(1.01, 1.0),
-                  fontsize="small", frameon=False, handlelength=2.6)  # fmt: skip
+    shown = entries([canvas])
+    texts = [wrapped(label, 34) for label in shown]
+    canvas.legend(shown.values(), texts, loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small",
+                  frameon=False, handlelength=2.6)  # fmt: skip
 
 
 def _shown(region: Region, names: tuple[str, ...], at: Point) -> Region:
@@ -138,7 +135,7 @@ def _landmarks(region: Region, name: str) -> list[Fraction]:
     return ends + [vertex[name] for base in bases for vertex in base.vertices()]
 
 
-def _clip(names: Sequence[str], rectangle: Rectangle) -> list[LinearConstraint]:
+def clip_to(names: Sequence[str], rectangle: Rectangle) -> list[LinearConstraint]:
     """The view as constraints."""
     clip = []
     for name, (lower, upper) in zip(names, rectangle, strict=True):
@@ -159,7 +156,7 @@ def draw_plane(
 ) -> None:
     """Pieces are filled without outline, so that no seam shows between them; only edges of the whole are drawn."""
     names = region.parameters
-    clip = _clip(names, rectangle)
+    clip = clip_to(names, rectangle)
     parts = [(base.restricted(clip), removed) for base, removed in region.parts()]
     cuts = [base.intersection(piece) for base, removed in parts for piece in removed]
     disjoint = [base for base, removed in parts if not removed]
@@ -188,8 +185,8 @@ def draw_plane(
 
 def _draw_box(canvas: Axes, shape: Polyhedron, rectangle: Rectangle, look: dict[str, Any]) -> None:
     """The outline of a box, but no side of the view; without any width in some direction, all there is of it."""
-    corners = _corners(shape)
-    strokes = [corners] if 0 < len(corners) < 3 else [_corners(side) for side, _ in _edges(shape, rectangle)]
+    corners = corners_of(shape)
+    strokes = [corners] if 0 < len(corners) < 3 else [corners_of(side) for side, _ in _edges(shape, rectangle)]
     marker = "s" if len(corners) == 1 else ""
     # A box that fills the view, or is far from it, has no side to be seen: its line stands in the legend alone.
     for stroke in strokes or [[]]:
@@ -200,10 +197,10 @@ def _draw_box(canvas: Axes, shape: Polyhedron, rectangle: Rectangle, look: dict[
 def _draw_inner(canvas: Axes, inner: Region, names: tuple[str, ...], rectangle: Rectangle) -> None:
     """What is proved, darker than what is not known to be bad."""
     label = "proved valid"
-    for piece in (Polyhedron(names, (*piece.constraints, *_clip(names, rectangle))) for piece in inner.pieces):
+    for piece in (Polyhedron(names, (*piece.constraints, *clip_to(names, rectangle))) for piece in inner.pieces):
         if len(names) == 1:
             _bar(canvas, piece, rectangle, 0, GREEN, label=label)
-        elif len(corners := [(float(x), float(y)) for x, y in _corners(piece)]) > 2:
+        elif len(corners := [(float(x), float(y)) for x, y in corners_of(piece)]) > 2:
             canvas.fill(
                 *zip(*corners, strict=True), facecolor=GREEN, edgecolor=GREEN, linewidth=0.4, zorder=2, label=label
             )
@@ -224,7 +221,7 @@ def _sides(names: Sequence[str], box: Box) -> tuple[LinearConstraint, ...]:
     return tuple(side for side in box.constraints() if side.parameters[0] in names)
 
 
-def _corners(piece: Polyhedron) -> list[Corner]:
+def corners_of(piece: Polyhedron) -> list[Corner]:
     """Vertices of a bounded polygon, a segment or a point, in circular order."""
     corners = [(vertex[piece.parameters[0]], vertex[piece.parameters[1]]) for vertex in piece.vertices()]
     if len(corners) < 3:
@@ -239,7 +236,7 @@ def _corners(piece: Polyhedron) -> list[Corner]:
 
 def _fill(canvas: Axes, piece: Polyhedron, label: str) -> None:
     """Fill a polygon; what is lower-dimensional becomes a line or a dot."""
-    corners = [(float(x), float(y)) for x, y in _corners(piece)]
+    corners = [(float(x), float(y)) for x, y in corners_of(piece)]
     match len(corners):
         case 0:
             return
@@ -258,7 +255,7 @@ def _edges(piece: Polyhedron, rectangle: Rectangle) -> list[tuple[Polyhedron, bo
     form = piece.normal_form
     if form is None or len(form.free) < 2:
         return []
-    frame = set(_clip(piece.parameters, rectangle))
+    frame = set(clip_to(piece.parameters, rectangle))
     closure = piece.closure()
     return [
         (closure.restricted([side.with_relation(Sense.EQUAL)]), side.is_strict)
@@ -270,7 +267,7 @@ def _edges(piece: Polyhedron, rectangle: Rectangle) -> list[tuple[Polyhedron, bo
 def _outline(canvas: Axes, piece: Polyhedron, region: Region, rectangle: Rectangle) -> None:
     """Draw those parts of a polygon's sides that bound the region: solid if they belong to it, else dashed."""
     for side, _ in _edges(piece, rectangle):
-        corners = _corners(side)
+        corners = corners_of(side)
         if len(corners) == 2:
             for stroke, dashed in _boundary((corners[0], corners[1]), region):
                 xs, ys = zip(*((float(x), float(y)) for x, y in stroke), strict=True)
@@ -321,7 +318,7 @@ def _is_boundary(middle: Point, normal: Point, sides: Iterable[LinearConstraint]
 
 def _mark_thin(canvas: Axes, cut: Polyhedron, rectangle: Rectangle) -> None:
     """A removed slab too thin to be seen, or without any width, as a line of its own colour."""
-    corners = _corners(cut)
+    corners = corners_of(cut)
     if len(corners) < 2:
         return
     scaled = [
@@ -352,7 +349,7 @@ def _draw_line(
 ) -> None:
     """Intervals as bars: the region below, one row for each box; filled ends belong to the set, hollow ones do not."""
     (name,) = region.parameters
-    clip = _clip(region.parameters, rectangle)
+    clip = clip_to(region.parameters, rectangle)
     pieces = (
         Region.union_of((name,), (piece.restricted(clip) for piece in region.as_union().pieces)).simplified().pieces
     )

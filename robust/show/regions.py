@@ -20,7 +20,7 @@ from robust.options.declare import place_of
 from robust.plan.load import require_nominal_values
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Side
-from robust.qe.compute import RegionResult, RegionStatus
+from robust.qe.compute import RegionResult
 from robust.qe.constraint import Sense
 from robust.qe.inner import Factor
 from robust.qe.polyhedron import Point, Polyhedron
@@ -28,7 +28,7 @@ from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
 from robust.show.console import show_table, table
 from robust.show.drawing import save
-from robust.show.text import percentage, print_advice
+from robust.show.text import percentage, print_advice, stopped
 from robust.show.words import Words
 
 if TYPE_CHECKING:
@@ -38,12 +38,6 @@ MANY = 20
 """Pieces up to which a region is shown as a union by default."""
 HUGE = 300
 """Pieces up to which those that others contain are left out of a difference."""
-_STOPPED = {RegionStatus.TIMEOUT: "out of time", RegionStatus.INTERRUPTED: "interrupted"}
-
-
-def _stopped(result: RegionResult) -> str:
-    """Why the enumeration did not come to its end."""
-    return _STOPPED.get(result.status) or f"{result.reason}"
 
 
 # -- forms -----------------------------------------------------------------------------------------------------------
@@ -78,7 +72,7 @@ def tidied(region: Region) -> Region:
 def print_latex(out: Console, result: RegionResult) -> None:
     """A formula; what it is, if not the envelope, in a comment."""
     if not result.is_exact:
-        out.print(Text(f"% {_stopped(result)}: {result.meaning}"), soft_wrap=True, no_wrap=True)
+        out.print(Text(f"% {stopped(result.status, result.reason)}: {result.meaning}"), soft_wrap=True, no_wrap=True)
     out.print(Text(result.region.to_latex()), soft_wrap=True, no_wrap=True)
 
 
@@ -99,7 +93,8 @@ def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
     if not quiet:
         out.print()
     if not exact:
-        text = f"{_stopped(result)}: an outer bound of the envelope; outside the plan can fail, inside it may"
+        why = stopped(result.status, result.reason)
+        text = f"{why}: an outer bound of the envelope; outside the plan can fail, inside it may"
         out.print(Text(text, style="yellow"), soft_wrap=True)
         out.print(Text(_open_text(result), style="yellow"), soft_wrap=True)
     if not quiet:

@@ -21,6 +21,7 @@ from robust.probability.risk import RiskResult, RiskStatus
 from robust.show.console import show_table, table
 from robust.show.documents import Document, Ends, Noted, box_of, document
 from robust.show.probabilities import Range, bounds_text, decimal, places_for, range_of
+from robust.show.text import stopped
 
 # -- JSON --------------------------------------------------------------------------------------------------------------
 
@@ -134,11 +135,7 @@ def _blamed(share: Share) -> Blamed:
 # -- text --------------------------------------------------------------------------------------------------------------
 
 _NAMES = {"irr": "IRR, β = 1", "widen": "exact widening", "optimal": "greatest total width"}
-_ENDED = {
-    RiskStatus.WIDE: "too many parameters for closer bounds",
-    RiskStatus.TIMEOUT: "out of time",
-    RiskStatus.INTERRUPTED: "interrupted",
-}
+_WIDE = "too many parameters for closer bounds"
 
 
 def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
@@ -198,7 +195,8 @@ def _summary(result: RiskResult) -> Text:
         text.append("complete", style="green")
         text.append(": certified bounds")
     else:
-        text.append(_ENDED.get(result.status) or f"{result.reason}", style="yellow")
+        wide = result.status is RiskStatus.WIDE
+        text.append(_WIDE if wide else stopped(result.status, result.reason), style="yellow")
         text.append(": certified bounds so far")
     text.append(f", a value outside of declared bounds fails; {plural(result.cells, 'cell')}")
     if count := len(result.disjoint):

@@ -13,7 +13,7 @@ from robust.numbers import readable
 from robust.probability.blame import Share
 from robust.probability.risk import RiskResult
 from robust.qe.region import Region
-from robust.show.drawing import HATCHES, LIGHT, VERMILION, save, without_frame, wrapped
+from robust.show.drawing import HATCHES, LIGHT, VERMILION, entries, save, without_frame, wrapped
 from robust.show.probabilities import bounds_text, places_for
 from robust.show.region_plot import draw_plane
 from robust.show.words import Words
@@ -52,9 +52,8 @@ def _figure(result: RiskResult) -> Figure:
     else:
         right = figure.subplots()
     _draw_shares(right, shown, names)
-    known = [canvas.get_legend_handles_labels() for canvas in figure.axes]
-    handles = {label: handle for pair in known for handle, label in zip(*pair, strict=True)}
-    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=3, fontsize=8, frameon=False)
+    explained = entries(figure.axes)
+    figure.legend(explained.values(), explained.keys(), loc="outside lower left", ncols=3, fontsize=8, frameon=False)
     return figure
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Set
+from enum import Enum
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -175,6 +176,11 @@ def percentage(value: Fraction) -> str:
     """`−12.5 %`, `+40 %`, to three digits."""
     rounded = f"{approximate(abs(value)):.3g}" if abs(value) < 1000 else f"{approximate(abs(value)):.0f}"
     return f"{'−' if value < 0 else '+' if value > 0 else ''}{rounded} %"
+
+
+def stopped(status: Enum, reason: str | None) -> str:
+    """Why a search did not come to its end."""
+    return {"timeout": "out of time", "interrupted": "interrupted"}.get(status.value) or f"{reason}"
 
 
 def print_advice(out: Console, advice: Iterable[Advice]) -> None:

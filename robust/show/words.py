@@ -13,7 +13,6 @@ from functools import cached_property
 from robust.numbers import format_number
 from robust.plan.model import (
     ZERO,
-    Bound,
     ParameterReference,
     ParametrizedPlan,
     TemporalConstraint,
@@ -21,6 +20,7 @@ from robust.plan.model import (
     TimePoint,
     TimePointKind,
     Timing,
+    as_written,
 )
 from robust.plan.polynomial import Polynomial
 
@@ -103,7 +103,7 @@ class Words:
 
     def statement(self, one: TemporalConstraint) -> str:
         """A constraint of the network, with its line."""
-        lower, upper = (None if bound is None else _bound(bound) for bound in (one.lower, one.upper))
+        lower, upper = (None if bound is None else as_written(bound) for bound in (one.lower, one.upper))
         line = f" (line {one.location.line})" if one.location and one.location.line else ""
         if lower is not None and lower == upper:
             demand = f"is {lower}"
@@ -166,10 +166,6 @@ def named(name: str, words: Mapping[str, str] | None) -> str:
     """A parameter for an axis: its words, with the name to type in parentheses."""
     text = (words or {}).get(name, name)
     return text if name in text else f"{text} ({name})"
-
-
-def _bound(bound: Bound) -> str:
-    return format_number(bound.constant_term) if bound.is_constant else str(bound)
 
 
 def _ordinal(number: int) -> str:

@@ -307,7 +307,7 @@ def _distinct(items: Iterable[T]) -> tuple[T, ...]:
     return tuple(dict.fromkeys(items))
 
 
-def initial_fluents(domain: syntax.Domain, problem: syntax.Problem) -> dict[Fluent, Expression]:
+def initial_fluents(problem: syntax.Problem) -> dict[Fluent, Expression]:
     """The numeric fluents that have a value at time zero, with that constant."""
     return {name: Polynomial.constant(value) for name, value in problem.fluents.items()}
 
