@@ -20,6 +20,15 @@ from dataclasses import dataclass
 
 LONGEST_PATH = 4096
 """No system has longer paths; what is longer is cut in messages."""
+UNDECIDED, UNSUPPORTED = 3, 4
+"""Exit codes: what is asked is not decided, or nothing that is decided here."""
+_GOOD = frozenset({"proved", "complete", "valid", "controllable", "succeeded", "unneeded", "optimal"})
+_BAD = frozenset({"refuted", "invalid", "uncontrollable", "not controllable", "failed", "impossible"})
+
+
+def exit_code_of(word: str) -> int:
+    """Of a verdict, or of how something ended: 0, 1 where something is refuted, 3 where it is open."""
+    return 0 if word in _GOOD else 1 if word in _BAD else UNDECIDED
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +73,13 @@ class RefutedError(RobustError):
 class UnsupportedError(RobustError):
     """The input is legal, but outside what this package decides."""
 
-    exit_code = 4
+    exit_code = UNSUPPORTED
 
 
 class SolverError(RobustError):
     """A solver failed, or is not available."""
 
-    exit_code = 3
+    exit_code = UNDECIDED
 
 
 class InputWarning(UserWarning):

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from robust.cli.build import Action, Command
-from robust.cli.guard import UNDECIDED, Run
+from robust.cli.guard import Run
 from robust.cli.output import answering, print_json
+from robust.errors import UNDECIDED
 
 
 @dataclass(frozen=True, slots=True)

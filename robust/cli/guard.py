@@ -21,7 +21,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from robust.cli.output import Display, answering, complain, noting_warnings, print_json
-from robust.errors import SolverError
+from robust.errors import UNDECIDED, SolverError
 from robust.options.declare import Options, as_typed
 from robust.smt.limits import OutOfTimeError
 
@@ -41,8 +41,6 @@ _GRACE = 0.25
 """Seconds after a time limit in which searches stop by themselves."""
 _TICK = 0.05
 """Seconds between two looks at the clock."""
-UNDECIDED = 3
-"""The exit code."""
 
 
 class Cause(Enum):

@@ -14,9 +14,9 @@ from functools import partial
 
 from robust import __version__
 from robust.cli.build import Command, Group, application, read
-from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Guard, carry_out
+from robust.cli.guard import Cause, GivenUpError, Guard, carry_out
 from robust.cli.output import complain, drop_output, print_json
-from robust.errors import InputError, RobustError, from_extra
+from robust.errors import UNDECIDED, InputError, RobustError, from_extra
 
 HELP = "Verify temporal plans: are they valid for every schedule, and how far may reality deviate?"
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from robust.cli import plans
 from robust.cli.build import Action, action, read_options
-from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Run, carry_out
+from robust.cli.guard import Cause, GivenUpError, Run, carry_out
 from robust.cli.output import answering, print_json
-from robust.errors import InputError, RefutedError
+from robust.errors import UNDECIDED, InputError, RefutedError
 from robust.files import atomic_write
 from robust.options.commands import ConvertCommand, DemoCommand, ExecuteCommand
 from robust.options.declare import place_of

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from robust.backends import KNOWLEDGE_BASES
 from robust.cli.build import action
 from robust.cli.guard import Run
-from robust.cli.plans import CODES
-from robust.errors import InputError, Location, UnsupportedError, did_you_mean
+from robust.errors import UNDECIDED, InputError, Location, UnsupportedError, did_you_mean, exit_code_of
 from robust.numbers import Number, shorten
 from robust.options.commands import ASSUMED
 from robust.options.declare import argument, named_values, not_negative, option, ordinal, place_of, plot_file, positive
@@ -276,7 +275,7 @@ def check(options: PikeCheckCommand, run: Run) -> int:
 
     result = run.reply(begin)
     found = result.verdict.value
-    return CODES[found] if result.complete or found == "refuted" else CODES["unknown"]
+    return exit_code_of(found) if result.complete or found == "refuted" else UNDECIDED
 
 
 def _cross(options: PikeCheckCommand, run: Run) -> int:
@@ -295,7 +294,7 @@ def _cross(options: PikeCheckCommand, run: Run) -> int:
         )
 
     crossed = run.reply(begin)
-    return 1 if crossed.outcome is not None and not crossed.outcome.agree else CODES[crossed.status]
+    return 1 if crossed.outcome is not None and not crossed.outcome.agree else exit_code_of(crossed.status)
 
 
 def _cross_random(options: PikeCheckCommand, number: int, run: Run) -> int:
@@ -314,7 +313,7 @@ def _cross_random(options: PikeCheckCommand, number: int, run: Run) -> int:
         )
 
     crossed = run.reply(begin)
-    return 1 if not crossed.agree else CODES[crossed.status]
+    return 1 if not crossed.agree else exit_code_of(crossed.status)
 
 
 def _patience(options: PikeCheckCommand, run: Run) -> int:
@@ -327,7 +326,7 @@ def _patience(options: PikeCheckCommand, run: Run) -> int:
         )
 
     found = run.reply(begin)
-    return 1 if found.feasible is False else CODES[found.status]
+    return 1 if found.feasible is False else exit_code_of(found.status)
 
 
 @action(PikeCompileCommand)
@@ -357,7 +356,7 @@ def compile_(options: PikeCompileCommand, run: Run) -> int:
         )
 
     sizes = run.reply(begin)
-    return CODES[sizes.status]
+    return exit_code_of(sizes.status)
 
 
 @action(PikePlotCommand)
@@ -449,4 +448,4 @@ def run(options: PikeRunCommand, run: Run) -> int:
     if options.plot is not None:
         record.plot(options.plot)
     run.show(record)
-    return {"succeeded": 0, "failed": 1}.get(record.ending.value, CODES["unknown"])
+    return exit_code_of(record.ending.value)

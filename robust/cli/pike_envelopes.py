@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from robust.cli.build import action
 from robust.cli.guard import Run
 from robust.cli.pike import ASSUME, PikeOptions, assumed
-from robust.cli.plans import CODES
-from robust.errors import InputError, Location
+from robust.errors import InputError, Location, exit_code_of
 from robust.options.declare import names, option, place_of
 from robust.options.shared import Slice
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -133,7 +132,7 @@ def region(options: PikeRegionCommand, run: Run) -> int:
         plot_cells(found, cells[0], options.plot, options.drawn)
     answer(found)
     if found.cut_short:
-        return CODES[found.status.value]
+        return exit_code_of(found.status.value)
     return 0 if found.pieces else 1
 
 
@@ -166,4 +165,4 @@ def envelope(options: PikeEnvelopeCommand, run: Run) -> int:
     if options.plot is not None and found.combinations:
         found.plot(options.plot, axes=options.drawn)
     run.show(found)
-    return CODES[found.status.value]
+    return exit_code_of(found.status.value)

@@ -6,8 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robust.cli.build import action
-from robust.cli.guard import UNDECIDED
-from robust.errors import RobustError
+from robust.errors import UNDECIDED, RobustError, exit_code_of
 from robust.files import atomic_write
 from robust.options.declare import place_of
 from robust.options.shared import AskCommand
@@ -28,16 +27,6 @@ if TYPE_CHECKING:
     from robust.probability.measure import Bounds
     from robust.qe.compute import RegionResult, RegionSearch
 
-CODES = {
-    "proved": 0,
-    "refuted": 1,
-    "unknown": 3,
-    "complete": 0,
-    "invalid": 1,
-    "timeout": 3,
-    "interrupted": 3,
-}
-"""Exit codes of verdicts, and of how searches end."""
 HINT_SECONDS = 1
 """Of a processor, for the repair that a refutation ends with."""
 HINT_PATIENCE = 10.0
@@ -83,7 +72,7 @@ def check(options: CheckCommand, run: Run) -> int:
     if plan is not None and result.answer.value == "refuted" and not result.cut_short and not options.quiet:
         result = replace(result, repair=_repair(options, run, plan, result))
     run.show(result)
-    return CODES[result.answer.value]
+    return exit_code_of(result.answer.value)
 
 
 def _repair(options: CheckCommand, run: Run, plan: ParametrizedPlan, refuted: CheckResult) -> tuple[Change, ...] | None:
@@ -156,7 +145,7 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
     if options.plot is not None and result.verified:
         result.plot(options.plot)
     missing = options.export is not None and result.verified and exported is None
-    return UNDECIDED if missing else CODES[result.status.value]
+    return UNDECIDED if missing else exit_code_of(result.status.value)
 
 
 def _exported(
@@ -285,7 +274,7 @@ def compare(options: CompareCommand, run: Run) -> int:
         result.plot(options.plot, axes=options.axes or ())
     if options.html is not None:
         _write_page(options, run, result)
-    return CODES[result.status.value]
+    return exit_code_of(result.status.value)
 
 
 def _write_page(options: CompareCommand, run: Run, result: Comparison) -> None:

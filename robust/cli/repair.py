@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from robust.cli.build import action
 from robust.cli.plans import load
-from robust.errors import InputError
+from robust.errors import InputError, exit_code_of
 from robust.files import atomic_write
 from robust.options.declare import place_of
 from robust.options.verbs import RepairCommand
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from robust.cli.guard import Run
     from robust.irr.quantities import Change, Cost
     from robust.irr.repair import Repair, RepairSearch
-
-CODES = {"unneeded": 0, "optimal": 0, "feasible": 3, "impossible": 1, "unknown": 3}
-"""Exit codes of how searches end."""
 
 
 @action(RepairCommand)
@@ -60,7 +57,7 @@ def repair(options: RepairCommand, run: Run) -> int:
     if options.output is not None and found.plan is not None:
         atomic_write(options.output, _text(source, options.plan, found.changes), place_of("output"))
     tell(found)
-    return CODES[found.status.value]
+    return exit_code_of(found.status.value)
 
 
 def _text(source: str, file: Path, changes: tuple[Change, ...]) -> str:

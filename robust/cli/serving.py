@@ -15,9 +15,9 @@ from math import floor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robust.cli.guard import UNDECIDED, Cause, Run
+from robust.cli.guard import Cause, Run
 from robust.cli.output import drop_output
-from robust.errors import InputError, Location
+from robust.errors import UNDECIDED, InputError, Location
 from robust.smt.limits import GLANCE, NEVER, Deadline, OutOfTimeError, has_input
 
 if TYPE_CHECKING:

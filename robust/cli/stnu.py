@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from robust.cli.build import action
-from robust.cli.guard import UNDECIDED, Cause, GivenUpError, Run
-from robust.errors import InputError, RobustError, did_you_mean
+from robust.cli.guard import Cause, GivenUpError, Run
+from robust.errors import UNDECIDED, InputError, RobustError, did_you_mean
 from robust.files import atomic_write
 from robust.numbers import shorten
 from robust.options.commands import StnuCheckCommand, StnuDispatchCommand, StnuFiles, StnuRepairCommand

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robust.cli.build import action
-from robust.cli.guard import UNDECIDED, Cause, GivenUpError
-from robust.errors import RobustError
+from robust.cli.guard import Cause, GivenUpError
+from robust.errors import UNDECIDED, RobustError
 from robust.numbers import plural
 from robust.options.verbs import ValidateCommand
 

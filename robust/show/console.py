@@ -20,13 +20,13 @@ from rich.table import Column, Table
 from rich.terminal_theme import DEFAULT_TERMINAL_THEME
 from rich.text import Text
 
+from robust.errors import exit_code_of
+
 WIDE = 160
 """Columns where the output is no terminal: nothing is to be cut, and lines are to stay readable."""
 NARROW = 80
 """Columns below which lines are broken between words; else terminals do that, and copied lines stay whole."""
 _MARGIN = 2
-_GOOD = frozenset({"proved", "complete", "valid", "controllable", "succeeded", "unneeded", "optimal"})
-_BAD = frozenset({"refuted", "invalid", "uncontrollable", "not controllable", "failed", "impossible"})
 _COLORS: Mapping[str, Mapping[str, Any]] = {
     "auto": {},  # where there is a terminal, and as NO_COLOR and FORCE_COLOR say
     "always": {"force_terminal": True, "color_system": "standard", "no_color": False},
@@ -127,7 +127,7 @@ class Page(_Console):
 
 def colour_of(word: str) -> str:
     """The style of a verdict, or of how something ended: green, red where something is refuted, yellow where open."""
-    return "green" if word in _GOOD else "bold red" if word in _BAD else "yellow"
+    return {0: "green", 1: "bold red"}.get(exit_code_of(word), "yellow")
 
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[str | Text]] = (), *, right: Iterable[str] = ()) -> Table:

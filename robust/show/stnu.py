@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 from rich.text import Text
 
 from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
+from robust.errors import UNDECIDED, exit_code_of
 from robust.numbers import exact_end, format_number, plural, readable
 from robust.show.console import colour_of
 from robust.show.documents import Document, Ended, Noted, document
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
     from robust.stnu.verdicts import CheckResult
 
 Result = TypeVar("Result")
-
-_CODES = {"controllable": 0, "uncontrollable": 1, "unneeded": 0, "optimal": 0, "impossible": 1}
-_UNDECIDED = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +57,7 @@ class Judged(Generic[Result]):
     @property
     def code(self) -> int:
         """The exit code of a verdict."""
-        return _CODES.get(self.word, _UNDECIDED)
+        return exit_code_of(self.word)
 
 
 # -- for people --------------------------------------------------------------------------------------------------------
@@ -453,7 +451,7 @@ def one_repair(result: Repair) -> Document:
 
 def ended(judged: Sequence[Judged[Any]]) -> str:
     """How it ended: a result that is not final was interrupted, or is out of time."""
-    short = [one.result for one in judged if one.error is None and one.code == _UNDECIDED]
+    short = [one.result for one in judged if one.error is None and one.code == UNDECIDED]
     if not short:
         return "complete"
     return "interrupted" if any(getattr(one, "interrupted", False) for one in short) else "timeout"

@@ -13,6 +13,7 @@ from msgspec import Meta
 from rich.text import Text
 
 from robust.codec import Count, JsonObject, Rational, like, one_of
+from robust.errors import UNSUPPORTED
 from robust.numbers import format_number, plural
 from robust.show.console import colour_of
 from robust.show.documents import Document, Ended, Noted, document
@@ -44,11 +45,10 @@ class Judged:
     def word(self) -> str:
         """The verdict in one word."""
         if self.error is not None:
-            return "unsupported" if self.error.exit_code == _UNSUPPORTED else "error"
+            return "unsupported" if self.error.exit_code == UNSUPPORTED else "error"
         return "valid" if self.exit_code == 0 else "invalid"
 
 
-_UNSUPPORTED = 4
 _WORDS = ("valid", "invalid", "error", "unsupported")
 
 

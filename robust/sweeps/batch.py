@@ -17,7 +17,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from robust.errors import InputError, RobustError
+from robust.errors import UNDECIDED, UNSUPPORTED, InputError, RobustError
 from robust.plan.pddl.forms import read_text
 from robust.presented import Presented
 from robust.processes import Ended, Processes
@@ -28,8 +28,6 @@ from robust.sweeps.pool import Task
 from robust.sweeps.suites import Instance, Suite, read_suite
 from robust.sweeps.sweep import Progress, Sweep, run_sweep
 
-BAD, UNDECIDED, UNSUPPORTED = 2, 3, 4
-"""Exit codes of a single plan, beside 0 and 1."""
 GRACE = 5.0
 """Seconds beyond the limit of a plan after which its process is killed: until then it answers with what it knows."""
 IRR, CCMMZ, REGION = "irr", "ccmmz", "region"
@@ -182,7 +180,7 @@ class Batch(Presented):
 def worst(codes: Iterable[int]) -> int:
     """The exit code of several: a refutation is certain whatever the others are; then what cannot be read at all."""
     found = set(codes)
-    return next((code for code in (1, BAD, UNSUPPORTED, UNDECIDED) if code in found), 0)
+    return next((code for code in (1, RobustError.exit_code, UNSUPPORTED, UNDECIDED) if code in found), 0)
 
 
 def volume_ratio(box: Box, other: Box) -> Fraction | None:
@@ -240,7 +238,7 @@ def run_batch(
         try:
             texts[one.name] = reading.texts(one)
         except InputError as error:
-            troubles[one.name] = PlanRun("error", BAD, message=reading.shown(error))
+            troubles[one.name] = PlanRun("error", error.exit_code, message=reading.shown(error))
     tasks = [
         Task(_label(one, each, asked), (one.name, texts[one.name], each, limit))
         for one in suite.instances
