@@ -73,6 +73,11 @@ def format_number(value: Fraction) -> str:
     return f"{sign}{digits[:-places]}.{digits[-places:]}" if places else f"{sign}{digits}"
 
 
+def one_line(text: str) -> str:
+    """A text in one line, whatever names and input texts it contains."""
+    return "".join(character if character.isprintable() else " " for character in text)
+
+
 def shorten(text: str) -> str:
     """Input text quoted for a one-line message: escaped, and cut when long."""
     return repr(text if len(text) <= 40 else f"{text[:37]}...")

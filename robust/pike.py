@@ -22,6 +22,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TypeAlias
 
+from robust.backends import DRAKE, REASONERS, SMT, deciding
 from robust.errors import InputError, did_you_mean
 from robust.execute.drive import WallClock, drive, run_in_world
 from robust.numbers import Number, exact, shorten
@@ -319,7 +320,6 @@ def moments(plan: Plan, *, assume: Assumed = (), solver: str = "z3", timeout: Nu
 # -- executions --------------------------------------------------------------------------------------------------------
 
 _NEGATION = re.compile(r"\(\s*not\s*(\(.*\))\s*\)", re.IGNORECASE)
-REASONERS = ("smt", "windows", "drake")
 
 
 def run(
@@ -369,10 +369,9 @@ def run(
     known = _plan(plan)
     if reasoner is not None:
         _one_of("reasoner", reasoner, REASONERS)
-    deciding = backend or ("smt" if reasoner in {None, "smt"} else "pitms")
-    _one_of("backend", deciding, ("smt", *knowledge_bases()))
-    if reasoner is not None and (reasoner == "smt") != (deciding == "smt"):
-        raise InputError(f"found {deciding} with reasoner {reasoner!r}, expected one that fits", place_of("backend"))
+    name = _one_of("backend", deciding(reasoner, backend), reasoner_names())
+    if reasoner is not None and (reasoner == SMT) != (name == SMT):
+        raise InputError(f"found {name} with reasoner {reasoner!r}, expected one that fits", place_of("backend"))
     rehearsal = Rehearsal(
         known,
         story(known, human=human, pace=pace, outcome=outcome, disturb=disturb, delay=delay),
@@ -380,8 +379,8 @@ def run(
         infer=infer,
         explain=explain,
         solver=solver,
-        backend=deciding,
-        drake=reasoner == "drake",
+        backend=name,
+        drake=reasoner == DRAKE,
         patience=None if patience is None else not_negative(patience, place_of("patience")),
         deadline=_deadline(timeout),
         on_step=on_step,

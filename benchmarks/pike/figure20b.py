@@ -22,11 +22,12 @@ from itertools import cycle, zip_longest
 from pathlib import Path
 from typing import Any, ClassVar
 
+from robust.backends import SMT
 from robust.errors import InputError, did_you_mean
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Decision
-from robust.pike_bridge.online.reasoners import SMT, make_reasoner, reasoner_names
+from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import SimulatedTeam, Story
 from robust.pike_bridge.random_plans import random_plan

@@ -17,6 +17,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from robust.errors import InputWarning
+from robust.numbers import one_line
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -40,11 +41,6 @@ def answering() -> Iterator[None]:
 def drop_output() -> None:
     """Send what is still written to stdout nowhere."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def one_line(message: str) -> str:
-    """A message in one line, whatever file names and input texts it contains."""
-    return "".join(char if char.isprintable() else " " for char in message)
 
 
 def print_json(answer: Mapping[str, Any]) -> None:

@@ -7,7 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robust.backends import KNOWLEDGE_BASES
+from robust.backends import DRAKE, KNOWLEDGE_BASES, REASONERS, SMT, deciding
 from robust.cli.build import action
 from robust.cli.guard import Run
 from robust.errors import UNDECIDED, InputError, Location, UnsupportedError, did_you_mean, exit_code_of
@@ -129,9 +129,6 @@ def _margin(value: Number, place: Location) -> Fraction | None:
 
 
 EAGER = "eager"
-SMT = "smt"
-DRAKE = "drake"
-REASONERS = (SMT, "windows", DRAKE)
 _SIMULATED = ("human", "pace", "outcome", "disturb", "delay", "seed", "infer", "plot")
 _SERVED = ("journal", "clock", "rate")
 
@@ -210,14 +207,9 @@ class PikeRunCommand(PikeOptions):
         return without_states(self.load()) if self.reasoner == DRAKE else self.load()
 
     @property
-    def who(self) -> str:
-        """Who decides."""
-        return self.reasoner or (SMT if self.backend in {None, SMT} else "windows")
-
-    @property
     def deciding(self) -> str:
         """The name of what decides: smt, or the knowledge base of windows."""
-        return self.backend or (SMT if self.who == SMT else "pitms")
+        return deciding(self.reasoner, self.backend)
 
 
 class PikePlotCommand(TeamPlanFile, Output):

@@ -115,21 +115,21 @@ def region(options: PikeRegionCommand, run: Run) -> int:
             on_piece=on_piece,
         )
 
-    cells: list[Cells | None] = [None]
+    cells: Cells | None = None
 
     def answer(found: LabeledRegion) -> None:
         run.answer(
-            lambda: show.region_document(found, cells[0]),
+            lambda: show.region_document(found, cells),
             lambda out: show.print_region(out, found, quiet=options.quiet),
         )
 
     found = run.best(begin, answer)
     if not found.cut_short and (options.json or options.plot is not None):
-        cells[0] = run.also("cutting", lambda: _cells(found, run))
+        cells = run.also("cutting", lambda: _cells(found, run))
     if options.plot is not None:
         from robust.show.pike_envelope_plots import plot_cells
 
-        plot_cells(found, cells[0], options.plot, options.drawn)
+        plot_cells(found, cells, options.plot, options.drawn)
     answer(found)
     if found.cut_short:
         return exit_code_of(found.status.value)

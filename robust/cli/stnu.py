@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -147,13 +147,8 @@ def _status(found: list[Judged[Any]], cause: Cause | None) -> str:
 
 def _code(found: list[Judged[Any]], cause: Cause | None) -> int:
     """Bad input first, then what is refuted, then what is unknown."""
-    codes = set(_codes(found)) | ({UNDECIDED} if cause is not None else set())
+    codes = {one.code for one in found} | ({UNDECIDED} if cause is not None else set())
     return next((code for code in (2, 4, 1, UNDECIDED) if code in codes), 0)
-
-
-def _codes(found: list[Judged[Any]]) -> Iterator[int]:
-    for one in found:
-        yield one.error.exit_code if one.error is not None else one.code
 
 
 def _weights(

@@ -11,18 +11,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from robust.encode import create_encoding
-from robust.encode.validity import Validity
 from robust.plan.model import ParametrizedPlan
 from robust.probability.distributions import Distribution
 from robust.probability.measure import Bounds, Measure, box_probability
 from robust.qe.box import Box, Interval
-from robust.qe.broken import beyond
-from robust.qe.compute import Existence, ProblemBuilder, declared_bounds
+from robust.qe.broken import Causes
+from robust.qe.compute import declared_bounds
 from robust.qe.conjunctions import Conjunction
-from robust.qe.eliminate.enumerate import PieceSearch
-from robust.qe.eliminate.interface import Context
-from robust.qe.nnf import Reader
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline
 
@@ -115,23 +110,13 @@ class Attribution:
 
     def _enumerated(self) -> Iterator[Broken]:
         """Each thing that can go wrong, when all about it is known."""
-        encoding = create_encoding("relational", self._plan, self._epsilon, self._deadline)
-        context = Context(encoding.terms, Reader(encoding.terms), self._solver)
-        builder = ProblemBuilder(encoding, context.reader, context.session())
-        facets = encoding.validity.facets if isinstance(encoding.validity, Validity) else []
-        known: list[Conjunction] = [(half,) for bound in self._within.constraints for half in bound.negation()]
-        demands = [(facet.obligation, facet) for facet in facets if facet.obligation is not None]
-        for name in dict.fromkeys(name for name, _ in demands):
-            facets_of = (facet for other, facet in demands if other == name)
-            yield self._found(name, (half for facet in facets_of for half in beyond(facet)), known)
-        existence = Existence(encoding, context, builder.existence(), self._within.constraints)
-        yield self._found(NO_SCHEDULE, existence.pieces(self._deadline), known)
-        for obligation in encoding.obligations:
-            if obligation.violation is not encoding.terms.false:
-                search = PieceSearch(context, builder.query(obligation), self._deadline)
-                for piece in known:
-                    search.exclude(piece)
-                yield self._found(obligation.name, _pieces(search), known)
+        causes = Causes(self._plan, self._epsilon, self._solver, self._deadline)
+        known = causes.outside
+        for name, halves in causes.demands().items():
+            yield self._found(name, halves, known)
+        yield self._found(NO_SCHEDULE, causes.without_schedule(), known)
+        for obligation in causes.obligations:
+            yield self._found(obligation.name, causes.pieces(obligation, known), known)
 
     def _found(self, name: str, pieces: Iterable[Conjunction], known: list[Conjunction]) -> Broken:
         found = Broken(name, tuple(piece for one in self._broken for piece in one.pieces))
@@ -143,9 +128,3 @@ class Attribution:
                 known.append(piece)
         found.complete = True
         return found
-
-
-def _pieces(search: PieceSearch) -> Iterator[Conjunction]:
-    while (piece := search.next_piece()) is not None:
-        yield piece
-        search.exclude(piece)

@@ -7,13 +7,14 @@ alone does not hold, nothing is said of other obligations: nothing else is to be
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
+from itertools import islice
 
 from robust.encode import create_encoding
-from robust.encode.interface import EPSILON, Facet
+from robust.encode.interface import EPSILON, Facet, Obligation
 from robust.encode.validity import Validity
 from robust.plan.model import ParametrizedPlan, Relation
 from robust.qe.compute import Existence, ProblemBuilder, declared_bounds
@@ -71,30 +72,63 @@ def what_breaks(
 def _enumerated(plan: ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> Iterator[Broken]:
     """Each obligation that can break, when all about it is known."""
     piece_of = partial(Polyhedron, tuple(parameter.name for parameter in plan.parameters))
-    encoding = create_encoding("relational", plan, epsilon, deadline)
-    context = Context(encoding.terms, Reader(encoding.terms), solver)
-    builder = ProblemBuilder(encoding, context.reader, context.session())
-    facets = encoding.validity.facets if isinstance(encoding.validity, Validity) else []
-    demands: dict[str, list[Polyhedron]] = {}
-    for facet in facets:
-        if facet.obligation is not None:
-            demands.setdefault(facet.obligation, []).extend(map(piece_of, beyond(facet)))
-    yield from (Broken(name, tuple(pieces), demand=True) for name, pieces in demands.items())
-    bounds = declared_bounds(plan)
-    known: list[Conjunction] = [(half,) for bound in bounds for half in bound.negation()]
-    known += Existence(encoding, context, builder.existence(), bounds).pieces(deadline)
-    for obligation in encoding.obligations:
-        if obligation.violation is encoding.terms.false or obligation.name in demands:
-            continue
-        search = PieceSearch(context, builder.query(obligation), deadline)
+    causes = Causes(plan, epsilon, solver, deadline)
+    demands = causes.demands()
+    yield from (Broken(name, tuple(map(piece_of, found)), demand=True) for name, found in demands.items())
+    known: list[Conjunction] = [*causes.outside, *causes.without_schedule()]
+    for obligation in causes.obligations:
+        if obligation.name not in demands:
+            pieces = tuple(map(piece_of, islice(causes.pieces(obligation, known), MOST + 1)))
+            if pieces:
+                yield Broken(obligation.name, pieces, demand=False)
+
+
+class Causes:
+    """All that can go wrong with a plan, each by itself, as the parameter values with which it does.
+
+    Raises:
+        OutOfTimeError: whatever is asked, when the deadline passes.
+        UnsupportedError: an expression that is not linear.
+    """
+
+    def __init__(self, plan: ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> None:
+        self.bounds = declared_bounds(plan)
+        self._deadline = deadline
+        self._encoding = create_encoding("relational", plan, epsilon, deadline)
+        self._context = Context(self._encoding.terms, Reader(self._encoding.terms), solver)
+        self._builder = ProblemBuilder(self._encoding, self._context.reader, self._context.session())
+
+    @property
+    def outside(self) -> list[Conjunction]:
+        """Outside of declared bounds."""
+        return [(half,) for bound in self.bounds for half in bound.negation()]
+
+    def demands(self) -> dict[str, list[Conjunction]]:
+        """Demands on durations over parameters alone do not hold, by obligation."""
+        validity = self._encoding.validity
+        found: dict[str, list[Conjunction]] = {}
+        for facet in validity.facets if isinstance(validity, Validity) else ():
+            if facet.obligation is not None:
+                found.setdefault(facet.obligation, []).extend(beyond(facet))
+        return found
+
+    def without_schedule(self) -> Iterator[Conjunction]:
+        """There is no schedule."""
+        return Existence(self._encoding, self._context, self._builder.existence(), self.bounds).pieces(self._deadline)
+
+    @property
+    def obligations(self) -> list[Obligation]:
+        """Those that can break in some schedule."""
+        return [one for one in self._encoding.obligations if one.violation is not self._encoding.terms.false]
+
+    def pieces(self, obligation: Obligation, known: Iterable[Conjunction]) -> Iterator[Conjunction]:
+        """An obligation breaks in some schedule, but for what is known already."""
+        search = PieceSearch(self._context, self._builder.query(obligation), self._deadline)
         for piece in known:
             search.exclude(piece)
-        pieces: list[Polyhedron] = []
-        while (found := search.next_piece()) is not None and len(pieces) <= MOST:
+        while (found := search.next_piece()) is not None:
+            yield found
             search.exclude(found)
-            pieces.append(piece_of(found))
-        if pieces:
-            yield Broken(obligation.name, tuple(pieces), demand=False)
 
 
 def beyond(facet: Facet) -> Iterator[Conjunction]:

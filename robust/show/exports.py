@@ -15,7 +15,7 @@ from robust import __version__
 from robust.errors import InputError, UnsupportedError
 from robust.irr.overruns import FIXED, ActionOverrun, Overrun, action_overruns, overruns
 from robust.irr.search import EnvelopeResult
-from robust.numbers import readable
+from robust.numbers import one_line, readable
 from robust.options.verbs import EXPORTS
 from robust.plan.model import ParametrizedPlan
 from robust.show import documents
@@ -145,14 +145,14 @@ def _explained(one: ActionOverrun) -> Iterator[str]:
         if len(one.overruns) == 1
         else f", the least of {len(one.overruns)} instances: {decisive.instance.identifier}"
     )
-    yield _line(f"{one.action}: exactly {exact}{of}")
+    yield one_line(f"{one.action}: exactly {exact}{of}")
     if decisive.reason == FIXED:
-        yield _line(f"for more: --parameter duration:{one.action}")
+        yield one_line(f"for more: --parameter duration:{one.action}")
     yield from (line.removeprefix("# ") for line in _instances(one))
 
 
 def _instances(one: ActionOverrun) -> list[str]:
-    return [f"#   {_line(_instance(each))}" for each in one.overruns]
+    return [f"#   {one_line(_instance(each))}" for each in one.overruns]
 
 
 def _instance(one: Overrun) -> str:
@@ -167,11 +167,6 @@ def _instance(one: Overrun) -> str:
         share = "" if one.percent is None else f" ({percentage(one.percent)})"
         proved = f"proved {limit} {readable(one.proved)}{share}, and from {readable(one.shortest or Fraction(0))}"
     return f"{one.instance.identifier} {one.instance}: {planned}, {proved}"
-
-
-def _line(text: str) -> str:
-    """In one line, whatever names contain: a comment must not end early."""
-    return "".join(character if character.isprintable() else " " for character in text)
 
 
 def _key(name: str) -> str:

@@ -56,8 +56,8 @@ class Judged(Generic[Result]):
 
     @property
     def code(self) -> int:
-        """The exit code of a verdict."""
-        return exit_code_of(self.word)
+        """The exit code of a verdict or an error."""
+        return exit_code_of(self.word) if self.error is None else self.error.exit_code
 
 
 # -- for people --------------------------------------------------------------------------------------------------------

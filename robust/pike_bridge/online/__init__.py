@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
+from robust.backends import SMT
 from robust.pike_bridge.knowledge import knowledge_bases
-
-SMT = "smt"
-"""The reasoner that compiles nothing."""
 
 
 def reasoner_names() -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import NamedTuple
 
+from robust.backends import SMT
 from robust.errors import InputError, did_you_mean
 from robust.pike_bridge.compile import Compilation, Compiling, Temporal
 from robust.pike_bridge.knowledge.interface import Commitment, Exclude, Require
@@ -26,7 +27,7 @@ from robust.pike_bridge.model import (
     entails,
     may_produce,
 )
-from robust.pike_bridge.online import SMT, reasoner_names
+from robust.pike_bridge.online import reasoner_names
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.reasoner import News, Reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
@@ -36,7 +37,7 @@ from robust.pike_bridge.temporal.schedule import most_general
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.terms import Terms
 
-__all__ = ["SMT", "CompiledReasoners", "make_reasoner", "reasoner_names", "without_states"]
+__all__ = ["CompiledReasoners", "make_reasoner", "reasoner_names", "without_states"]
 
 
 class ExecutionFacts:

@@ -16,6 +16,7 @@ from math import ceil, floor
 from random import Random
 from typing import TypeAlias
 
+from robust.backends import DRAKE, SMT, WINDOWS
 from robust.errors import SolverError
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.model import ALWAYS, Assignment, Literal, TeamPlan
@@ -35,7 +36,7 @@ from robust.pike_bridge.online.progress import (
     Violated,
 )
 from robust.pike_bridge.online.reasoner import Reasoner
-from robust.pike_bridge.online.reasoners import SMT, make_reasoner, without_states
+from robust.pike_bridge.online.reasoners import make_reasoner, without_states
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.semantics import Execution, faults, holds
 from robust.presented import Presented
@@ -373,7 +374,7 @@ class Rehearsal:
             dict(progress.times),
             plan=self.plan,
             seed=self.seed,
-            reasoner="drake" if self.drake else SMT if self.backend == SMT else "windows",
+            reasoner=DRAKE if self.drake else SMT if self.backend == SMT else WINDOWS,
             backend=self.backend,
             explained=self.explain,
             conflict=facts or (),
