@@ -151,6 +151,10 @@ class Guard:
         finally:
             self._working = False
 
+    def why(self, error: BaseException | None = None) -> Cause:
+        """Why work was given up; what ended it may have found that out by itself."""
+        return self.cause or getattr(error, "cause", None) or Cause.INTERRUPTED
+
     def remaining(self, limit: float | None) -> float | None:
         """Seconds of the limit that are left, a tiny number if none are."""
         return None if limit is None else max(1e-3, limit - self.age)
@@ -200,7 +204,7 @@ class Guard:
             self._nudge()
         elif now - self._since > _PATIENCE:
             if self._on_stuck is None or not self._on_stuck():
-                os.write(2, f"robust: {(self.cause or Cause.INTERRUPTED).message}\n".encode())
+                os.write(2, f"robust: {self.why().message}\n".encode())
             os._exit(UNDECIDED)
         elif now - self._nudged > _AGAIN:
             self._nudged = now

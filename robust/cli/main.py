@@ -14,7 +14,7 @@ from functools import partial
 
 from robust import __version__
 from robust.cli.build import Command, Group, application, read
-from robust.cli.guard import Cause, GivenUpError, Guard, carry_out
+from robust.cli.guard import GivenUpError, Guard, carry_out
 from robust.cli.output import complain, drop_output, print_json
 from robust.errors import UNDECIDED, InputError, RobustError, from_extra
 
@@ -84,7 +84,7 @@ def run_command(arguments: Sequence[str]) -> int:
         try:
             return _run(list(arguments), guard)
         except (KeyboardInterrupt, GivenUpError) as error:
-            cause = guard.cause or getattr(error, "cause", None) or Cause.INTERRUPTED
+            cause = guard.why(error)
             return _report(arguments, RobustError(cause.message), cause.value, UNDECIDED, cause.message)
         except BrokenPipeError:
             drop_output()

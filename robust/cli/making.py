@@ -193,7 +193,7 @@ def execute(options: ExecuteCommand, run: Run) -> int:
     except GivenUpError as error:
         if not runs:
             raise
-        cause = run.guard.cause or error.cause or Cause.INTERRUPTED
+        cause = run.guard.why(error)
     from robust.show import execution, made
 
     if options.plot is not None:

@@ -15,7 +15,7 @@ from math import floor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robust.cli.guard import Cause, Run
+from robust.cli.guard import Run
 from robust.cli.output import drop_output
 from robust.errors import UNDECIDED, InputError, Location
 from robust.smt.limits import GLANCE, NEVER, Deadline, OutOfTimeError, has_input
@@ -211,7 +211,7 @@ class _Server:
 
     def _on_stuck(self) -> bool:
         """A solver does not heed the signal: the answer comes from another thread, and the process ends."""
-        self._end((self._run.guard.cause or Cause.INTERRUPTED).value)
+        self._end(self._run.guard.why().value)
         return True
 
 

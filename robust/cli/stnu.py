@@ -128,7 +128,7 @@ def _each(
         except GivenUpError as error:
             if not found:
                 raise
-            return found, run.guard.cause or error.cause or Cause.INTERRUPTED
+            return found, run.guard.why(error)
         except RobustError as error:
             if len(options.files) == 1:
                 raise

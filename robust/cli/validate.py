@@ -38,7 +38,7 @@ def validate(options: ValidateCommand, run: Run) -> int:
     except GivenUpError as error:
         if not judged:
             raise
-        cause = run.guard.cause or error.cause or Cause.INTERRUPTED
+        cause = run.guard.why(error)
     status = "complete" if cause is None else cause.value
     run.answer(
         lambda: validation.validate(judged, status, options.separation, options.rounding),
