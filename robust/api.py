@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Protocol
 
 from robust.errors import InputError, did_you_mean
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
-from robust.options.declare import Options, place_of, settings, texts
+from robust.options.declare import Option, Options, place_of, settings, texts
 from robust.options.verbs import (
     CheckOptions,
     CompareOptions,
@@ -90,7 +90,7 @@ def verb(
         types = {name: kind for base in reversed(taken.__mro__) for name, kind in inspect.get_annotations(base).items()}
         given = [
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=types[name])
-            for name, one in sorted(taken.declarations.items(), key=lambda each: (not each[1].shown, each[1].rank))
+            for name, one in _in_order(taken)
         ]
         found = inspect.Signature([plan, *given], return_annotation=function.__annotations__["return"])
         called.__signature__ = found  # type: ignore[attr-defined]
@@ -100,10 +100,14 @@ def verb(
     return decorate
 
 
+def _in_order(options: type[Options]) -> list[tuple[str, Option]]:
+    """As in help texts, callbacks last."""
+    return sorted(options.declarations.items(), key=lambda each: (not each[1].shown, each[1].rank))
+
+
 def _with_arguments(text: str, options: type[Options]) -> str:
     """A docstring with the help of each option as the description of an argument."""
-    shown = sorted(options.declarations.items(), key=lambda each: (not each[1].shown, each[1].rank))
-    helps = [f"{name}: {one.help}." for name, one in shown]
+    helps = [f"{name}: {one.help}." for name, one in _in_order(options)]
     lines = ["plan: what :func:`load_plan` returns, or the paths of a domain, a problem and a plan.", *helps]
     wrapped = [textwrap.fill(line, 110, initial_indent="    ", subsequent_indent="        ") for line in lines]
     summary, _, rest = text.partition("\n\n")

@@ -38,7 +38,7 @@ from robust.irr.exact import OptimalBox, envelope_stop
 from robust.irr.stops import JUST, Stop, declared_stop
 from robust.irr.widen import DiscoveredBadSet, Obstacle
 from robust.plan.model import ParametrizedPlan
-from robust.qe.box import Box, Face, Interval, Side
+from robust.qe.box import Box, Face, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.slabs import Growing
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -224,8 +224,7 @@ class Controllability:
         )
         for corner in corners:
             chosen = dict(zip(vague, corner, strict=True))
-            fixed = {name: Interval(value, value) for name, value in chosen.items()}
-            yield chosen, Box({**self.box.intervals, **fixed})
+            yield chosen, self.box.changed(Box.point(chosen).intervals)
 
 
 def shrink(

@@ -14,7 +14,7 @@ from fractions import Fraction
 from robust.plan.model import ParametrizedPlan
 from robust.probability.distributions import Distribution
 from robust.probability.measure import Bounds, Measure, box_probability
-from robust.qe.box import Box, Interval
+from robust.qe.box import Box
 from robust.qe.broken import Causes
 from robust.qe.compute import declared_bounds
 from robust.qe.conjunctions import Conjunction
@@ -93,8 +93,7 @@ class Attribution:
 
     def shares(self, failing: Fraction) -> tuple[Share, ...]:
         """What is known by now, without what takes nothing; `failing` is what all together take at most."""
-        within = {one.name: Interval(one.lower, one.upper) for one in self._plan.parameters}
-        inside = box_probability(Box(within), self._distributions)
+        inside = box_probability(Box.declared(self._plan.parameters), self._distributions)
         found = {DECLARED: Bounds(1 - inside.upper, 1 - inside.lower)}
         for one in self._broken:
             known = one.bounds or (NOTHING if one.complete and not one.pieces else Bounds(Fraction(0), failing))

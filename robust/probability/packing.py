@@ -52,8 +52,7 @@ class Packing:
         self._made = 0
         self.boxes: list[Box] = []
         self.lower = Fraction(0)
-        self._push(Box({one.name: Interval(one.lower, one.upper, one.lower is not None, one.upper is not None)
-                        for one in parameters}))  # fmt: skip
+        self._push(Box.declared(parameters))
 
     def _push(self, part: Box) -> None:
         probability = box_probability(part, self._distributions).upper

@@ -126,6 +126,11 @@ class Box:
     def nominal(parameters: Iterable[Parameter]) -> Box:
         return Box.point({parameter.name: parameter.nominal for parameter in parameters})
 
+    @staticmethod
+    def declared(parameters: Iterable[Parameter]) -> Box:
+        """All values within the declared bounds."""
+        return Box({one.name: Interval(one.lower, one.upper) for one in parameters})
+
     def __getitem__(self, name: str) -> Interval:
         return self.intervals[name]
 

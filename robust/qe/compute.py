@@ -24,7 +24,7 @@ from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
 from robust.encode.variables import Grid, Range
 from robust.plan.model import ParametrizedPlan, Relation
 from robust.presented import Presented
-from robust.qe.box import Box, Interval
+from robust.qe.box import Box
 from robust.qe.conjunctions import Conjunction, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
@@ -147,8 +147,7 @@ class ProblemBuilder:
 
 def declared_bounds(plan: ParametrizedPlan) -> Conjunction:
     """The declared parameter bounds."""
-    box = Box({parameter.name: Interval(parameter.lower, parameter.upper) for parameter in plan.parameters})
-    return tuple(box.constraints())
+    return tuple(Box.declared(plan.parameters).constraints())
 
 
 def merged(name: str, kept: tuple[str, ...], queries: Iterable[Query]) -> Query:
