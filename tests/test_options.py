@@ -72,8 +72,9 @@ def test_plot_files(tmp_path):
 
 def test_settings_of_parameters():
     both = {"k": Interval(Fraction(1), None, upper_closed=False), "m": Fraction(1, 2)}
-    assert settings(both, ["k", "m"]) == settings({**both, "m": "0.5"}, ["k", "m"]) == both
-    assert settings([" k = 1 : +inf ", "m=1/2"], ["k", "m"]) == settings(["m=1/2", "k=1:inf"], ["k", "m"]) == both
+    expected = {**both, "m": Interval(Fraction(1, 2), Fraction(1, 2))}
+    assert settings(both, ["k", "m"]) == settings({**both, "m": "0.5"}, ["k", "m"]) == expected
+    assert settings([" k = 1 : +inf ", "m=1/2"], ["k", "m"]) == settings(["m=1/2", "k=1:inf"], ["k", "m"]) == expected
     assert settings(["k=-inf:2"], ["k"]) == {"k": Interval(None, Fraction(2), lower_closed=False)}
     assert settings(["k=2:2"], ["k"]) == {"k": Interval(Fraction(2), Fraction(2))}
 
