@@ -7,10 +7,8 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import warnings
 from collections import Counter
-from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from itertools import product
@@ -25,8 +23,9 @@ from benchmarks.engine.stats import LineFit, Mean, Pairing, Proportion
 from robust.errors import InputError, UnsupportedError
 from robust.sweeps import pool
 from robust.sweeps.pool import ATTEMPTS, Task
-from robust.sweeps.sweep import SCHEMA, Store, key_of, run_sweep
+from robust.sweeps.sweep import SCHEMA, Store, key_of
 from tests.benchmarks.conftest import navigation
+from tests.benchmarks.squares import Squared, attempts, deadly, square, sweep_of, task
 from tests.children import eventually, is_running
 
 ROOT = Path(__file__).parents[2]
@@ -36,44 +35,8 @@ class Colour(Enum):
     RED = "red"
 
 
-@dataclass(frozen=True)
-class Squared:
-    square: int
-
-
-def square(number, log, seconds=0.0, *_):
-    """Leaves a line in a file for each attempt."""
-    with log.open("a") as file:
-        file.write(f"{number} {os.getpid()}\n")
-    time.sleep(seconds)
-    if number < 0:
-        raise ValueError("negative\nsecond line")
-    return Squared(number**2)
-
-
-def deadly(number, log, seconds=0.0):
-    """Kills its own process for some numbers: always for 3, the first time for 5."""
-    made = attempts(log) if log.exists() else Counter()
-    result = square(number, log, seconds)
-    if number == 3 or (number == 5 and not made[5]):
-        os.kill(os.getpid(), signal.SIGKILL)
-    return result
-
-
-def task(number, log, *more):
-    return Task(f"square {number}", (number, log, *more))
-
-
-def sweep_of(some, work=square, **options):
-    return run_sweep(some, work, record=Squared, **options)
-
-
 def tasks(log, count, seconds=0.0):
     return [task(number, log, seconds) for number in range(count)]
-
-
-def attempts(log):
-    return Counter(int(line.split()[0]) for line in log.read_text().splitlines())
 
 
 def squares(count):
@@ -185,7 +148,7 @@ def test_jobs_and_a_cluster_exclude_each_other():
 DRIVER = """
 import json, sys
 from pathlib import Path
-from tests.benchmarks.test_engine import sweep_of, task
+from tests.benchmarks.squares import sweep_of, task
 log, store, jobs = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
 some = [task(number, log, 0 if number < 2 else 60) for number in range(6)]
 sweep = sweep_of(some, store=store, jobs=jobs)
@@ -293,7 +256,7 @@ def test_cluster_with_a_killed_worker(cluster, tmp_path):
 
 
 def test_failures_on_a_cluster(cluster, tmp_path):
-    some = [*tasks(tmp_path / "log", 5), task(-1, tmp_path / "log")]
+    some = [*tasks(tmp_path / "log", 5, 0.1), task(-1, tmp_path / "log")]
     sweep = sweep_of(some, deadly, cluster=cluster.scheduler_address)
     assert values(sweep) == [0, 1, 4, 16]
     reasons = {one.task: one.reason for one in sweep.failures}

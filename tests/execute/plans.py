@@ -142,9 +142,10 @@ def fixed(values: Mapping[str, Fraction]) -> Rules:
     return Rules(tuple(constant(Subject.PARAMETER, name, value) for name, value in values.items()))
 
 
-def drawn_plan(random: Random) -> ParametrizedPlan:
-    """A random partial order of tasks, some a limited time after others, with a deadline that some values miss."""
-    count = random.randint(2, 5)
+def drawn_plan(random: Random, *, tasks_at_most: int = 5, loose: bool = False) -> ParametrizedPlan:
+    """A random partial order of tasks, some a limited time after others, with a deadline that some values miss; a
+    `loose` one has no limits, and a deadline that leaves room."""
+    count = random.randint(2, tasks_at_most)
     declared, constraints = [], []
     for number in range(1, count + 1):
         if number > 1:
@@ -153,11 +154,11 @@ def drawn_plan(random: Random) -> ParametrizedPlan:
         for before in range(1, number):
             if random.random() < 0.6:
                 least = random.choice(["0.001", "1", "2.5"])
-                most = random.choice(["inf", "inf", "inf", "12", "20"])
+                most = "inf" if loose else random.choice(["inf", "inf", "inf", "12", "20"])
                 constraints.append(f"w{number}.start - w{before}.end in [{least}, {most}]")
-            elif random.random() < 0.15:
+            elif not loose and random.random() < 0.15:
                 constraints.append(f"w{number}.end - w{before}.start in [0.001, 30]")
-        constraints.append(f"w{number}.end - .zero in [0, {12 * count}]")
+        constraints.append(f"w{number}.end - .zero in [0, {200 if loose else 12 * count}]")
     objects = [f"t{number}" for number in range(count)]
     text = "\n".join([*declared, working(*constraints, on=objects)])
     return tasks(text, problem=nothing_else(objects, until=201))
