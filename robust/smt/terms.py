@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, TypeAlias
 
 from pysmt.environment import Environment
@@ -18,11 +19,31 @@ Formula: TypeAlias = FNode
 Build: TypeAlias = Callable[[list[Formula]], Formula]
 
 
+class _Environment(Environment):  # type: ignore[misc]
+    """pySMT's, but what works on formulas is made when it is first needed: making it all takes longer than most use."""
+
+    simplifier = cached_property(Environment.SimplifierClass)
+    substituter = cached_property(Environment.SubstituterClass)
+    serializer = cached_property(Environment.HRSerializerClass)
+    qfo = cached_property(Environment.QuantifierOracleClass)
+    theoryo = cached_property(Environment.TheoryOracleClass)
+    fvo = cached_property(Environment.FreeVarsOracleClass)
+    sizeo = cached_property(Environment.SizeOracleClass)
+    ao = cached_property(Environment.AtomsOracleClass)
+    typeso = cached_property(Environment.TypesOracleClass)
+
+    # What pySMT would make at once, in attributes that the properties above take the place of.
+    SimplifierClass = SubstituterClass = HRSerializerClass = QuantifierOracleClass = TheoryOracleClass = staticmethod(
+        lambda _environment: None
+    )
+    FreeVarsOracleClass = SizeOracleClass = AtomsOracleClass = TypesOracleClass = SimplifierClass
+
+
 class Terms:
     """Builds pySMT formulas in an environment of its own; symbols stand for any printable variables."""
 
     def __init__(self) -> None:
-        self.environment = Environment()
+        self.environment = _Environment()
         self.manager = self.environment.formula_manager
         # Terms are of the right type by construction; checking every node takes longer than making it.
         self.manager._do_type_check = lambda _node: None
