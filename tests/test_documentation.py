@@ -250,6 +250,18 @@ def cells(notebook: Path) -> list[dict]:
     return [cell for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
 
 
+PRINTED = {
+    "unified-planning.ipynb": [
+        "gap 1/100, epsilon 1/10: INVALID",
+        "gap 1/100, epsilon 1/1000: VALID",
+        "gap 1/100000, epsilon 1/10: INVALID",
+        "gap 1/100000, epsilon 1/1000: INVALID",
+        "STNPlan VALID",
+    ]
+}
+"""What text of a notebook promises: ε beside gaps, of which unified-planning's own validator gets some cells wrong."""
+
+
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.name)
 def test_a_notebook_runs_from_any_directory_and_keeps_no_output(notebook, tmp_path):
     assert [cell for cell in cells(notebook) if cell["outputs"] or cell["execution_count"]] == []
@@ -260,20 +272,11 @@ def test_a_notebook_runs_from_any_directory_and_keeps_no_output(notebook, tmp_pa
         words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False, timeout=300
     )
     assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout.splitlines() == PRINTED.get(notebook.name, ended.stdout.splitlines())
 
 
-def test_notebooks_say_what_their_text_promises():
-    """The table of ε beside gaps, of which unified-planning's own validator gets some cells wrong."""
-    script = "".join("".join(cell["source"]) + "\n" for cell in cells(ROOT / "docs/notebooks/unified-planning.ipynb"))
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    ended = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
-    assert ended.stdout.splitlines() == [
-        "gap 1/100, epsilon 1/10: INVALID",
-        "gap 1/100, epsilon 1/1000: VALID",
-        "gap 1/100000, epsilon 1/10: INVALID",
-        "gap 1/100000, epsilon 1/1000: INVALID",
-        "STNPlan VALID",
-    ]
+def test_notebooks_whose_text_promises_something_are_there():
+    assert set(PRINTED) <= {notebook.name for notebook in NOTEBOOKS}
 
 
 # -- links -----------------------------------------------------------------------------------------------------------

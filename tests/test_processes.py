@@ -73,14 +73,14 @@ def test_the_end_of_what_is_printed_is_kept_and_no_more() -> None:
     tracemalloc.start()
     try:
         before = peak()
-        ended = run("for n in range(4 * 10**6): print(f'line {n:020}')\nprint('the end')")
+        ended = run("for n in range(4 * 10**5): print(f'line {n:0244}')\nprint('the end')")
         assert tracemalloc.get_traced_memory()[1] - before < 5 * KEPT
     finally:
         tracemalloc.stop()
     lines = ended.stdout.splitlines()
     assert KEPT * 0.9 < len(ended.stdout) <= KEPT
-    assert lines[-2:] == [f"line {4 * 10**6 - 1:020}", "the end"]
-    assert all(len(line) == 25 for line in lines[:-1])
+    assert lines[-2:] == [f"line {4 * 10**5 - 1:0244}", "the end"]
+    assert all(len(line) == 249 for line in lines[:-1])
     assert ended.exit_code == 0
 
 

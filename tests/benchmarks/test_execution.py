@@ -99,10 +99,11 @@ def test_what_is_implied_not_needed_or_not_known():
         judged(converted(DOMAIN, problem(), STEPS, "duration:read"))
 
 
-def test_judgements_by_brute_force():
+@pytest.mark.parametrize("seeds", [range(6), pytest.param(range(6, 60), marks=pytest.mark.slow)], ids=len)
+def test_judgements_by_brute_force(seeds):
     """Of drawn plans: without each bound that is needed the plan is refuted, and it is proved with all of them."""
     kinds = set()
-    for seed in range(14):
+    for seed in seeds:
         texts = drawn_plan(seed)
         conversion = converted(texts.domain, texts.problem, texts.plan)
         edges = list(edges_of(conversion.plan))

@@ -23,8 +23,9 @@ if os.fork() == 0:
     os._exit(0)
 while True:
     print("thinking " * 1000)
+    time.sleep(0.001)
 """
-"""A planner whose work goes on in a process that has left it, while it prints without end."""
+"""A planner whose work goes on in a process that has left it, while it prints without end (some MB a second)."""
 
 
 class Run:

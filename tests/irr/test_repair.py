@@ -87,7 +87,7 @@ def broken(draw: st.DrawFn) -> ParametrizedPlan:
 
 
 @given(broken(), st.booleans(), st.booleans())
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_repairs_are_proved_and_no_change_of_one_bound_is_cheaper(plan, count, reorder) -> None:
     confirm_repair(plan, count=count, reorder=reorder)
 

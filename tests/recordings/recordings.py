@@ -70,7 +70,7 @@ LIMIT = 900.0
 SLOW = re.compile(
     r"bench|batch|compare-(?!timeout|navigation|flexible)|certify-(json|positions|text-maximal|generator|delivery|box-file|box-not|alethe$)"
     r"|envelope-optimal-positions|execute-(aries|kairos)$|pike-check-cross|region-(positions|generator-(z3|cvc5))"
-    r"|pike-compile-(.*-)?sat$|pike-run-(disturb-explained|explain|fails-json)"
+    r"|pike-compile-(.*-)?sat$|pike-run-(disturb-explained|explain|fails-json|patience-margin|windows-explain)"
 )
 """Names of cases, from the beginning, that take more than about 1.5 s."""
 MASKED = re.compile(r"(bench|batch)-.*-text|(check|envelope)-verbose")
