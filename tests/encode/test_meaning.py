@@ -226,7 +226,7 @@ def test_start_and_end_conditions_read_the_state_just_before() -> None:
     assert check(plan, every=True).answer is Answer.PROVED
 
 
-@pytest.mark.parametrize("count", [80, pytest.param(4000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [50, pytest.param(4000, marks=pytest.mark.slow)])
 def test_fixed_schedules_break_exactly_what_the_simulator_says(count) -> None:
     outcomes: Counter[str] = Counter()
 

@@ -149,7 +149,7 @@ def judge(plan: ParametrizedPlan, ranges: dict[str, Range], random: Random, name
 @pytest.mark.parametrize(
     ("encoding", "solver", "count"),
     [
-        ("relational", "z3", 250),
+        ("relational", "z3", 120),
         ("relational", "cvc5", 80),
         ("positions", "z3", 100),
         *(pytest.param(encoding, "z3", 20_000, marks=pytest.mark.slow) for encoding in ENCODINGS),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
 
@@ -86,6 +86,14 @@ def broken(draw: st.DrawFn) -> ParametrizedPlan:
     return plan
 
 
+COUNTS = [5, pytest.param(50, marks=pytest.mark.slow)]
+
+
+def holds_for(count: int, statement: Callable[..., None], *strategies: st.SearchStrategy[object]) -> None:
+    """The statement holds for so many drawn examples."""
+    settings(max_examples=count, deadline=None)(given(*strategies)(statement))()
+
+
 @given(broken(), st.booleans(), st.booleans())
 @settings(max_examples=6, deadline=None)
 def test_repairs_are_proved_and_no_change_of_one_bound_is_cheaper(plan, count, reorder) -> None:
@@ -123,10 +131,13 @@ def confirm_repair(plan: ParametrizedPlan, *, count: bool, reorder: bool) -> Non
     assert not any(map(is_proved, cheaper(plan, limit, reorder=reorder)))
 
 
-@given(broken(), st.data())
-@settings(max_examples=15, deadline=None)
-def test_what_is_called_impossible_at_once_is_so_after_a_search(plan, data) -> None:
+@pytest.mark.parametrize("count", COUNTS)
+def test_what_is_called_impossible_at_once_is_so_after_a_search(count) -> None:
     """Where no schedule keeps all obligations, whatever is changed."""
+    holds_for(count, confirm_impossible, broken(), st.data())
+
+
+def confirm_impossible(plan, data) -> None:
     required = {}
     for one in plan.parameters:
         if data.draw(st.booleans(), label=f"require {one.name}"):
@@ -153,9 +164,12 @@ def test_an_end_that_is_not_required_is_no_point_to_ask_about() -> None:
     assert all(value in required[name] for name, value in high.items())
 
 
-@given(broken())
-@settings(max_examples=8, deadline=None)
-def test_fewest_changes_are_no_more_and_least_sums_cost_no_more(plan) -> None:
+@pytest.mark.parametrize("count", COUNTS)
+def test_fewest_changes_are_no_more_and_least_sums_cost_no_more(count) -> None:
+    holds_for(count, confirm_fewest, broken())
+
+
+def confirm_fewest(plan) -> None:
     least, fewest = RepairSearch(plan).run(), RepairSearch(plan, count=True).run()
     assert (least.plan is None) == (fewest.plan is None)
     if least.plan is not None and least.cost is not None and fewest.cost is not None:
@@ -281,10 +295,13 @@ def test_the_best_so_far_has_a_gap(monkeypatch) -> None:
     assert search.so_far(timed_out=True).status is RepairStatus.FEASIBLE
 
 
-@given(broken(), st.integers(1, 12))
-@settings(max_examples=15, deadline=None)
-def test_whenever_time_is_out_the_gap_holds(plan, steps) -> None:
+@pytest.mark.parametrize("count", COUNTS)
+def test_whenever_time_is_out_the_gap_holds(count) -> None:
     """The least cost is between the bound and the cost of the best repair so far, which is proved."""
+    holds_for(count, confirm_gap, broken(), st.integers(1, 12))
+
+
+def confirm_gap(plan, steps) -> None:
     least, left = RepairSearch(plan).run(), steps
     search = RepairSearch(plan)
     original = search._clause_at

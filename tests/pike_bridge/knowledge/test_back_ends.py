@@ -29,10 +29,18 @@ ROOMS = Theory(
 each = pytest.mark.parametrize("name", NAMES)
 
 
+@pytest.mark.parametrize("count", [40, pytest.param(500, marks=pytest.mark.slow)])
 @each
-@settings(max_examples=120)
-@given(data=st.data())
-def test_answers_are_those_of_brute_force(name, data):
+def test_answers_are_those_of_brute_force(name, count):
+    @settings(max_examples=count)
+    @given(data=st.data())
+    def drawn(data):
+        compare_with_brute_force(name, data)
+
+    drawn()
+
+
+def compare_with_brute_force(name, data):
     theory = data.draw(theories())
     left = models(theory)
     knowledge = create_knowledge_base(name, theory, shortcut=data.draw(st.booleans()))

@@ -192,9 +192,17 @@ def test_consensus_example():
     assert set(Atms(theory).goal()) == guards(*label)
 
 
-@settings(max_examples=300)
-@given(data=st.data())
-def test_the_goal_has_all_prime_implicants(data):
+@pytest.mark.parametrize("count", [100, pytest.param(1000, marks=pytest.mark.slow)])
+def test_the_goal_has_all_prime_implicants(count):
+    @settings(max_examples=count)
+    @given(data=st.data())
+    def drawn(data):
+        goal_has_all_prime_implicants(data)
+
+    drawn()
+
+
+def goal_has_all_prime_implicants(data):
     theory = data.draw(theories())
     left = models(theory)
     knowledge, diagram = PiTms(theory, shortcut=False), BddKnowledgeBase(theory)

@@ -213,7 +213,12 @@ def test_the_latest_moments_are_those_of_the_oracle(name):
 
 @pytest.mark.parametrize(
     ("name", "delay", "eager"),
-    [("kitchen", "1/10", 1), ("kitchen", "1/4", 1), ("kitchen", "1/2", 1), ("wing", "20", 1)],
+    [
+        ("kitchen", "1/10", 1),
+        ("kitchen", "1/4", 1),
+        ("kitchen", "1/2", 1),
+        pytest.param("wing", "20", 1, marks=pytest.mark.slow),
+    ],
 )
 def test_people_may_hesitate_whatever_they_mean(name, delay, eager):
     plan = getattr(stories, name)().plan()
