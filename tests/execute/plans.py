@@ -164,6 +164,15 @@ def drawn_plan(random: Random, *, tasks_at_most: int = 5, loose: bool = False) -
     return tasks(text, problem=nothing_else(objects, until=201))
 
 
+def drawn_with_box(random: Random) -> tuple[ParametrizedPlan, Box]:
+    """A drawn plan whose nominal values leave a schedule, and its box by exact widening."""
+    while True:
+        plan = drawn_plan(random)
+        found = envelope(plan)
+        if found.verified:
+            return plan, found.box
+
+
 # -- conversions -------------------------------------------------------------------------------------------------------
 
 
