@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robust.show.console import console, show_table, table
-from tests.cli.running import EXAMPLES, command, example
+from tests.cli.running import EXAMPLES, command, example, process
 
 KITCHEN = str(EXAMPLES / "kitchen" / "kitchen.tpnu.json")
 WAITING = example("plan-flexible-wait.stn")
@@ -55,10 +55,14 @@ def directory(tmp_path_factory):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_nothing_is_cut_at_60_columns(name, directory, monkeypatch):
     monkeypatch.chdir(directory)
-    monkeypatch.setenv("COLUMNS", "200")
-    wide = command(*name.split(), *COMMANDS[name], *(("--force",) if name == "pike new" else ()))
-    monkeypatch.setenv("COLUMNS", "60")
-    narrow = command(*name.split(), *COMMANDS[name], *(("--force",) if name == "pike new" else ()))
+    asked = (*name.split(), *COMMANDS[name], *(("--force",) if name == "pike new" else ()))
+
+    def printed(columns):
+        monkeypatch.setenv("COLUMNS", columns)
+        # Of several obligations that end a side of the demo's boxes, a solver that was asked before may name another.
+        return process(*asked, COLUMNS=columns) if name == "demo" else command(*asked)
+
+    wide, narrow = printed("200"), printed("60")
     assert narrow.code == wide.code
     assert narrow.out
     lines = [line for line in narrow.out.splitlines() if len(line) > 60]
