@@ -192,6 +192,19 @@ class Options:
                 raise InputError(f"unknown {noun} {value!r}{did_you_mean(str(value), one.accepted)}")
             if one.read is not None:
                 object.__setattr__(self, name, one.read(value, place_of(name)))
+        self._check_files()
+
+    def _check_files(self) -> None:
+        """InputError if an option is a file that is typed as argument: what is read would be overwritten."""
+        files = [(one, getattr(self, name), place_of(name)) for name, one in self.declarations.items() if one.path]
+        read = [(one, file) for one, value, _ in files if one.argument for file in (value if one.many else [value])]
+        for one, path, place in files:
+            if one.argument or one.many or path is None or not os.path.isfile(path):
+                continue
+            for other, file in read:
+                if file is not None and os.path.isfile(file) and os.path.samefile(path, file):
+                    found = f"found {shorten(str(path))}, which is {other.metavar}, expected another file"
+                    raise InputError(found, place)
 
     def _check_combinations(self, given: Collection[str]) -> None:
         for name, one in self.declarations.items():

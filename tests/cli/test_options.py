@@ -3,6 +3,7 @@
 import inspect
 from decimal import Decimal
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -178,3 +179,28 @@ def test_both_readers_agree(data):
 def test_messages_name_options_as_typed():
     with as_typed({"beta"}), pytest.raises(InputError, match="--beta: found it with --method widen"):
         EnvelopeOptions(beta="1")
+
+
+@pytest.mark.parametrize(
+    ("verb", "option", "which"),
+    [
+        (("repair",), "--output", 2),
+        (("convert",), "--output", 2),
+        (("certify",), "--output", 0),
+        (("compare",), "--html", 1),
+    ],
+)
+def test_what_is_read_is_not_written_over(verb, option, which, tmp_path):
+    files = []
+    for name in example("plan-flexible-wait.stn"):
+        files.append(tmp_path / name.rpartition("/")[2])
+        files[-1].write_bytes(Path(name).read_bytes())
+    before = [file.read_bytes() for file in files]
+    link = tmp_path / "link"
+    link.symlink_to(files[which])
+    for target in (files[which], link):
+        ended = command(*verb, *files, option, target)
+        assert_one_line(ended)
+        assert f"{option}: found" in ended.err
+        assert "expected another file" in ended.err
+    assert [file.read_bytes() for file in files] == before
