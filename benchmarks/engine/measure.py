@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from robust.codec import plain
-from robust.errors import RobustError
+from robust.errors import UNSUPPORTED, RobustError
 from robust.processes import Ended
 from robust.qe.box import Interval
 from robust.qe.region import Region
@@ -21,8 +21,6 @@ Files = tuple[Path, Path, Path]
 NAMES = ("domain.pddl", "problem.pddl", "plan.stn")
 COST = ("status", "seconds", "cpu_s", "memory_mb", "search_s", "message")
 """What all runs have in common."""
-
-_UNSUPPORTED = 4
 
 
 def write_files(directory: Path, texts: tuple[str, str, str], names: tuple[str, str, str] = NAMES) -> Files:
@@ -117,7 +115,7 @@ def read_run(verb: str, found: Ended) -> Run:
     try:
         answer = json.loads(found.stdout)
         if "error" in answer:
-            unsupported = verb == "region" and found.exit_code == _UNSUPPORTED
+            unsupported = verb == "region" and found.exit_code == UNSUPPORTED
             status = Ending.UNSUPPORTED if unsupported else Ending.ERROR
             return Run(status, *cost, message=answer["error"]["message"])
         status, facts = _READERS[verb](answer, found)

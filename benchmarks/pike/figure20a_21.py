@@ -19,7 +19,7 @@ from statistics import mean, median
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, TypeVar
 
-from robust.errors import InputError
+from robust.errors import UNDECIDED, InputError
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.random_plans import DEFAULT, FEASIBLE, random_plan
 from robust.pike_bridge.scenarios import candidate_subplans
@@ -36,7 +36,6 @@ GRACE = 5.0
 STAGES = ("precedence", "links", "conflicts", "knowledge", "search")
 FEWEST, MOST = 50, 120
 """Activities of the plans that are feasible in many ways."""
-_OUT_OF_TIME = 3
 Found = TypeVar("Found")
 
 CONTENDERS: Mapping[str, tuple[str, ...]] = {
@@ -117,7 +116,7 @@ def run_contender(seed: int, index: int, contender: str, limit: float, feasible:
     satisfiable = answer.get("satisfiable")
     if command == "check":
         satisfiable = {"proved": True, "refuted": False}.get(answer.get("verdict", ""))
-    late = found.timed_out or found.exit_code == _OUT_OF_TIME
+    late = found.timed_out or found.exit_code == UNDECIDED
     counts = {name: answer.get(name) for name in ("candidate_subplans", "prime_implicants", "models")}
     return TeamRun(
         contender=contender,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from robust.cli.build import action
 from robust.cli.guard import Cause, GivenUpError, Run
-from robust.errors import UNDECIDED, InputError, RobustError, did_you_mean
+from robust.errors import UNDECIDED, UNSUPPORTED, InputError, RobustError, did_you_mean
 from robust.files import atomic_write
 from robust.numbers import shorten
 from robust.options.commands import StnuCheckCommand, StnuDispatchCommand, StnuFiles, StnuRepairCommand
@@ -148,7 +148,7 @@ def _status(found: list[Judged[Any]], cause: Cause | None) -> str:
 def _code(found: list[Judged[Any]], cause: Cause | None) -> int:
     """Bad input first, then what is refuted, then what is unknown."""
     codes = {one.code for one in found} | ({UNDECIDED} if cause is not None else set())
-    return next((code for code in (2, 4, 1, UNDECIDED) if code in codes), 0)
+    return next((code for code in (2, UNSUPPORTED, 1, UNDECIDED) if code in codes), 0)
 
 
 def _weights(

@@ -150,12 +150,17 @@ def problem_of(problem: up.Problem) -> tuple[Domain, Problem]:
     return domain, replace(read, atoms=atoms, fluents=fluents, timed_literals=tuple(literals))
 
 
-def bounds_of(fluent: up.Fluent) -> tuple[Fraction | None, Fraction | None]:
-    """The least and the greatest value of a fluent's type, None for none."""
-    if not (fluent.type.is_int_type() or fluent.type.is_real_type()):
-        return None, None
-    lower, upper = fluent.type.lower_bound, fluent.type.upper_bound
-    return None if lower is None else Fraction(lower), None if upper is None else Fraction(upper)
+def type_bounds(problem: up.Problem) -> dict[str, tuple[Fraction | None, Fraction | None]]:
+    """The least and the greatest value, None for none, of the fluents that change and whose type has either."""
+    static = problem.get_static_fluents()
+    found = {}
+    for fluent in problem.fluents:
+        if fluent not in static and (fluent.type.is_int_type() or fluent.type.is_real_type()):
+            ends = fluent.type.lower_bound, fluent.type.upper_bound
+            lower, upper = (None if end is None else Fraction(end) for end in ends)
+            if lower is not None or upper is not None:
+                found[fluent.name] = lower, upper
+    return found
 
 
 def _check_supported(problem: up.Problem) -> None:
@@ -350,8 +355,7 @@ def from_unified_planning(problem: up.Problem, plan: up_plans.Plan) -> tuple[Dom
         InputError: for another kind of plan, and for names that PDDL cannot tell apart.
     """
     found = converted(problem, plan)
-    bounded = next((one.name for one in problem.fluents if bounds_of(one) != (None, None)), None)
-    if bounded is not None and bounded not in {one.name for one in problem.get_static_fluents()}:
+    if bounded := next(iter(type_bounds(problem)), None):
         raise UnsupportedError(f"found bounds of the type of fluent {bounded!r}, expected conditions that say them")
     return found
 

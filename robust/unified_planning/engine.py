@@ -36,7 +36,7 @@ from robust.plan.simulate import Simulation, Violation, simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
 from robust.smt.limits import Deadline, noticing_interrupts
-from robust.unified_planning.convert import bounds_of, converted, instances_of
+from robust.unified_planning.convert import converted, instances_of, type_bounds
 
 if TYPE_CHECKING:
     import unified_planning.model as up
@@ -197,7 +197,7 @@ class _Judge:
         plan = assemble(domain, problem, stn, may_be_empty=True)
         with noticing_interrupts():
             found = check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
-        if found.answer is Answer.PROVED and any(bounds_of(one) != (None, None) for one in self._changing()):
+        if found.answer is Answer.PROVED and type_bounds(self.problem):
             return _result(ValidationResultStatus.UNKNOWN, "found bounds of types, expected a plan with times for them")
         if found.answer is Answer.PROVED:
             return _result(ValidationResultStatus.VALID)
@@ -213,13 +213,9 @@ class _Judge:
         broken = next(one for one in example.simulation.violations if one.obligation == example.obligation)
         return self._refuted(example.simulation, broken, f"; the plan allows this schedule: {times}")
 
-    def _changing(self) -> list[up.Fluent]:
-        static = {one.name for one in self.problem.get_static_fluents()}
-        return [one for one in self.problem.fluents if one.name not in static]
-
     def _outside(self, simulation: Simulation) -> str | None:
         """The first value that leaves the bounds of its fluent's type; between happenings, values are in between."""
-        bounds = {one.name.lower(): bounds_of(one) for one in self._changing()}
+        bounds = {name.lower(): ends for name, ends in type_bounds(self.problem).items()}
         for step in simulation.trace:
             for fluent, value in step.fluents.items():
                 lower, upper = bounds.get(fluent.function, (None, None))

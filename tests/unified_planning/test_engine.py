@@ -46,9 +46,10 @@ def of_examples():
 
 
 def counting(most, kind=None):
-    """A problem whose only action counts, within the bounds of a type, and that action."""
+    """A problem whose only action counts, within the bounds of a type beside a constant of one, and that action."""
     problem = up.Problem("counting") if kind is None else kind("counting")
     count, done = up.Fluent("count", up.IntType(0, most)), up.Fluent("done")
+    problem.add_fluent(up.Fluent("limit", up.IntType(0, 9)), default_initial_value=9)
     problem.add_fluent(count, default_initial_value=0)
     problem.add_fluent(done, default_initial_value=False)
     action = up.InstantaneousAction("tick")

@@ -36,7 +36,7 @@ def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:
     Raises:
         InputError: if it cannot be read or is no text.
     """
-    if path not in {"-", Path("-")}:
+    if not isinstance(path, str | os.PathLike) or os.fspath(path) != "-":
         text = read_text(path)
         return text, os.fspath(path)
     place = Location("<stdin>")
