@@ -13,10 +13,10 @@ from math import ceil
 from typing import Any
 
 from robust.irr.compare import Comparison
-from robust.irr.search import Status
 from robust.plan.model import ZERO, Bound, Parameter, ParameterReference, ParametrizedPlan
 from robust.qe.box import Box
 from robust.qe.broken import Breaks
+from robust.qe.compute import RegionStatus
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.show.pages import part, self_contained
@@ -28,9 +28,9 @@ MOST = 600
 _STEPS = 200
 """Of a slider, at least."""
 _ENDED = {
-    Status.TIMEOUT: "the time limit ended its computation",
-    Status.INTERRUPTED: "an interruption ended its computation",
-    Status.UNKNOWN: "a solver failed in its computation",
+    RegionStatus.TIMEOUT: "the time limit ended its computation",
+    RegionStatus.INTERRUPTED: "an interruption ended its computation",
+    RegionStatus.UNKNOWN: "a solver failed in its computation",
 }
 
 
@@ -53,15 +53,15 @@ def comparison_page(result: Comparison, breaks: Breaks | None, *, name: str, eps
 def shown_region(result: Comparison) -> tuple[Region | None, str]:
     """The region that a page can decide with; else why there is none, as a sentence."""
     if result.region is None:
-        why = _ENDED.get(result.status, "it was not computed")
+        why = _ENDED[RegionStatus.INTERRUPTED if result.interrupted else RegionStatus.TIMEOUT]
     elif not result.region.is_exact:
-        why = _ENDED.get(result.status, "its computation ended early")
+        why = _ENDED[result.region.status]
     else:
         region = in_form(result.region.region, None)
         if len(region.pieces) <= MOST:
             return region, ""
         why = f"it takes {len(region.pieces)} polyhedra"
-    return None, f"The exact envelope is not in this page: {why}. Only points in a box are decided."
+    return None, f"The exact envelope is not in this page: {why}. A point is known to be valid only in a box."
 
 
 # -- the document ------------------------------------------------------------------------------------------------------
@@ -73,12 +73,11 @@ def comparison_data(result: Comparison, breaks: Breaks | None, words: Words) -> 
     region, why = shown_region(result)
     boxes = {entry.method: entry.result.box for entry in result.entries if entry.result.verified}
     points = {point: number for number, point in enumerate(plan.time_points)}
-    varying = {
-        one.target.instance
-        for one in plan.constraints
-        if one.source.instance in (None, one.target.instance)
-        and any(bound is not None and not bound.is_constant for bound in (one.lower, one.upper))
-    }
+    varying: set[str] = set()
+    for one in plan.constraints:
+        concerned = {point.instance for point in (one.source, one.target) if point.instance is not None}
+        if len(concerned) == 1 and not all(bound is None or bound.is_constant for bound in (one.lower, one.upper)):
+            varying |= concerned
     found = breaks if region is not None else None
     return {
         "parameters": [

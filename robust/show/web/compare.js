@@ -99,14 +99,14 @@
       const statements = judged.contradiction.map((at) => model.network[at].words);
       said.push(paragraph("There is no schedule: these cannot all hold, nor begin before time 0."), list(statements));
     } else if (judged.valid === false && judged.broken.length) {
-      const [first, ...others] = judged.broken;
-      said.push(paragraph(`${first.share === null ? "Breaks" : "Breaks first"}: ${model.obligations[first.at].words}.`));
-      if (first.share !== null) said.push(element("p", { class: "note" }, wayTo(first.share)));
-      if (others.length) {
-        said.push(paragraph("Can break as well:"), list(others.map(({ at }) => model.obligations[at].words)));
-      }
+      const isFirst = (one) => one.share !== null && Exact.byEntry(one, judged.broken[0]) === 0;
+      const named = (found) => found.map(({ at }) => model.obligations[at].words);
+      const first = named(judged.broken.filter(isFirst));
+      const others = named(judged.broken.filter((one) => !isFirst(one)));
+      if (first.length) said.push(paragraph("Breaks first:"), list(first), element("p", { class: "note" }, wayTo(judged.broken[0])));
+      if (others.length) said.push(paragraph(first.length ? "Can break as well:" : "Can break:"), list(others));
     } else if (judged.valid === false) {
-      said.push(paragraph("Some schedule of the plan breaks an obligation; which one was not found out in the time given."));
+      said.push(paragraph("Some schedule of the plan breaks an obligation; which one was not found out."));
     } else if (judged.valid === null) {
       said.push(paragraph("In none of the boxes; the exact envelope is not in this page."));
     }
@@ -118,14 +118,18 @@
     return said;
   };
 
-  const wayTo = (share) => {
-    if (share.n === 0n) return "It breaks at the plan’s own values already.";
+  /** Where on the straight way from the plan's values the first obligation breaks. */
+  const wayTo = ({ share, open }) => {
+    if (share.n === 0n) {
+      return open ? "At the plan’s own values it holds; in this direction it breaks with any change." : "It breaks at the plan’s own values already.";
+    }
     const from = nominal();
     const values = from.map((value, at) => Exact.add(value, Exact.multiply(share, Exact.subtract(state.point[at], value))));
     const moved = model.parameters.flatMap(({ words }, at) =>
       Exact.compare(from[at], state.point[at]) === 0 ? [] : [`${words} = ${Exact.readable(values[at])}`],
     );
-    return `Of what breaks here it is the first on the straight way from the plan’s values: at ${moved.join(", ")}.`;
+    const way = "Nothing else that breaks here breaks earlier on the straight way from the plan’s values:";
+    return `${way} ${open ? "it breaks just beyond" : "it breaks at"} ${moved.join(", ")}.`;
   };
 
   const showVerdict = (judged) => {
@@ -249,7 +253,8 @@
       legendOf(swatch(drawn("rect", { ...area, fill: "url(#bad)", class: "region-bad" })), "not known"),
     );
   }
-  const text = (interval) => [interval.lower, interval.upper].map((end) => (end === null ? "∞" : Exact.text(end))).join("|");
+  const text = ({ lower, upper, lower_closed, upper_closed }) =>
+    [[lower, lower_closed], [upper, upper_closed]].map(([end, closed]) => (end === null ? "∞" : `${Exact.text(end)}${closed}`)).join("|");
   const alike = (one, other) => one.intervals.every((interval, at) => text(interval) === text(other.intervals[at]));
   model.boxes.forEach((box, at) => {
     const twin = model.boxes.slice(0, at).find((other) => alike(box, other));
@@ -295,7 +300,7 @@
       : "The earliest of the schedules that the network allows.";
     const last = times === null ? Exact.ONE : times.reduce((latest, time) => (Exact.compare(time, latest) > 0 ? time : latest), Exact.ZERO);
     const length = last.n > 0n ? Exact.number(last) : 1;
-    const concerned = judged.broken.length ? model.obligations[judged.broken[0].at].actions : [];
+    const concerned = judged.broken.flatMap(({ at }) => model.obligations[at].actions);
     lanes.forEach(({ when, bar }, at) => {
       const { id, start, end, varies } = model.actions[at];
       bar.hidden = times === null;

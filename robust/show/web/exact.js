@@ -173,20 +173,18 @@ const Exact = (() => {
     const times = new Array(model.points).fill(0n);
     const arrival = new Array(model.points).fill(null);
     for (let round = 0; round <= model.points; round += 1) {
-      let moved = false;
+      let moved = null;
       for (const edge of edges) {
         if (times[edge.from] + edge.whole > times[edge.to]) {
           times[edge.to] = times[edge.from] + edge.whole;
           arrival[edge.to] = edge;
-          moved = true;
+          moved = edge.to;
           if (edge.to === 0) return { times: null, contradiction: cycleAt(arrival, 0) };
         }
       }
-      if (!moved) return { times: times.map((time) => fraction(time, unit)), contradiction: null };
-      if (round === model.points) {
-        const late = edges.find((edge) => times[edge.from] + edge.whole > times[edge.to]) || arrival.find(Boolean);
-        return { times: null, contradiction: cycleAt(arrival, late.to) };
-      }
+      if (moved === null) return { times: times.map((time) => fraction(time, unit)), contradiction: null };
+      // What moves even now has been reached by a way that is longer than there are time points.
+      if (round === model.points) return { times: null, contradiction: cycleAt(arrival, moved) };
     }
     return null;
   };
@@ -208,7 +206,10 @@ const Exact = (() => {
 
   // -- verdicts --------------------------------------------------------------------------------------------------------
 
-  /** The least share of the way from one point to another at which it is in a polyhedron or about to be; null if never. */
+  /**
+   * Where the way from one point to another comes into a polyhedron: the least share of it, and whether the polyhedron
+   * is `open` there, so that it holds only what is beyond; null if it never does.
+   */
   const entered = (polyhedron, from, to) => {
     let [low, high] = [ZERO, ONE];
     let [lowOpen, highOpen] = [false, false];
@@ -231,7 +232,7 @@ const Exact = (() => {
       }
     }
     const order = compare(low, high);
-    return order < 0 || (order === 0 && !lowOpen && !highOpen) ? low : null;
+    return order < 0 || (order === 0 && !lowOpen && !highOpen) ? { share: low, open: lowOpen } : null;
   };
 
   /** The parameters that are outside their declared bounds. */
@@ -244,7 +245,8 @@ const Exact = (() => {
    * What is known of a point. `valid` is true, false, or null where it is not known; `why` says what decided: `bounds`
    * (with the parameters), `network` (with statements that contradict each other), `obligations`, or `boxes`.
    * `broken` are the obligations that some schedule breaks there, that first which breaks first on the straight way
-   * from the plan's own values, with the share of the way; null, in the order of examination, where that has no meaning.
+   * from the plan's own values, with the share of the way, and whether it holds there and breaks only beyond (`open`);
+   * null, in the order of examination, where that has no meaning or is not known, as not all was examined.
    */
   const judge = (model, point) => {
     const boxes = model.boxes.map((box) => isInBox(box, point));
@@ -265,13 +267,15 @@ const Exact = (() => {
     const brokenAt = (place) => model.obligations.flatMap(({ pieces }, at) => (pieces.some((piece) => isIn(piece, place)) ? [at] : []));
     const demanded = (found) => found.filter((at) => model.obligations[at].demand);
     const start = scaled(from);
-    const fair = !isBeyond(model, from).length && earliest(model, from).times !== null && !demanded(brokenAt(start)).length;
+    const fair = model.complete && !isBeyond(model, from).length && earliest(model, from).times !== null && !demanded(brokenAt(start)).length;
     const all = brokenAt(scaled(point));
-    const share = (at) => model.obligations[at].pieces.map((piece) => entered(piece, from, point)).filter(Boolean)
-      .reduce((least, one) => (compare(one, least) < 0 ? one : least), ONE);
-    const found = (demanded(all).length ? demanded(all) : all).map((at) => ({ at, share: fair ? share(at) : null }));
-    return fair ? found.sort((one, other) => compare(one.share, other.share) || one.at - other.at) : found;
+    const entry = (at) => model.obligations[at].pieces.map((piece) => entered(piece, from, point)).filter(Boolean)
+      .sort(byEntry)[0];
+    const found = (demanded(all).length ? demanded(all) : all).map((at) => ({ at, ...(fair ? entry(at) : { share: null }) }));
+    return fair ? found.sort((one, other) => byEntry(one, other) || one.at - other.at) : found;
   };
+
+  const byEntry = (one, other) => compare(one.share, other.share) || one.open - other.open;
 
   // -- slices ----------------------------------------------------------------------------------------------------------
 
@@ -318,7 +322,7 @@ const Exact = (() => {
 
   return {
     ZERO, ONE, fraction, add, subtract, multiply, divide, compare, parse, text, readable, number,
-    read, isInRegion, isInBox, isInInterval, earliest, judge, slice,
+    read, isInRegion, isInBox, isInInterval, earliest, judge, byEntry, slice,
   };
 })();
 
