@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from enum import Enum
+from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -358,8 +359,37 @@ def carry_out(guard: Guard, asked: Action[Any], given: Mapping[str, Any]) -> int
         options = asked.options(**given)
         if getattr(options, "verbose", False):
             _log_to_stderr()
-        with Run(guard, options) as run, noting_warnings(shown=not getattr(options, "quiet", False)):
+        warned = noting_warnings(shown=not getattr(options, "quiet", False))
+        with naming_what_is_not_written(options), Run(guard, options) as run, warned:
             return asked.carry_out(options, run)
+
+
+_WRITTEN = ("output", "plot", "html", "csv", "stnu")
+"""Options that name a file for the answer."""
+
+
+@contextmanager
+def naming_what_is_not_written(options: Options) -> Iterator[None]:
+    """Say of each file that was asked for and is not written that this is so, unless an error says what is wrong."""
+    paths = [path for name in _WRITTEN if isinstance(path := getattr(options, name, None), Path)]
+    before = {path: _state(path) for path in paths if path.is_file() or not path.exists()}
+
+    def name_them() -> None:
+        for path, state in before.items():
+            if _state(path) == state:
+                complain(f"{path} was not written: the answer has nothing for it")
+
+    try:
+        yield
+    except (KeyboardInterrupt, GivenUpError):
+        name_them()
+        raise
+    name_them()
+
+
+def _state(path: Path) -> tuple[int, int] | None:
+    """What changes when a file is written; None where there is none."""
+    return (found.st_ino, found.st_mtime_ns) if path.exists() and (found := path.stat()) else None
 
 
 def _log_to_stderr() -> None:

@@ -132,7 +132,8 @@ class Comparing:
         epsilon: the separation of mutex time points.
         encoding: `relational` or `positions`.
         solver: `z3` or `cvc5`.
-        timeout: seconds for all stages: each may use an equal part of what is left then.
+        timeout: seconds for all stages: the region comes first and may use half of them, each of the others an equal
+            part of what is left then.
         on_stage: called with the name of each stage that begins.
     """
 
@@ -147,7 +148,6 @@ class Comparing:
 
     def __post_init__(self) -> None:
         self._started = time.perf_counter()
-        self._stages = len(METHODS) + 2
         self._region: RegionResult | None = None
         self._volume: VolumeBounds | None = None
         self._entries: dict[str, Entry] = {}
@@ -169,24 +169,33 @@ class Comparing:
         return self._found()
 
     def _run_stages(self) -> None:
-        for method in METHODS:
-            limit = self._begin(method)
-            try:
-                result = self._search(method, limit)
-            except OutOfTimeError:
-                continue  # not even encoded: there is no box
-            self._entries[method] = Entry(method, result)
-            if result.status is Status.INTERRUPTED:
-                self._interrupted = True
+        # The region can take any time, so that it comes last; but of a time that is limited a box may take more than
+        # its part, as far as its solver does not heed the limit, and the region is what all else is measured by.
+        stages = (*METHODS, "region") if self.timeout is None else ("region", *METHODS)
+        for number, stage in enumerate(stages):
+            limit = self._begin(stage, Fraction(1, 2 if stage == "region" else len(METHODS) + 2 - number))
+            if stage == "region":
+                self._find_region(limit)
+            else:
+                self._find_box(stage, limit)
+            if self._interrupted:
                 return
-        limit = self._begin("region")
+        if self._region is not None:
+            self._measure(self._region, Deadline.after(self._begin("faces and witnesses", Fraction(1))))
+
+    def _find_region(self, limit: float | None) -> None:
         self._region = RegionSearch(
             self.plan, epsilon=self.epsilon, solver=self.solver, encoding=self.encoding, timeout=limit
         ).run()
-        if self._region.status is RegionStatus.INTERRUPTED:
-            self._interrupted = True
-            return
-        self._measure(self._region, Deadline.after(self._begin("faces and witnesses")))
+        self._interrupted = self._region.status is RegionStatus.INTERRUPTED
+
+    def _find_box(self, method: str, limit: float | None) -> None:
+        try:
+            result = self._search(method, limit)
+        except OutOfTimeError:
+            return  # not even encoded: there is no box
+        self._entries[method] = Entry(method, result)
+        self._interrupted = result.status is Status.INTERRUPTED
 
     def so_far(self, *, timed_out: bool) -> Comparison:
         """What is known by now, if the comparison is given up: because time is out, or else by an interruption."""
@@ -204,15 +213,13 @@ class Comparing:
             time.perf_counter() - self._started,
         )
 
-    def _begin(self, stage: str) -> float | None:
-        """The seconds that the stage may take."""
+    def _begin(self, stage: str, share: Fraction) -> float | None:
+        """The seconds that the stage may take, a share of what is left."""
         if self.on_stage is not None:
             self.on_stage(stage)
-        self._stages -= 1
         if self.timeout is None:
             return None
-        left = self.timeout - (time.perf_counter() - self._started)
-        return max(1e-3, left / (self._stages + 1))
+        return max(1e-3, (self.timeout - (time.perf_counter() - self._started)) * float(share))
 
     def _search(self, method: str, limit: float | None) -> EnvelopeResult:
         deadline = Deadline.after(limit)

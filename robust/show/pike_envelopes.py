@@ -451,7 +451,8 @@ def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
         for label in shown[: -1 if len(shown) <= MANY else MANY]:
             _line(out, f"With {label}, or")
         more = "" if len(shown) <= MANY else f"{len(shown) - MANY} other combinations like "
-        _line(out, f"With {more}{shown[-1]}: {sentence}.")
+        known = ", as far as is known yet" if found.cut_short else ""
+        _line(out, f"With {more}{shown[-1]}{known}: {sentence}.")
     if not told:
         known = " are known yet to lead" if found.cut_short else " lead"
         _line(out, f"No parameter values{known} to a correct execution.")

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 MANY = 20
 """Pieces up to which a region is shown as a union by default."""
+NOTHING_EXCLUDED = "No parameter values are known by now for which the plan can fail."
+"""Of an outer bound that bounds nothing."""
 HUGE = 300
 """Pieces up to which those that others contain are left out of a difference."""
 
@@ -164,8 +166,10 @@ def region_lines(region: Region, *, exact: bool) -> Iterator[str]:
     valid = "The plan is valid if and only if" if exact else "The plan can be valid only if"
     region = region if region.base is None or region.pieces else Region.union_of(region.parameters, (region.base,))
     if not region.parameters:
-        holds = "is valid" if exact else "can be valid"
-        yield f"The plan {holds if region.some_point() is not None else 'is not valid'}; it has no parameters."
+        if region.some_point() is None:
+            yield "The plan is not valid; it has no parameters."
+        else:
+            yield f"{'The plan is valid' if exact else 'Whether the plan is valid is not known'}; it has no parameters."
         return
     if region.base is None and not region.pieces:
         yield "The plan is valid for no parameter values."
@@ -175,8 +179,10 @@ def region_lines(region: Region, *, exact: bool) -> Iterator[str]:
         if lines:
             yield valid
             yield from (f"  {line}" for line in lines)
+        elif exact:
+            yield "The plan is valid for all parameter values."
         else:
-            yield f"The plan {'is' if exact else 'can be'} valid for all parameter values."
+            yield NOTHING_EXCLUDED
         return
     if region.base is None:
         yield f"{valid} all lines of one of these {len(region.pieces)} groups hold"

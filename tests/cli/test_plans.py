@@ -296,7 +296,10 @@ def test_long_regions_are_told_in_ascending_order(tmp_path):
 
 def test_outer_bounds_are_said_to_be_bounds():
     lines = list(region_lines(Region.universe(("a",)), exact=False))
-    assert lines == ["The plan can be valid for all parameter values."]
+    assert lines == ["No parameter values are known by now for which the plan can fail."]
+    assert list(region_lines(Region.universe(()), exact=False)) == [
+        "Whether the plan is valid is not known; it has no parameters."
+    ]
     half = Region.of_box(("a",), Box({"a": Interval(Fraction(1), Fraction(2))}))
     assert list(region_lines(half, exact=False)) == ["The plan can be valid only if", "  1 ≤ a ≤ 2"]
 

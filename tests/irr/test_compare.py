@@ -263,12 +263,14 @@ def test_shares_of_what_is_not_known_exactly() -> None:
 # -- time and interruptions --------------------------------------------------------------------------------------------
 
 
-def test_stages_have_equal_parts_of_the_time_that_is_left(monkeypatch) -> None:
+def test_the_region_may_use_half_of_the_time_and_others_equal_parts_of_what_is_left(monkeypatch) -> None:
+    stages: list[str] = []
     given: list[float | None] = []
     monkeypatch.setattr("robust.irr.compare.time.perf_counter", repeat(5.0).__next__)
     monkeypatch.setattr(Deadline, "after", staticmethod(lambda seconds: given.append(seconds) or Deadline()))
-    assert robust.compare(APART, timeout=600).status is Status.INVALID
-    parts = [100.0, 120.0, 150.0, 200.0, 300.0, 600.0]
+    assert robust.compare(APART, timeout=600, on_stage=stages.append).status is Status.INVALID
+    assert stages == ["region", *METHODS, "faces and witnesses"]
+    parts = [300.0, 120.0, 150.0, 200.0, 300.0, 600.0]
     assert [one for one in given if one in parts] == parts
 
 
