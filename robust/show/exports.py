@@ -16,6 +16,7 @@ from robust.errors import InputError, UnsupportedError
 from robust.irr.overruns import FIXED, ActionOverrun, Overrun, action_overruns, overruns
 from robust.irr.search import EnvelopeResult
 from robust.numbers import one_line, readable
+from robust.options.declare import place_of
 from robust.options.verbs import EXPORTS
 from robust.plan.model import ParametrizedPlan
 from robust.show import documents
@@ -46,7 +47,8 @@ def export(plan: ParametrizedPlan, result: EnvelopeResult, form: str, *, control
 
     Raises:
         InputError: for another form, or an envelope that is not verified: nothing is proved then; for PlanSys2, if it
-            does not hold the planned durations, of which percentages are.
+            does not hold the planned durations, of which percentages are, or if no action needs a limit: the executor
+            does not start on a list of no actions.
         UnsupportedError: if PlanSys2 has no place for an action.
     """
     if form not in EXPORTS:
@@ -87,6 +89,10 @@ def plansys2(plan: ParametrizedPlan, result: EnvelopeResult, controllable: str |
         raise InputError("found an envelope without the nominal values, expected one around them for percentages")
     found = action_overruns(plan, result.box)
     listed = [one for one in found if one.percent is not None]
+    if not listed:
+        names = ", ".join(one.action for one in found)
+        why = f"any longer duration of {names} is proved" if found else "no action of the plan has a duration"
+        raise InputError(f"found no action that needs a limit, expected one to export: {why}", place_of("export"))
     for one in listed:
         if one.action == "actions":
             raise UnsupportedError("found an action named 'actions', expected another name: PlanSys2 needs it itself")
@@ -96,7 +102,7 @@ def plansys2(plan: ParametrizedPlan, result: EnvelopeResult, controllable: str |
             lines += [f"# {one.action}: left out, which is no limit; any longer duration is proved as well."]
             lines += _instances(one)
     lines += ["executor:", "  ros__parameters:", "    action_timeouts:"]
-    lines += ["      actions:" if listed else "      actions: []", *(f"        - {_key(one.action)}" for one in listed)]
+    lines += ["      actions:", *(f"        - {_key(one.action)}" for one in listed)]
     for one in listed:
         lines += [f"      # {line}" for line in _explained(one)]
         text = percentage_text(one.percent or Fraction(0), closed=one.closed)
@@ -128,6 +134,8 @@ def _obligation(result: EnvelopeResult, controllable: str | None) -> list[str]:
         "Presupposed: durations as in this plan, time points within its network (the executor does not check that",
         "either), and no action shorter than is proved below: PlanSys2 has no limit for that. Whoever keeps to the",
         f"network {_KNOWN[controllable or 'weak']}.",
+        "PlanSys2 enforces a limit only if the behaviour tree of its action has a CheckTimeout node, and measures in",
+        "seconds, which the plan's unit of time has to be.",
     ]
     if result.status.value != "complete":
         lines.append(f"The search was {result.status.value}: what is here is proved, but more may be possible.")

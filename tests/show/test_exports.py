@@ -17,6 +17,7 @@ from robust.cli.main import run_command
 from robust.errors import InputError, UnsupportedError
 from robust.irr.overruns import action_overruns
 from robust.show.exports import COLUMNS, export, percentage_text, quoted, yaml_lines
+from tests.cli import running
 
 ROOT = Path(__file__).parents[2]
 NAVIGATION = ROOT / "robust" / "examples" / "two_sample_navigation"
@@ -83,7 +84,8 @@ def parameters_of(text):
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     assert lines[:3] == ["executor:", "  ros__parameters:", "    action_timeouts:"]
     listed = [line.removeprefix("        - ") for line in lines if line.startswith("        - ")]
-    assert lines[3] == ("      actions:" if listed else "      actions: []")
+    assert lines[3] == "      actions:"
+    assert listed, "a sequence without elements has no type, and no node that reads it starts"
     blocks = lines[4 + len(listed) :]
     assert len(blocks) == 2 * len(listed)
     found = {}
@@ -153,18 +155,61 @@ def test_names_do_not_end_comments(solved):
     parameters_of(export(replace(plan, instances=instances), found, "plansys2"))
 
 
-def test_nothing_limits_an_action(tmp_path):
-    for name, text in {
-        "d.pddl": """(define (domain d) (:requirements :durative-actions :duration-inequalities) (:predicates (done))
-(:durative-action wait :parameters () :duration (>= ?duration 0) :condition () :effect (at end (done))))""",
-        "p.pddl": "(define (problem p) (:domain d) (:init) (:goal (done)))",
-        "x.stn": "parameter a default 1;\ndurative-action instance w : (wait);\nc: w.end - w.start in [a, a];\n",
-    }.items():
+WAITING = {
+    "d.pddl": """(define (domain d) (:requirements :durative-actions :duration-inequalities) (:predicates (done))
+(:durative-action wait :parameters () :duration (>= ?duration 0) :condition () :effect (at end (done)))
+(:durative-action go :parameters () :duration (= ?duration 2) :condition () :effect ())
+(:action look :parameters () :precondition () :effect (done)))""",
+    "p.pddl": "(define (problem p) (:domain d) (:init) (:goal (done)))",
+    "wait.stn": "parameter a default 1;\ndurative-action instance w : (wait);\nc: w.end - w.start in [a, a];\n",
+    "look.stn": "parameter a default 1;\naction instance l : (look);\nc: l - .zero in [a, a];\n",
+    "none.stn": "durative-action instance g : (go);\nc: g.end - g.start in [2, 2];\naction instance l : (look);\n",
+}
+
+
+@pytest.fixture
+def waiting(tmp_path):
+    """Where the files of plans are in which any or no action has a limit."""
+    for name, text in WAITING.items():
         (tmp_path / name).write_text(text)
-    plan = robust.load_plan(*(tmp_path / name for name in ("d.pddl", "p.pddl", "x.stn")))
+    both = WAITING["wait.stn"] + "durative-action instance g : (go);\nc: g.end - g.start in [2, 2];\n"
+    (tmp_path / "both.stn").write_text(both)
+    return lambda plan: [str(tmp_path / name) for name in ("d.pddl", "p.pddl", plan)]
+
+
+def test_an_action_without_limit_is_left_out(waiting):
+    plan = robust.load_plan(*waiting("both.stn"))
     text = export(plan, robust.envelope(plan), "plansys2")
-    assert parameters_of(text) == {}
+    assert parameters_of(text) == {"go": "0.0"}
     assert "# wait: left out, which is no limit; any longer duration is proved as well." in text
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("wait.stn", "any longer duration of wait is proved"),
+        ("look.stn", "no action of the plan has a duration"),
+    ],
+)
+def test_where_no_action_needs_a_limit_there_is_no_file(waiting, tmp_path, name, why):
+    ended = running.command("envelope", *waiting(name), "--export", "plansys2", "-o", tmp_path / "timeouts.yaml")
+    running.assert_one_line(ended)
+    assert "--export: found no action that needs a limit" in ended.err
+    assert why in ended.err
+    assert not (tmp_path / "timeouts.yaml").exists()
+    plan = robust.load_plan(*waiting(name))
+    with pytest.raises(InputError, match=r"^export: found no action that needs a limit"):
+        export(plan, robust.envelope(plan), "plansys2")
+
+
+def test_tables_without_rows_are_tables(waiting):
+    """Of a plan without parameters CSV is its heading, and YAML has a list of none."""
+    plan = robust.load_plan(*waiting("none.stn"))
+    found = robust.envelope(plan)
+    assert list(csv.reader(StringIO(export(plan, found, "csv")))) == [list(COLUMNS)]
+    text = export(plan, found, "yaml")
+    assert "\nparameters: []\n" in text
+    assert parameters_of(export(plan, found, "plansys2")) == {"go": "0.0"}
 
 
 def test_percentages_are_of_planned_durations_in_the_box(solved):
