@@ -107,7 +107,8 @@ class IncrementalRobustification(Search):
                 self._attempt(turn)
 
     def _find_stops(self) -> None:
-        """Only of the network: the last attempt of every side that can end has failed."""
+        """The last attempt of every side that can end has failed; failures of longer steps say nothing of ends."""
+        self._stops |= {face: Stop(refutation.reason) for face, refutation in self._failures.items()}
         for face, refutation in self._failures.items():
             if refutation.is_of_network:
                 self._stops[face] = network_stop(self.encoding, refutation.values)
@@ -133,7 +134,6 @@ class IncrementalRobustification(Search):
             self._note_success(turn, side)
         else:
             self._failures[name, side] = refutation
-            self._stops[name, side] = Stop(refutation.reason)
         number = self.checks + 1
         self._record(number, accepted=accepted, face=(name, side), delta=turn.delta)
         log.info("check %d: %s %s %s", number, name, side.value, "grown" if accepted else "blocked")

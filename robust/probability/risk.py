@@ -170,7 +170,8 @@ class Risk:
         except KeyboardInterrupt:
             return self._result(RiskStatus.INTERRUPTED)
         close = self._bounds.width <= self._within
-        return self._result(RiskStatus.COMPLETE if close else RiskStatus.WIDE)
+        # With few parameters only the time that a stage may take can have ended it early.
+        return self._result(RiskStatus.COMPLETE if close else RiskStatus.WIDE if self._many else RiskStatus.TIMEOUT)
 
     def so_far(self, *, timed_out: bool) -> RiskResult:
         """What is known by now, if the search is given up: out of time, or interrupted."""

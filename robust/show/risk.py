@@ -153,8 +153,14 @@ def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
     if result.kept:
         out.print()
         out.print("What boxes keep:")
-        rows = [(_NAMES[one.method], bounds_text(one.probability, places), _of_success(one.probability, result))
-                for one in result.kept]  # fmt: skip
+        rows = [
+            (
+                f"{_NAMES[one.method]}{' so far' if one.result.cut_short else ''}",
+                bounds_text(one.probability, places),
+                _of_success(one.probability, result),
+            )
+            for one in result.kept
+        ]
         show_table(out, table(("box", "probability", "of success"), rows))
     out.print()
     out.print(_summary(result), soft_wrap=True)

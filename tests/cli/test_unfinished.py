@@ -61,6 +61,11 @@ SENTENCES = {
     r"out of time.*: the box is proved.*": None,
     # chance, repair
     r"probability of success: (?P<lower>[0-9.]+) to (?P<upper>[0-9.]+)": "probability",
+    r"What boxes keep:": None,
+    r"What ends each side:": None,
+    r"out of time: the best box so far; sound, not maximal": None,
+    r"\d+ checks?, .*": None,
+    r"probability of the box: [0-9.]+(; how probable others may be is not known|; no box has more than [0-9.]+)": None,
     r"What fails, each value counted for the first that breaks:": None,
     r"out of time: certified bounds so far, .*": None,
     r"unknown: out of time, no repair found; none costs less than cost 0": None,
@@ -121,6 +126,9 @@ def run_out_of_time(name, seconds, tmp_path, full):
     if ended.code == 3:
         for line in ended.out.splitlines():
             judge(line, full)
+        _, _, ends = ended.out.partition("What ends each side:\n")
+        for line in ends.partition("\n\n")[0].splitlines():
+            assert line.endswith((": not reached: the search was cut short", ": not examined", ": declared bound"))
     return ended.code
 
 
