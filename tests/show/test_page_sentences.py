@@ -497,13 +497,13 @@ MET: Counter[str] = Counter()
 
 
 @pytest.mark.slow
-@settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
-@given(plans(linear=True, continuous=False, instances=3))
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(plans(linear=True, continuous=False, instances=3, zero_durations=False, infeasible=False))
 def test_every_sentence_about_random_plans_is_what_checks_say(plan):
     try:
         hunt(plan, MET, count=6, nominals=2, timeout=10.0)
-    except UnsupportedError:
-        MET["not supported"] += 1
+    except (InputError, UnsupportedError):  # no schedule at all, or not linear
+        MET["no page"] += 1
 
 
 def test_a_closed_face_on_which_the_plans_own_values_lie_holds(tmp_path):
