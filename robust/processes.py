@@ -20,7 +20,7 @@ from pathlib import Path
 from threading import Lock
 from typing import BinaryIO
 
-from robust.smt.limits import GLANCE, NEVER, Deadline, raise_if_interrupted
+from robust.smt.limits import GLANCE, NEVER, Deadline, raise_if_interrupted, uninterrupted
 
 _WATCHER = Path(__file__).with_name("watcher.py")
 KEPT = 2**24
@@ -100,23 +100,27 @@ class Processes:
         ):
             numbers = (str(report_out.fileno()), str(lifeline_in.fileno()), str(memory_mb * 2**20))
             texts = {out.fileno(): _End(), err.fileno(): _End()}
-            process = subprocess.Popen(  # noqa: S603 - our own commands, and the planner that the user names
-                (sys.executable, "-I", "-S", str(_WATCHER), *numbers, str(scratch or ""), *command),
-                stdin=subprocess.DEVNULL,
-                stdout=out_end,
-                stderr=err_end,
-                cwd=folder,
-                env={**os.environ, **(variables or {})},
-                pass_fds=(report_out.fileno(), lifeline_in.fileno()),
-                start_new_session=True,
-            )
+            process = None
             try:
+                with uninterrupted():
+                    process = subprocess.Popen(  # noqa: S603 - our own commands, and the planner that the user names
+                        (sys.executable, "-I", "-S", str(_WATCHER), *numbers, str(scratch or ""), *command),
+                        stdin=subprocess.DEVNULL,
+                        stdout=out_end,
+                        stderr=err_end,
+                        cwd=folder,
+                        env={**os.environ, **(variables or {})},
+                        pass_fds=(report_out.fileno(), lifeline_in.fileno()),
+                        start_new_session=True,
+                    )
                 for end in (out_end, err_end, report_out):
                     end.close()
                 timed_out = not _read_until_input(report.fileno(), texts, deadline)
             finally:
-                _let_go(lifeline)
-                process.wait()
+                with uninterrupted():
+                    _let_go(lifeline)
+                    if process is not None:
+                        process.wait()
             if self._stopped:
                 raise StoppedError
             _read_the_rest(texts)

@@ -9,8 +9,10 @@ import sys
 import time
 import tracemalloc
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import pytest
 
@@ -18,7 +20,7 @@ from robust.errors import SolverError
 from robust.processes import KEPT, Ended, Processes, StoppedError
 from robust.smt.limits import Deadline, OutOfTimeError, from_copy, stream_from_copy
 from robust.watcher import CANNOT_START
-from tests.children import WAIT, Told, eventually, interrupted_after
+from tests.children import WAIT, Told, eventually, interrupted_after, is_running
 
 
 def python(code: str) -> list[str]:
@@ -240,6 +242,49 @@ def test_no_descriptor_and_no_child_is_left() -> None:
         assert from_copy(lambda: 1, Deadline(), "counting") == 1
     assert len(os.listdir("/proc/self/fd")) <= before
     assert children() <= others  # of other tests
+
+
+@pytest.mark.parametrize("start", ["fork", "command"])
+def test_an_interrupt_while_a_child_starts_leaves_none(told: Told, monkeypatch: pytest.MonkeyPatch, start: str) -> None:
+    """It comes when the child is there, and its number is not known yet."""
+    owner, name = (os, "fork") if start == "fork" else (subprocess.Popen, "__init__")
+    original = getattr(owner, name)
+
+    def begin(*given: Any, **options: Any) -> Any:
+        found = original(*given, **options)
+        if found != 0:
+            assert told.begun()
+            signal.raise_signal(signal.SIGINT)
+        return found
+
+    monkeypatch.setattr(owner, name, begin)
+    call = partial(from_copy, partial(exec, told.code), Deadline(), "waiting")
+    if start == "command":
+        call = partial(Processes().run, python(told.code))
+    with pytest.raises(KeyboardInterrupt):
+        call()
+    assert not is_running(int(told.path.read_text(encoding="utf-8")))
+
+
+def test_a_copy_whose_parent_dies_at_once_does_not_begin(told: Told) -> None:
+    """The parent is gone before the copy can ask the system to end with it."""
+    code = f"""
+import os, time
+from robust.smt import limits
+class Late:
+    def __init__(self, _):
+        time.sleep(1)
+    def prctl(self, *_):
+        pass
+fork, limits.ctypes.CDLL = os.fork, Late
+os.fork = lambda: fork() and os._exit(0)
+limits.from_copy(lambda: exec({told.code!r}), limits.Deadline(), "x")
+"""
+
+    subprocess.run(
+        [sys.executable, "-c", code], check=False, env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    )
+    assert not eventually(told.path.exists, 3)
 
 
 # -- copies of this process --------------------------------------------------------------------------------------------

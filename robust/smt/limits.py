@@ -141,10 +141,22 @@ def raise_if_interrupted() -> None:
         raise KeyboardInterrupt
 
 
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """A short block in which nothing raises KeyboardInterrupt in the main thread: a child is started or ended whole."""
+    usual = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, usual)
+
+
 # -- copies of this process --------------------------------------------------------------------------------------------
 
 _HEADER = struct.Struct("!?Q")
 """Whether the work failed, and the size of what follows."""
+_INTERRUPTING = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM})
+"""What somebody sends, and what :mod:`robust.cli.guard` sends the main thread."""
 _DIE_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of Linux's `prctl`."""
 
@@ -168,12 +180,14 @@ def stream_from_copy(work: Callable[[], Iterable[T]], deadline: Deadline, task: 
         SolverError: if the work failed; DiedError if the copy died.
     """
     reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.close(reader)
-        _run_in_copy(work, writer)
-    os.close(writer)
+    child, parent = 0, os.getpid()
     try:
+        with uninterrupted():
+            child = os.fork()
+            if child == 0:
+                os.close(reader)
+                _run_in_copy(work, writer, parent)
+            os.close(writer)
         while True:
             header = _read(reader, _HEADER.size, deadline)
             failed, size = _HEADER.unpack(header) if header else (False, 0)
@@ -188,10 +202,11 @@ def stream_from_copy(work: Callable[[], Iterable[T]], deadline: Deadline, task: 
                 return
             yield item
     finally:
-        os.close(reader)
-        if child:
-            os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
+        with uninterrupted():
+            os.close(reader)
+            if child:
+                os.kill(child, signal.SIGKILL)
+                os.waitpid(child, 0)
 
 
 def _how_it_ended(child: int) -> str:
@@ -203,12 +218,14 @@ def _how_it_ended(child: int) -> str:
     return f"ended with signal {signal.Signals(-code).name}{memory}"
 
 
-def _run_in_copy(work: Callable[[], Iterable[Any]], writer: int) -> NoReturn:
+def _run_in_copy(work: Callable[[], Iterable[Any]], writer: int, parent: int) -> NoReturn:
     """Runs in the copy, which must never return into the caller's stack; None marks the end."""
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         if sys.platform == "linux":
             ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
+            if os.getppid() != parent:  # which had died before
+                os._exit(0)
         try:
             for item in work():
                 _write(writer, False, item)
