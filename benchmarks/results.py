@@ -82,6 +82,7 @@ def run_all(suite: Path, general: float, comparison: float, exact: float, plots:
         report = EXPERIMENTS[name].load().run(limit=limit, plot=plot, on_result=_progress, **options)
         if not report.complete:
             raise RobustError("interrupted; nothing is written")
+        report.plot()
         sections.append(report.section())
     if (suite / DELIVERIES).is_file():
         sections.append(_deliveries(suite, general))

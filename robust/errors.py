@@ -86,6 +86,10 @@ class InputWarning(UserWarning):
     """The input can be read, but is not what its author is likely to have meant; `warnings` decides what is done."""
 
 
+class OutputWarning(UserWarning):
+    """A file could not be written while something was computed; what was computed is not affected."""
+
+
 def missing(what: str, extra: str) -> UnsupportedError:
     """The error for a package that comes with an extra, and is not installed."""
     return UnsupportedError(f"found no {what}, expected it to be installed: pip install 'robust-plans[{extra}]'")

@@ -6,13 +6,14 @@ number have at most 300 digits: far more than any plan needs, and few enough tha
 
 from __future__ import annotations
 
+import os
 import re
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Rational, Real
 from typing import TYPE_CHECKING
 
-from robust.errors import InputError, Location
+from robust.errors import LONGEST_PATH, InputError, Location
 
 if TYPE_CHECKING:
     from robust.qe.box import Interval
@@ -81,6 +82,12 @@ def one_line(text: str) -> str:
 def shorten(text: str) -> str:
     """Input text quoted for a one-line message: escaped, and cut when long."""
     return repr(text if len(text) <= 40 else f"{text[:37]}...")
+
+
+def quoted(path: str | os.PathLike[str]) -> str:
+    """The name of a file quoted for a one-line message: whole, unless no system has such names."""
+    text = str(path)
+    return repr(text) if len(text) <= LONGEST_PATH else shorten(text)
 
 
 def _too_large(text: str, location: Location | None) -> InputError:

@@ -82,6 +82,8 @@ class RecordFile:
         self.path = Path(path)
         self._form = form
         try:
+            if self.path.exists() and not self.path.is_file():  # a device may have no end
+                raise self._error(f"found no regular file, expected {form.expected}")
             self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         except OSError as error:
             raise self._error(f"cannot open the {form.name}: {(error.strerror or str(error)).lower()}") from None

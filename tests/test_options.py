@@ -21,7 +21,7 @@ from robust.options.declare import (
     spelled,
     writable,
 )
-from robust.options.verbs import EnvelopeOptions, RegionCommand, html_file
+from robust.options.verbs import EnvelopeOptions, RegionCommand
 from robust.qe.box import Interval
 
 PLACE = Location("beta")
@@ -88,7 +88,7 @@ def execute(**options):
 
 
 def certify(files, **options):
-    return CertifyCommand(files=[Path()] * files, output=Path(), **options)
+    return CertifyCommand(files=[Path()] * files, output=Path("plan.cert"), **options)
 
 
 ORDER = "expected LOW:HIGH with LOW not above HIGH"
@@ -126,7 +126,6 @@ ORDER = "expected LOW:HIGH with LOW not above HIGH"
             lambda: plan_file(Path("none/a.stn"), PLACE),
             "beta: found no directory 'none', expected one to write the plan to",
         ),
-        (lambda: html_file(Path("none/a.html"), PLACE), "beta: found no directory 'none', expected one to write to"),
         (lambda: writable(Path("/"), PLACE, "it"), "beta: cannot write '/', expected a file that can be written"),
         (lambda: region(latex=True, json=True), "--latex: found it with --json, expected one of the two"),
         (lambda: execute(plan=Path(), runs=0), "runs: found 0, expected at least 1 run"),
@@ -188,4 +187,4 @@ def test_files_can_be_written_in_place_of_old_ones(tmp_path):
     old = tmp_path / "old.stn"
     old.touch()
     assert [plan_file(path, PLACE) for path in (old, tmp_path / "new.stn")] == [old, tmp_path / "new.stn"]
-    assert html_file(old, PLACE) == old
+    assert writable(old, PLACE, "the page") == old

@@ -109,6 +109,13 @@ class Report(Generic[Row]):
         """The figure; empty if there is nothing to draw."""
         return ()
 
+    def plot(self) -> None:
+        """Draw the figure where the options say, if there is anything to draw; InputError if it cannot be written."""
+        path: Path | None = getattr(self.options, "plot", None)
+        if path is not None and (panels := self.panels()):
+            width, height, legend = self.LAYOUT
+            draw(path, panels, width, height, legend=legend)
+
     def page_contents(self) -> Sequence[Table]:
         """The tables of the page with results."""
         return self.contents()
@@ -226,12 +233,7 @@ class Experiment:
             raise RobustError(f"{sweep.failures[0].task}: {sweep.failures[0].reason}")
         rows = tuple(self.collect(options, facts, sweep.results))
         notes = sweep.notes if self.lenient or hasattr(options, "store") else ()
-        report = self.report(self, options, facts, rows, sweep.failures, sweep.complete, sweep.total, notes)
-        path: Path | None = getattr(options, "plot", None)
-        if path is not None and (panels := report.panels()):
-            width, height, legend = report.LAYOUT
-            draw(path, panels, width, height, legend=legend)
-        return report
+        return self.report(self, options, facts, rows, sweep.failures, sweep.complete, sweep.total, notes)
 
     def read(self, answer: Mapping[str, Any]) -> Report[Any]:
         """The report that was printed as JSON.

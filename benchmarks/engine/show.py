@@ -12,7 +12,8 @@ from statistics import median
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from robust.errors import InputError
+from robust.files import atomic_write
+from robust.options.declare import place_of
 from robust.show.drawing import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
@@ -219,10 +220,7 @@ def draw(path: Path, panels: Sequence[Panel], width: float, height: float, *, le
     if handles:
         where = figure if legend == "below" else fields[0]
         where.legend(list(handles.values()), list(handles), fontsize=8, framealpha=1, **look)
-    try:
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise InputError(f"cannot write the plot {str(path)!r}: {(error.strerror or str(error)).lower()}") from None
+    atomic_write(path, lambda beside: figure.savefig(beside, dpi=150), place_of("plot"))
 
 
 def _fill(axes: Axes, panel: Panel) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 import cvc5
 
 from robust.encode.interface import Encoding
-from robust.errors import InputError, RefutedError, SolverError
+from robust.errors import RefutedError, SolverError
+from robust.files import Folder
 from robust.irr.containment import within
 from robust.qe.box import Box
 from robust.smt.export import smtlib
@@ -28,25 +29,21 @@ def export(encoding: Encoding, box: Box, directory: Path, deadline: Deadline) ->
         deadline: when to give up.
 
     Raises:
-        InputError: if the directory cannot be written.
+        InputError: if the directory cannot be made. A file that cannot be written is a warning.
         RefutedError: if an obligation breaks in the box.
         SolverError: if cvc5 has no proof in this format.
         OutOfTimeError: if the deadline passes.
     """
-    holes = 0
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        for index, obligation in enumerate(encoding.obligations):
-            if obligation.violation is encoding.terms.false:
-                continue
-            formulas = [*encoding.query(obligation), *within(encoding, box.intervals)]
-            problem = smtlib(encoding.terms, formulas, obligation.name, "unsat")
-            proof = prove(problem, obligation.name, deadline)
-            holes += len(_HOLE.findall(proof))
-            (directory / f"{index:04d}.smt2").write_text(problem, encoding="utf-8")
-            (directory / f"{index:04d}.alethe").write_text(proof, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{directory}: cannot write proofs there ({error.strerror}); expected a directory") from None
+    holes, folder = 0, Folder(directory, "proofs")
+    for index, obligation in enumerate(encoding.obligations):
+        if obligation.violation is encoding.terms.false:
+            continue
+        formulas = [*encoding.query(obligation), *within(encoding, box.intervals)]
+        problem = smtlib(encoding.terms, formulas, obligation.name, "unsat")
+        proof = prove(problem, obligation.name, deadline)
+        holes += len(_HOLE.findall(proof))
+        folder.write(f"{index:04d}.smt2", problem)
+        folder.write(f"{index:04d}.alethe", proof)
     return holes
 
 

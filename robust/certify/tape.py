@@ -59,10 +59,14 @@ def box_facts(box: Box) -> list[Fact]:
 
 def write(lines: Sequence[Line], path: Path) -> int:
     """Write a certificate; its size in bytes."""
-    text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
-    data = gzip.compress(text.encode(), mtime=0)
+    data = packed(lines)
     atomic_write(path, data, None)
     return len(data)
+
+
+def packed(lines: Sequence[Line]) -> bytes:
+    """The content of a certificate's file."""
+    return gzip.compress("".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines).encode(), mtime=0)
 
 
 def good_lines(

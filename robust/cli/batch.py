@@ -44,16 +44,16 @@ def _carry_out(verb: str, options: BatchCommand, run: Run) -> int:
     with run.guard.working():
         from robust.api import run_batch
         from robust.show import batch as shown
-    run.guard.hand_over()  # it starts processes, and returns what it has by itself
     run.display.say("asking")
-    found = run_batch(verb, options.suite, options.changed(on_result=run.display.batch))
-    if options.csv is not None:
-        atomic_write(options.csv, shown.csv_text(found), place_of("csv"))
-    if options.html is not None:
+    with run.guard.handed_over():
+        found = run_batch(verb, options.suite, options.changed(on_result=run.display.batch))
+    run.answer(lambda: shown.batch(found), lambda out: shown.print_batch(out, found, quiet=options.quiet))
+    if (table := options.csv) is not None:
+        run.write(lambda: atomic_write(table, shown.csv_text(found), place_of("csv")))
+    if (page := options.html) is not None:
         from robust.show.batch_page import batch_page
 
-        atomic_write(options.html, batch_page(found), place_of("html"))
-    run.answer(lambda: shown.batch(found), lambda out: shown.print_batch(out, found, quiet=options.quiet))
+        run.write(lambda: atomic_write(page, batch_page(found), place_of("html")))
     return found.exit_code
 
 

@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robust.cli.build import Action, Command
 from robust.cli.guard import Run
-from robust.cli.output import answering, print_json
 from robust.errors import UNDECIDED
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,16 +34,16 @@ class ExperimentCommand(Command):
 def _carry_out(entry: Any, options: Any, run: Run) -> int:
     with run.guard.working():
         experiment = entry.load()
-    run.guard.hand_over()  # it starts processes, and returns what it has by itself
     run.display.say("running")
-    report = experiment.run(options, on_result=run.display.batch)
-    run.display.stop()
-    if options.json:
-        print_json(report.as_dict())
-    else:
-        with answering():
-            for table in report.tables:
-                run.console().print(table.rich(), markup=True)
+    with run.guard.handed_over():
+        report = experiment.run(options, on_result=run.display.batch)
+
+    def tell(out: Console) -> None:
+        for table in report.tables:
+            out.print(table.rich(), markup=True)
+
+    run.answer(report.as_dict, tell)
+    run.write(report.plot)
     if not report.complete:
         return UNDECIDED
     return 0 if report.agrees else 1

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from robust.cli.build import action
@@ -14,7 +15,7 @@ from robust.errors import InputError, Location, RefutedError, UnsupportedError
 from robust.files import atomic_write
 from robust.numbers import exact_end, shorten
 from robust.options.commands import CertifyCommand, VerifyCommand
-from robust.options.declare import place_of, settings
+from robust.options.declare import place_of, refuse_replacing, settings
 from robust.plan.pddl.forms import read_bytes, read_text
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -31,34 +32,46 @@ if TYPE_CHECKING:
 
 CERTIFICATE = "a certificate as `robust certify` writes it"
 GZIP = b"\x1f\x8b"
+LARGEST = 2**27
+"""Bytes of a certificate."""
 
 
 @action(CertifyCommand)
 def certify(options: CertifyCommand, run: Run) -> int:
     """Write a certificate that a plan is valid, or what executions a plan with choices has, and check it."""
     _files(options)
+    written: dict[Path, str | bytes] = {}
 
-    def work() -> tuple[int, int | None, float, Verification, float]:
-        from robust.certify.tape import write
+    def work(folder: Path) -> tuple[int | None, float, Verification, float]:
+        from robust.certify.tape import packed
         from robust.certify.verify import verify
 
         deadline = Deadline.after(run.remaining)
         started = time.perf_counter()
-        files = options.files if len(options.files) == 1 else _with_network(options, run)
+        files = options.files
+        if len(files) == 3 and (network := _network(options, run)):
+            written.update(network)
+            for path, text in network.items():
+                (folder / path.name).write_text(text, encoding="utf-8")
+            files = (*files[:2], folder / next(iter(network)).name)
         lines, holes = _lines(options.changed(files=files), deadline, run)
-        size = write(lines, options.output)
+        written[options.output] = packed(lines)
         made = time.perf_counter()
+        certificate = folder / "certificate"
+        certificate.write_bytes(packed(lines))
         found = verify(
-            options.output,
+            certificate,
             files,
             epsilon=options.separation,
             kind=lines[0][1],
             assume=options.assume,
             deadline=deadline,
         )
-        return size, holes, made - started, found, time.perf_counter() - made
+        return holes, made - started, found, time.perf_counter() - made
 
-    size, holes, seconds, found, checking = run.only(work)
+    with TemporaryDirectory(prefix="robust-certificate-") as folder:
+        holes, seconds, found, checking = run.only(lambda: work(Path(folder)))
+    size = len(written[options.output])
     if found.outcome.value:
         reason = found.answer["reason"]
         raise InputError(f"the checker does not accept the certificate: {reason}; please report this as a bug")
@@ -82,6 +95,8 @@ def certify(options: CertifyCommand, run: Run) -> int:
                 out.print(f"alethe: {options.alethe}, {holes} holes", soft_wrap=True)
 
     run.answer(lambda: documents.document(answer), tell)
+    for path, content in written.items():
+        run.write(partial(atomic_write, path, content, place_of("output")))
     return 0
 
 
@@ -89,7 +104,7 @@ def certify(options: CertifyCommand, run: Run) -> int:
 def verify(options: VerifyCommand, run: Run) -> int:
     """Say what a certificate establishes of the files; 1 if it is rejected, or if less than is asked for."""
     place = Location(str(options.certificate))
-    if not run.only(lambda: read_bytes(options.certificate, CERTIFICATE)).startswith(GZIP):
+    if not run.only(lambda: read_bytes(options.certificate, CERTIFICATE, LARGEST)).startswith(GZIP):
         raise InputError(f"found a file that is not compressed by gzip, expected {CERTIFICATE}", place)
     for file in _files(options):
         run.only(partial(read_bytes, file))
@@ -146,17 +161,22 @@ def _files(options: CertifyCommand | VerifyCommand) -> tuple[Path, ...]:
     return options.files
 
 
-def _with_network(options: CertifyCommand, run: Run) -> tuple[Path, ...]:
-    """The files that the certificate is about; a network that is made of steps, or that other parameters than its own
-    are put into, is written beside it, with a file of those that are not in the network."""
+def _network(options: CertifyCommand, run: Run) -> dict[Path, str]:
+    """What is written beside the certificate, because it is about that: a network that is made of steps, or that other
+    parameters than its own are put into, first; and a file of those that are not in the network."""
     from robust.execute.parametrization import write_specs
     from robust.plan.parameters import specifications
     from robust.plan.pddl.forms import read_plan_text
     from robust.plan.stn import is_network, write_stn
 
-    *problem, plan = options.files
+    plan = options.files[2]
     specs, beside = specifications(options.parameter, options.parameters, plan)
     text, file = read_plan_text(plan)
+    if is_network(text, file) and not specs and str(plan) != "-":
+        return {}
+    target = options.output.with_suffix(".stn")
+    parameters = target.with_suffix(".toml")
+    _refuse(options, (target, parameters), (plan, beside, options.parameters))
     notes: list[str] = [] if beside is None else [f"took the parameters of {beside}"]
     if not is_network(text, file):
         found, more = _network_of_steps(options, run, text, file, specs)
@@ -164,23 +184,24 @@ def _with_network(options: CertifyCommand, run: Run) -> tuple[Path, ...]:
         notes += more
     elif specs:
         network, named = _parametrized(options, text, file, specs)
-    elif str(plan) != "-":
-        return options.files
     else:
         network, named = text, ()
-    target = options.output.with_suffix(".stn")
-    parameters = target.with_suffix(".toml")
-    taken = next((one for one in (target, parameters) if one in (plan, beside, options.parameters)), None)
-    taken = parameters if taken is None and not named and parameters.exists() else taken
+    made = {target: network}
+    if named or parameters.exists():  # which is found there by whoever reads the network
+        made[parameters] = write_specs(named)
+    about = " and ".join(map(str, made))
+    run.note(f"{file}: {'; '.join((*notes, f'the certificate is about {about}'))}")
+    return made
+
+
+def _refuse(options: CertifyCommand, written: Sequence[Path], read: Sequence[Path | None]) -> None:
+    """InputError if what is written beside the certificate would replace that, a file that is read, or any other one
+    without --force."""
+    taken = next((one for one in written if one in (options.output, *read)), None)
     if taken is not None:
         message = f"found {taken}, which belongs to another plan than the certificate; expected another name"
         raise InputError(message, place_of("output"))
-    atomic_write(target, network, place_of("output"))
-    if named:
-        atomic_write(parameters, write_specs(named), place_of("output"))
-    about = " and ".join(map(str, (target, parameters) if named else (target,)))
-    run.note(f"{file}: {'; '.join((*notes, f'the certificate is about {about}'))}")
-    return (*problem, target)
+    refuse_replacing(written, place_of("output"), force=options.force)
 
 
 def _parametrized(

@@ -4,7 +4,8 @@ Signals are blocked in the main thread and received by a watcher thread. Neither
 nor a finalizer that swallows `KeyboardInterrupt` can then hide one. The watcher interrupts the main thread only while
 work is going on that may be given up, and again until that has ended; if it does not end in time, the watcher answers.
 
-A :class:`Run` is one guarded run of one command: what a search has found is its answer, however it ends.
+A :class:`Run` is one guarded run of one command: what a search has found is its answer, however it ends, and is printed
+before any file is written.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from robust.cli.output import Display, answering, complain, noting_warnings, print_json
-from robust.errors import UNDECIDED, SolverError
+from robust.errors import UNDECIDED, InputError, RobustError, SolverError
 from robust.options.declare import Options, as_typed
 from robust.smt.limits import OutOfTimeError
 
@@ -76,6 +77,8 @@ class Guard:
 
     def __init__(self) -> None:
         self.cause: Cause | None = None
+        self.answered = False
+        """Whether an answer has been printed, which the exit code is about then."""
         self.started = time.monotonic()
         self._limit: float | None = None
         self._main = threading.main_thread().ident or 0
@@ -118,19 +121,31 @@ class Guard:
         self._closed = True
         signal.pthread_kill(self._watcher.ident or 0, signal.SIGTERM)
         self._watcher.join()
-        self._watcher = None
+        self._watcher, self._closed = None, False
         sys.unraisablehook = self._unraisable
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
 
-    def hand_over(self) -> None:
-        """Stop watching for work that starts processes, and let the signals raise `KeyboardInterrupt`."""
+    @contextmanager
+    def handed_over(self) -> Iterator[None]:
+        """For work that starts processes, and returns what it has: the signals raise `KeyboardInterrupt` in it.
+
+        What it returns is safe again from signals afterwards.
+        """
+        if self._watcher is None:
+            yield
+            return
         self.close()
-        if threading.current_thread() is threading.main_thread():
-            for number in self._stops:
-                signal.signal(number, signal.default_int_handler)
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
+        usual = {number: signal.signal(number, signal.default_int_handler) for number in self._stops}
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+            for number, handler in usual.items():
+                signal.signal(number, handler)
+            self.__enter__()
 
     @contextmanager
     def working(self, limit: float | None = None, on_stuck: Callable[[], bool] | None = None) -> Iterator[None]:
@@ -230,6 +245,10 @@ def _given_up(stopped: OutOfTimeError) -> Exception:
     return GivenUpError(Cause.TIMEOUT) if stopped.reason is None else SolverError(stopped.reason)
 
 
+_WRITTEN = ("output", "plot", "html", "csv", "stnu")
+"""Options that name a file for the answer."""
+
+
 class Run:
     """One run of one command: its display, its time limit, and its answer; a context manager."""
 
@@ -240,6 +259,10 @@ class Run:
         talks = getattr(options, "quiet", False) or getattr(options, "verbose", False)
         self._quiet = bool(getattr(options, "quiet", False))
         self._notes: list[str] = []
+        self._writes: list[Callable[[], object]] = []
+        self._failed = 0
+        given = (getattr(options, name, None) for name in _WRITTEN)
+        self._files = [path for path in given if isinstance(path, Path)]
         self._color: str = getattr(options, "color", "auto")
         self.display = Display(shown=hasattr(options, "quiet") and not talks, what="reading", color=self._color)
 
@@ -262,6 +285,46 @@ class Run:
             self.display.stop()
             complain(text)
             self.display.start()
+
+    def write(self, work: Callable[[], object]) -> None:
+        """Have files written, or a picture drawn, when the answer has been printed: none of it may cost the answer."""
+        self._writes.append(work)
+
+    def unwritten(self, error: RobustError) -> None:
+        """Say that a file was not written, which makes the exit code that of bad input."""
+        self._failed = error.exit_code
+        self.display.stop()
+        complain(f"error: {error}")
+
+    @contextmanager
+    def naming_what_is_not_written(self) -> Iterator[None]:
+        """Say of each file that was asked for and is not written that this is so, unless an error says what is wrong."""
+        before = {path: _state(path) for path in self._files if path.is_file() or not path.exists()}
+
+        def name_them() -> None:
+            self.display.stop()
+            for path, state in before.items() if not self._failed else ():
+                if _state(path) == state:
+                    complain(f"{path} was not written: the answer has nothing for it")
+
+        try:
+            yield
+        except (KeyboardInterrupt, GivenUpError):
+            name_them()
+            raise
+        name_them()
+
+    def finish(self, code: int) -> int:
+        """Write files, each whatever becomes of the others; the exit code."""
+        for work in self._writes:
+            try:
+                work()
+            except RobustError as error:
+                self.unwritten(error)
+            except OSError as error:
+                place = f"{error.filename}: " if error.filename else ""
+                self.unwritten(InputError(f"{place}{error.strerror or error}"))
+        return self._failed or code
 
     def working(self, on_stuck: Callable[[], bool] | None = None) -> AbstractContextManager[None]:
         """Work that may be given up, see :meth:`Guard.working`."""
@@ -342,9 +405,10 @@ class Run:
         self.display.stop()
         if self._json:
             print_json({**document(), "notes": self._notes} if self._notes else document())
-            return
-        with answering():
-            text(self.console())
+        else:
+            with answering():
+                text(self.console())
+        self.guard.answered = True
 
     def console(self) -> Console:
         """Where answers for people are printed."""
@@ -359,32 +423,9 @@ def carry_out(guard: Guard, asked: Action[Any], given: Mapping[str, Any]) -> int
         options = asked.options(**given)
         if getattr(options, "verbose", False):
             _log_to_stderr()
-        warned = noting_warnings(shown=not getattr(options, "quiet", False))
-        with naming_what_is_not_written(options), Run(guard, options) as run, warned:
-            return asked.carry_out(options, run)
-
-
-_WRITTEN = ("output", "plot", "html", "csv", "stnu")
-"""Options that name a file for the answer."""
-
-
-@contextmanager
-def naming_what_is_not_written(options: Options) -> Iterator[None]:
-    """Say of each file that was asked for and is not written that this is so, unless an error says what is wrong."""
-    paths = [path for name in _WRITTEN if isinstance(path := getattr(options, name, None), Path)]
-    before = {path: _state(path) for path in paths if path.is_file() or not path.exists()}
-
-    def name_them() -> None:
-        for path, state in before.items():
-            if _state(path) == state:
-                complain(f"{path} was not written: the answer has nothing for it")
-
-    try:
-        yield
-    except (KeyboardInterrupt, GivenUpError):
-        name_them()
-        raise
-    name_them()
+        shown = not getattr(options, "quiet", False)
+        with Run(guard, options) as run, noting_warnings(run.unwritten, shown=shown), run.naming_what_is_not_written():
+            return run.finish(asked.carry_out(options, run))
 
 
 def _state(path: Path) -> tuple[int, int] | None:

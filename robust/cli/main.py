@@ -1,7 +1,7 @@
 """From arguments to an exit code, whatever happens on the way.
 
-Exit codes: 0 proved or done, 1 refuted, 2 bad input, 3 unknown, out of time or interrupted, 4 unsupported. Answers go
-to stdout, everything else to stderr.
+Exit codes: 0 proved or done, 1 refuted, 2 bad input, or a file or stdout cannot be written, 3 unknown, out of time or
+interrupted, 4 unsupported, 141 the reader of stdout has left. Answers go to stdout, everything else to stderr.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from functools import partial
 from robust import __version__
 from robust.cli.build import Command, Group, application, read
 from robust.cli.guard import GivenUpError, Guard, carry_out
-from robust.cli.output import complain, drop_output, print_json
+from robust.cli.output import READER_LEFT, complain, drop_output, output_failure, print_json
 from robust.errors import UNDECIDED, InputError, RobustError, from_extra
 
 HELP = "Verify temporal plans: are they valid for every schedule, and how far may reality deviate?"
@@ -79,24 +79,37 @@ _INTERRUPTED = 130
 
 def run_command(arguments: Sequence[str]) -> int:
     """Run one command line and return its exit code; never raises."""
-    _prepare_streams()
+    if not _prepare_streams():
+        complain("error: found standard output closed, expected somewhere to write the answer to, such as /dev/null")
+        return _BAD_USE
     with Guard() as guard:
-        try:
-            return _run(list(arguments), guard)
-        except (KeyboardInterrupt, GivenUpError) as error:
-            cause = guard.why(error)
-            return _report(arguments, RobustError(cause.message), cause.value, UNDECIDED, cause.message)
-        except BrokenPipeError:
-            drop_output()
-            return UNDECIDED
-        except RobustError as error:
-            return _report(arguments, error, type(error).__name__.removesuffix("Error").lower())
-        except OSError as error:
-            return _report_failure(arguments, error, guard)
-        except Exception as error:  # the last resort: a user never sees a traceback unasked
-            return _report_internal(arguments, error)
-        finally:
-            _flush()
+        code = _guarded(arguments, guard)
+        failure = output_failure()
+        if failure is None:
+            return code
+        if isinstance(failure, BrokenPipeError):
+            return READER_LEFT
+        if failure.errno == errno.EIO and guard.cause is not None:
+            return UNDECIDED  # the terminal is gone, which has sent SIGHUP
+        complain(f"error: cannot write to standard output: {(failure.strerror or str(failure)).lower()}")
+        return _BAD_USE
+
+
+def _guarded(arguments: Sequence[str], guard: Guard) -> int:
+    try:
+        return _run(list(arguments), guard)
+    except (KeyboardInterrupt, GivenUpError) as error:
+        cause = guard.why(error)
+        return _report(arguments, guard, RobustError(cause.message), cause.value, code=UNDECIDED, message=cause.message)
+    except BrokenPipeError as error:
+        drop_output(error)
+        return UNDECIDED
+    except RobustError as error:
+        return _report(arguments, guard, error, type(error).__name__.removesuffix("Error").lower())
+    except OSError as error:
+        return _report_failure(arguments, guard, error)
+    except Exception as error:  # the last resort: a user never sees a traceback unasked
+        return _report_internal(arguments, guard, error)
 
 
 def _run(arguments: list[str], guard: Guard) -> int:
@@ -114,7 +127,7 @@ def _run(arguments: list[str], guard: Guard) -> int:
     try:
         code = app(args=arguments, prog_name="robust", standalone_mode=False)
     except wrong_usage as error:
-        return _report_misuse(arguments, error)
+        return _report_misuse(arguments, guard, error)
     except SystemExit as end:  # how completion answers fish whether there is anything to complete
         code = end.code
     if code == _INTERRUPTED:
@@ -131,31 +144,34 @@ def _typed_so_far() -> list[str]:
 
 
 def _report(
-    arguments: Sequence[str], error: RobustError, kind: str, code: int | None = None, message: str | None = None
+    arguments: Sequence[str],
+    guard: Guard,
+    error: RobustError,
+    kind: str,
+    *,
+    code: int | None = None,
+    message: str | None = None,
 ) -> int:
-    """One line on stderr and, for programs, one object on stdout."""
+    """One line on stderr and, for programs that have no answer yet, one object on stdout."""
     code = error.exit_code if code is None else code
-    try:
-        if "--json" in arguments:
-            from robust.show.documents import error as document
+    if "--json" in arguments and not guard.answered:
+        from robust.show.documents import error as document
 
-            print_json(document(error, kind, code))
-        complain(message or f"error: {error}")
-    except OSError:
-        drop_output()  # there is no way left to say anything
+        print_json(document(error, kind, code))
+    complain(message or f"error: {error}")
     return code
 
 
-def _report_failure(arguments: Sequence[str], error: OSError, guard: Guard) -> int:
+def _report_failure(arguments: Sequence[str], guard: Guard, error: OSError) -> int:
     """What the system refused to do."""
     if guard.cause is not None and error.errno == errno.EIO and not error.filename:
-        drop_output()  # the terminal is gone, which has sent SIGHUP
+        drop_output(error)  # the terminal is gone, which has sent SIGHUP
         return UNDECIDED
     place = f"{error.filename}: " if error.filename else ""
-    return _report(arguments, InputError(f"{place}{error.strerror or error}"), "input")
+    return _report(arguments, guard, InputError(f"{place}{error.strerror or error}"), "input")
 
 
-def _report_misuse(arguments: Sequence[str], error: Exception) -> int:
+def _report_misuse(arguments: Sequence[str], guard: Guard, error: Exception) -> int:
     message = getattr(error, "format_message", error.__str__)().strip().replace("Value error, ", "")
     if not arguments or message.startswith("Usage:"):
         print(message, file=sys.stderr)
@@ -163,12 +179,12 @@ def _report_misuse(arguments: Sequence[str], error: Exception) -> int:
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "robust"
     message = message if message.endswith((".", "?", "!")) else f"{message}."
-    return _report(arguments, RobustError(f"{message} Try '{command} --help'."), "usage", _BAD_USE)
+    return _report(arguments, guard, RobustError(f"{message} Try '{command} --help'."), "usage", code=_BAD_USE)
 
 
-def _report_internal(arguments: Sequence[str], error: Exception) -> int:
+def _report_internal(arguments: Sequence[str], guard: Guard, error: Exception) -> int:
     if isinstance(error, ModuleNotFoundError) and (known := from_extra(error)) is not None:
-        return _report(arguments, known, "unsupported")
+        return _report(arguments, guard, known, "unsupported")
     if "--verbose" in arguments:
         import logging
 
@@ -178,21 +194,16 @@ def _report_internal(arguments: Sequence[str], error: Exception) -> int:
         text = f"{text[:300]}..."
     remedy = "" if "--verbose" in arguments else ", with the output of --verbose"
     message = f"internal error: {text}; please report this{remedy}"
-    return _report(arguments, RobustError(message), "internal", UNDECIDED, message)
+    return _report(arguments, guard, RobustError(message), "internal", code=UNDECIDED, message=message)
 
 
-def _prepare_streams() -> None:
+def _prepare_streams() -> bool:
+    """Make streams that any text can be written to; whether there is somebody to answer to."""
+    closed = sys.stdout is None
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:  # closed by the caller, as in `robust ... >&-`
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - as long as the process
         elif hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal without γ shows `?` instead of a traceback
-
-
-def _flush() -> None:
-    """Write what is still in memory."""
-    try:
-        sys.stdout.flush()
-    except OSError:
-        drop_output()
+    return not closed

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,15 +62,17 @@ def convert(options: ConvertCommand, run: Run) -> int:
     if options.stnu is not None:
         _write_stnu(options, run, found.plan)
     show(found)
+    if options.output is not None:
+        run.write(lambda: _write(options, found))
     return UNDECIDED if found.cut_short else 0
 
 
 def _network_text(options: ConvertCommand) -> Path | None:
     """The plan, if it is a network already."""
-    from robust.plan.pddl.forms import read_text
+    from robust.plan.pddl.forms import read_plan_text
     from robust.plan.stn import is_network
 
-    if str(options.plan) == "-" or not is_network(read_text(options.plan), str(options.plan)):
+    if str(options.plan) == "-" or not is_network(*read_plan_text(options.plan)):
         return None
     return options.plan
 
@@ -112,28 +115,28 @@ def _write_stnu(options: ConvertCommand, run: Run, plan: ParametrizedPlan) -> Ne
     box = nominal if options.box is None else read_box(options.box, nominal)
     network = network_of(plan, box, str(output), "Z" if output.suffix.lower() == ".stnu" else "0")
     content, scale = write(network, output)
-    atomic_write(output, content, place_of("stnu"))
+    run.write(partial(atomic_write, output, content, place_of("stnu")))
     if scale != 1:
         run.note(scaled(output, scale))
     return network
 
 
 def _show(options: ConvertCommand, run: Run, found: Conversion, notes: Sequence[str]) -> None:
-    """Write the plan, and say what was done."""
-    from robust.execute.parametrization import write_specs
+    """Say what was done; without a file for the plan, print it."""
     from robust.plan.stn import write_stn
     from robust.show import made
 
     if notes:
         run.note(f"{found.stn.file}: {'; '.join(notes)}")
-    stn, beside = write_stn(found.stn), write_specs(found.beside)
-    written = {} if options.output is None else dict(_write(options.output, stn, beside))
+    written = {} if options.output is None else {"plan": str(options.output)}
+    if options.output is not None and found.beside:
+        written["parameters"] = str(options.output.with_suffix(".toml"))
     if options.stnu is not None:
         written["stnu"] = str(options.stnu)
 
     def tell(out: Console) -> None:
         if options.output is None:
-            sys.stdout.write(stn)
+            sys.stdout.write(write_stn(found.stn))
             sys.stdout.flush()
         for line in () if options.quiet else made.conversion_lines(found, written):
             if options.output is None:
@@ -169,15 +172,21 @@ def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Convertin
     )
 
 
-def _write(output: Path, stn: str, beside: str) -> Mapping[str, str]:
-    """Write the plan, and the parameters that it cannot hold by itself; the names of both."""
-    atomic_write(output, stn, place_of("output"))
-    written = {"plan": str(output)}
-    if beside:
+def _write(options: ConvertCommand, found: Conversion) -> None:
+    """Write the plan, and the parameters that it cannot hold by itself; print what JSON has if it cannot be written."""
+    from robust.execute.parametrization import write_specs
+    from robust.plan.stn import write_stn
+
+    output, stn = options.output or Path(), write_stn(found.stn)
+    try:
+        atomic_write(output, stn, place_of("output"))
         parameters = output.with_suffix(".toml")
-        atomic_write(parameters, beside, place_of("output"))
-        written["parameters"] = str(parameters)
-    return written
+        if found.beside or parameters.exists():  # which is found there by whoever reads the plan
+            atomic_write(parameters, write_specs(found.beside), place_of("output"))
+    except InputError:
+        with answering():
+            print("" if options.json else stn, end="")
+        raise
 
 
 # -- execute -----------------------------------------------------------------------------------------------------------
@@ -196,8 +205,8 @@ def execute(options: ExecuteCommand, run: Run) -> int:
         cause = run.guard.why(error)
     from robust.show import execution, made
 
-    if options.plot is not None:
-        execution.plot_run(runs[0], options.executor, options.plot)
+    if (picture := options.plot) is not None:
+        run.write(lambda: execution.plot_run(runs[0], options.executor, picture))
 
     def tell(out: Console) -> None:
         if options.runs == 1 and runs:

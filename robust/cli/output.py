@@ -1,7 +1,8 @@
 """What a command writes: answers on stdout; on stderr what is to be said of the input, and progress for who watches.
 
-The reader of stdout may leave at any time, as in `robust ... | head`; nothing follows the work where stderr is no
-terminal.
+The reader of stdout may leave at any time, as in `robust ... | head`, and a disk may be full. Work goes on then, so
+that files are written, and the exit code says at the end that the answer has not arrived. Nothing follows the work
+where stderr is no terminal.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from robust.errors import InputWarning
+from robust.errors import InputError, InputWarning, OutputWarning
 from robust.numbers import one_line
 
 if TYPE_CHECKING:
@@ -28,19 +29,44 @@ if TYPE_CHECKING:
     from robust.qe.box import Side
 
 
+READER_LEFT = 141
+"""The exit code where the reader of stdout has left: that of a process that SIGPIPE ends."""
+
+
+class _Stdout:
+    failure: OSError | None = None
+
+
 @contextmanager
 def answering() -> Iterator[None]:
-    """Output that nobody reads any more is dropped; the exit code still says what the answer was."""
+    """Within it, output that cannot be written is dropped, which :func:`output_failure` remembers."""
     try:
         yield
         sys.stdout.flush()
-    except BrokenPipeError:
-        drop_output()
+    except OSError as error:
+        if error.filename is not None:  # of some file
+            raise
+        drop_output(error)
 
 
-def drop_output() -> None:
+def drop_output(error: OSError) -> None:
     """Send what is still written to stdout nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    _Stdout.failure = _Stdout.failure or error
+    _send_nowhere(1 if sys.stdout is None else sys.stdout.fileno())
+
+
+def output_failure() -> OSError | None:
+    """Why stdout could not be written since this was asked last; what is in memory is written now."""
+    with answering():
+        pass
+    failure, _Stdout.failure = _Stdout.failure, None
+    return failure
+
+
+def _send_nowhere(descriptor: int) -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, descriptor)
+    os.close(nowhere)
 
 
 def print_json(answer: Mapping[str, Any]) -> None:
@@ -53,21 +79,30 @@ def print_json(answer: Mapping[str, Any]) -> None:
 
 
 def complain(message: str) -> None:
-    """One line on stderr, whatever file names and input texts contain."""
-    print(f"robust: {one_line(message)}", file=sys.stderr)
+    """One line on stderr, whatever file names and input texts contain; nothing where it cannot be written."""
+    try:
+        print(f"robust: {one_line(message)}", file=sys.stderr, flush=True)
+    except OSError:
+        _send_nowhere(sys.stderr.fileno())
 
 
 @contextmanager
-def noting_warnings(*, shown: bool) -> Iterator[None]:
-    """Within it, each different :class:`InputWarning` is one line on stderr, or nothing if they are not to be shown."""
+def noting_warnings(unwritten: Callable[[InputError], None], *, shown: bool) -> Iterator[None]:
+    """Within it, each different :class:`InputWarning` is one line on stderr, or nothing if they are not to be shown;
+    files that could not be written are told to `unwritten`."""
     said: set[str] = set()
     with warnings.catch_warnings():
-        warnings.simplefilter("always", InputWarning)
+        for kind in (InputWarning, OutputWarning):
+            warnings.simplefilter("always", kind)
         usual = warnings.showwarning
 
         def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
             text = str(message)
-            if not issubclass(category, InputWarning):
+            if issubclass(category, OutputWarning):
+                if text not in said:
+                    said.add(text)
+                    unwritten(InputError(text))
+            elif not issubclass(category, InputWarning):
                 usual(message, category, *place, **more)
             elif shown and text not in said:
                 said.add(text)

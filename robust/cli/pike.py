@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from robust.errors import UNDECIDED, InputError, Location, UnsupportedError, did
 from robust.numbers import Number, shorten
 from robust.options.commands import ASSUMED
 from robust.options.declare import argument, named_values, not_negative, option, ordinal, place_of, plot_file, positive
-from robust.options.shared import Output, Separation, Solving
+from robust.options.shared import Force, Output, Separation, Solving
 from robust.smt.limits import Deadline
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def witness_directory(path: Path, _place: Location) -> Path:
     return path
 
 
-class PikeCheckCommand(PikeOptions):
+class PikeCheckCommand(PikeOptions, Force):
     """Of `robust pike check`."""
 
     file: Path | None = argument(None, "a plan with choices, .tpnu.json; none with --random", "FILE")  # type: ignore[assignment]
@@ -78,6 +79,7 @@ class PikeCheckCommand(PikeOptions):
         metavar="DIR",
         path=True,
         read=witness_directory,
+        also=lambda folder: [folder / name for name in ("plan.tpnu.json", "domain.pddl", "problem.pddl")],
     )
     random: int | None = option(
         None, "with --cross: compare on so many random plans instead of a file", metavar="N", read=ordinal
@@ -357,13 +359,14 @@ def plot(options: PikePlotCommand, run: Run) -> int:
     from robust.show import pike
     from robust.show.documents import document
 
-    drawn = run.only(lambda: _draw(options, run))
+    drawn, draw = run.only(lambda: _drawing(options, run))
     run.answer(lambda: document(drawn), lambda out: pike.print_plot(out, drawn, quiet=options.quiet))
+    run.write(lambda: run.only(draw))
     return 0
 
 
-def _draw(options: PikePlotCommand, run: Run) -> PikePlot:
-    """Draw the plan; what there is to see."""
+def _drawing(options: PikePlotCommand, run: Run) -> tuple[PikePlot, Callable[[], object]]:
+    """What there is to see in a drawing of the plan, and what draws it."""
     from robust.pike_bridge.scenarios import restrict
     from robust.show import pike
 
@@ -376,18 +379,18 @@ def _draw(options: PikePlotCommand, run: Run) -> PikePlot:
 
         run.display.say("links")
         links = augment(plan, StructuralPrecedence(plan.network, epsilon=plan.separation)).links
-    run.display.say("drawing")
     from robust.show.network import Link, plot_network
 
     arrows = [Link(link.producer.event, link.consumer.first, str(link.consumer.literal)) for link in links or ()]
-    plot_network(plan.network, options.output, links=arrows, epsilon=options.separation)
-    return pike.PikePlot(
+    draw = partial(plot_network, plan.network, options.output, links=arrows, epsilon=options.separation)
+    drawn = pike.PikePlot(
         plot=str(options.output),
         events=len(plan.network.events),
         activities=len(plan.network.activities),
         choices=len(plan.network.choices),
         links=None if links is None else len(links),
     )
+    return drawn, draw
 
 
 # -- run ---------------------------------------------------------------------------------------------------------------
@@ -436,8 +439,7 @@ def run(options: PikeRunCommand, run: Run) -> int:
             deadline=Deadline.after(run.remaining),
         )
 
-    record = run.best(begin, run.show)
+    record = run.reply(begin)
     if options.plot is not None:
-        record.plot(options.plot)
-    run.show(record)
+        run.write(partial(record.plot, options.plot))
     return exit_code_of(record.ending.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -126,11 +127,11 @@ def region(options: PikeRegionCommand, run: Run) -> int:
     found = run.best(begin, answer)
     if not found.cut_short and (options.json or options.plot is not None):
         cells = run.also("cutting", lambda: _cells(found, run))
+    answer(found)
     if options.plot is not None:
         from robust.show.pike_envelope_plots import plot_cells
 
-        plot_cells(found, cells, options.plot, options.drawn)
-    answer(found)
+        run.write(partial(plot_cells, found, cells, options.plot, options.drawn))
     if found.cut_short:
         return exit_code_of(found.status.value)
     return 0 if found.pieces else 1
@@ -161,8 +162,7 @@ def envelope(options: PikeEnvelopeCommand, run: Run) -> int:
             on_stage=run.display.say,
         )
 
-    found = run.best(begin, run.show)
+    found = run.reply(begin)
     if options.plot is not None and found.combinations:
-        found.plot(options.plot, axes=options.drawn)
-    run.show(found)
+        run.write(partial(found.plot, options.plot, axes=options.drawn))
     return exit_code_of(found.status.value)

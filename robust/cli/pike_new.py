@@ -10,8 +10,8 @@ from robust.cli.build import action
 from robust.cli.guard import Run
 from robust.errors import InputError, Location
 from robust.numbers import shorten
-from robust.options.declare import option, place_of
-from robust.options.shared import Output
+from robust.options.declare import option, place_of, refuse_replacing
+from robust.options.shared import Force, Output
 
 if TYPE_CHECKING:
     from robust.pike_bridge.action_model import Instance
@@ -32,7 +32,7 @@ def _structure(text: str, place: Location) -> tuple[int, ...]:
     return found
 
 
-class PikeNewCommand(Output):
+class PikeNewCommand(Force, Output):
     """Of `robust pike new`."""
 
     kind: str = option(..., "kitchen, wing, k-intents, random or figure", metavar="KIND", choices=KINDS, argument=True)
@@ -47,7 +47,6 @@ class PikeNewCommand(Output):
     number: str = option(
         "6b", "figure: its number in the paper", choices=("6a", "6b", "7a", "7b", "8", "9", "11", "13", "23")
     )
-    force: bool = option(False, "replace files that are there")
 
     def check_combinations(self, given: Collection[str]) -> None:
         for name, kinds in _ONLY.items():
@@ -84,11 +83,7 @@ def new(options: PikeNewCommand, run: Run) -> int:
         instance = _makers(options)[options.kind]()
         name = options.name or instance.name
         files = [options.output / each for each in (f"{name}.tpnu.json", "domain.pddl", "problem.pddl")]
-        there = [str(each) for each in files if each.exists()]
-        if there and not options.force:
-            raise InputError(
-                f"found {', '.join(there)}, expected no such files; --force replaces them", place_of("output")
-            )
+        refuse_replacing(files, place_of("output"), force=options.force)
         return instance, instance.write(options.output, name)
 
     instance, path = run.only(write)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from robust.cli.build import action
@@ -139,11 +140,11 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
         result = replace(result, controllability=_controllability(options, run, plan, result))
     if plan is not None and options.export is not None and result.verified:
         exported = _exported(options, run, plan, result)
-        if exported is not None and options.output is not None:
-            atomic_write(options.output, exported, place_of("output"))
     show(result)
-    if options.plot is not None and result.verified:
-        result.plot(options.plot)
+    if exported is not None and (output := options.output) is not None:
+        run.write(partial(atomic_write, output, exported, place_of("output")))
+    if (picture := options.plot) is not None and result.verified:
+        run.write(partial(result.plot, picture))
     missing = options.export is not None and result.verified and exported is None
     return UNDECIDED if missing else exit_code_of(result.status.value)
 
@@ -249,7 +250,7 @@ def region(options: RegionCommand, run: Run) -> int:
         result = simpler or whole
     show(result)
     if options.plot is not None:
-        result.plot(options.plot, axes=options.axes or ())
+        run.write(partial(result.plot, options.plot, axes=options.axes or ()))
     return 0 if result.is_exact else 3
 
 
@@ -271,9 +272,9 @@ def compare(options: CompareCommand, run: Run) -> int:
 
     result = run.reply(begin)
     if options.plot is not None and result.region is not None:
-        result.plot(options.plot, axes=options.axes or ())
+        run.write(partial(result.plot, options.plot, axes=options.axes or ()))
     if options.html is not None:
-        _write_page(options, run, result)
+        run.write(partial(_write_page, options, run, result))
     return exit_code_of(result.status.value)
 
 

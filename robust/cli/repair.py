@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from robust.cli.build import action
@@ -54,9 +55,10 @@ def repair(options: RepairCommand, run: Run) -> int:
         )
 
     found = run.best(begin, tell)
-    if options.output is not None and found.plan is not None:
-        atomic_write(options.output, _text(source, options.plan, found.changes), place_of("output"))
     tell(found)
+    if options.output is not None and found.plan is not None:
+        text = _text(source, options.plan, found.changes)
+        run.write(partial(atomic_write, options.output, text, place_of("output")))
     return exit_code_of(found.status.value)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from robust.cli.build import action
@@ -32,5 +33,5 @@ def risk(options: RiskCommand, run: Run) -> int:
 
     result = run.reply(begin)
     if options.plot is not None:
-        result.plot(options.plot)
+        run.write(partial(result.plot, options.plot))
     return 3 if result.cut_short else 0

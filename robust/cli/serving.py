@@ -117,8 +117,8 @@ class _Server:
                 self._serve_given_time()
             else:
                 self._serve_real_time(self._rate)
-        except BrokenPipeError:
-            drop_output()
+        except BrokenPipeError as error:
+            drop_output(error)
         except InputError as error:
             self._writer.write_last({"kind": "error", "line": None, "message": str(error)})
             raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -96,7 +97,7 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
         from robust.stnu.files import scaled, write
 
         content, scale = write(last.network, options.output)
-        atomic_write(options.output, content, place_of("output"))
+        run.write(partial(atomic_write, options.output, content, place_of("output")))
         written = str(options.output)
         if scale != 1:
             run.note(scaled(options.output, scale))

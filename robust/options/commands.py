@@ -12,6 +12,7 @@ from robust.numbers import Number, shorten
 from robust.options.declare import (
     STNU_SUFFIXES,
     argument,
+    beside,
     not_negative,
     option,
     place_of,
@@ -23,6 +24,7 @@ from robust.options.declare import (
 from robust.options.shared import (
     METHODS,
     Colored,
+    Force,
     Json,
     Limited,
     Output,
@@ -44,7 +46,7 @@ def stnu_file(path: Path, place: Location) -> Path:
     return writable(path, place, "the network")
 
 
-class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solving, Output):
+class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solving, Force, Output):
     """Of `robust convert`."""
 
     plan: Path = argument(..., "time-triggered plan or log of a planner; - is standard input", "TIMED_PLAN")
@@ -56,6 +58,7 @@ class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solv
         metavar="PLAN.stn",
         path=True,
         read=plan_file,
+        also=beside,
     )
     mode: str = option(
         "causal",
@@ -125,11 +128,19 @@ CERTIFICATES = ("plan", "box", "maximal", "region", *WITH_CHOICES)
 ASSUMED = "a choice that is made already; may be repeated"
 
 
-class CertifyCommand(PlanningOutput, PlanParameters, Search, Output):
+class CertifyCommand(PlanningOutput, PlanParameters, Search, Force, Output):
     """Of `robust certify`; one file is a plan with choices, three are a domain, a problem and a plan."""
 
     files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
-    output: Path = option(..., "where to write the certificate", "--output", "-o", metavar="CERT", path=True)
+    output: Path = option(
+        ...,
+        "where to write the certificate",
+        "--output",
+        "-o",
+        metavar="CERT",
+        path=True,
+        read=lambda path, place: writable(path, place, "the certificate"),
+    )
     kind: str | None = option(
         None,
         "plan (default): valid at the nominal values; box: all over a box; maximal: and no valid box contains it; "
@@ -145,7 +156,11 @@ class CertifyCommand(PlanningOutput, PlanParameters, Search, Output):
     )
     assume: tuple[str, ...] = option((), ASSUMED, metavar="NAME=VALUE", many=True)
     alethe: Path | None = option(
-        None, "also write cvc5's proofs to DIR, in the Alethe format", metavar="DIR", path=True
+        None,
+        "also write cvc5's proofs to DIR, in the Alethe format",
+        metavar="DIR",
+        path=True,
+        also=lambda folder: (*folder.glob("*.smt2"), *folder.glob("*.alethe")),
     )
 
     def check_combinations(self, given: Collection[str]) -> None:

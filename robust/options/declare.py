@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, dataclass_transform
 
 from robust.errors import InputError, Location, did_you_mean, missing
-from robust.numbers import EXPECTED_NUMBER, Number, exact, parse_number, shorten
+from robust.numbers import EXPECTED_NUMBER, Number, exact, parse_number, quoted, shorten
 
 if TYPE_CHECKING:
     from robust.irr.search import EnvelopeResult
@@ -30,6 +30,8 @@ Range = tuple[Number | None, Number | None]
 PLOT_SUFFIXES = (".svg", ".png", ".pdf")
 STNU_SUFFIXES = (".stnu", ".json")
 _LONGEST = Fraction(10) ** 9
+_NAMED = 3
+"""Files that a message names, of several."""
 
 
 class Option(NamedTuple):
@@ -46,6 +48,7 @@ class Option(NamedTuple):
     argument: bool
     many: bool
     path: bool
+    also: Callable[[Path], Iterable[Path]] | None
     shown: bool
     rank: int
 
@@ -67,6 +70,7 @@ def option(
     argument: bool = False,
     many: bool = False,
     path: bool = False,
+    also: Callable[[Path], Iterable[Path]] | None = None,
     shown: bool = True,
     rank: int = 0,
 ) -> Any:
@@ -84,12 +88,13 @@ def option(
         argument: typed without a name, by its place.
         many: may be given more than once; the field is a tuple.
         path: a file or a directory.
+        also: the files that would be written as well, of which some may be there already; see :func:`refuse_replacing`.
         shown: False for callbacks, which cannot be typed.
         rank: options of equal rank are shown in the order of declaration, before those of higher rank.
     """
     choices = tuple(choices)
     known = choices if accepted is None else accepted
-    return Option(default, help, names, metavar, choices, known, read, needs, argument, many, path, shown, rank)
+    return Option(default, help, names, metavar, choices, known, read, needs, argument, many, path, also, shown, rank)
 
 
 def argument(default: Any, help: str, metavar: str, *, many: bool = False) -> Any:
@@ -195,7 +200,8 @@ class Options:
         self._check_files()
 
     def _check_files(self) -> None:
-        """InputError if an option is a file that is typed as argument: what is read would be overwritten."""
+        """InputError if an option is a file that is typed as argument: what is read would be overwritten; or if files
+        would be that no option names."""
         files = [(one, getattr(self, name), place_of(name)) for name, one in self.declarations.items() if one.path]
         read = [(one, file) for one, value, _ in files if one.argument for file in (value if one.many else [value])]
         for one, path, place in files:
@@ -203,7 +209,15 @@ class Options:
                 continue
             for other, file in read:
                 if file is not None and os.path.isfile(file) and os.path.samefile(path, file):
-                    found = f"found {shorten(str(path))}, which is {other.metavar}, expected another file"
+                    found = f"found {quoted(path)}, which is {other.metavar}, expected another file"
+                    raise InputError(found, place)
+        named = {Path(file) for one, value, _ in files if value for file in (value if one.many else [value])}
+        for one, path, place in files:
+            if one.also is not None and path is not None:
+                written = set(one.also(Path(path)))
+                refuse_replacing(sorted(written), place, force=getattr(self, "force", False))
+                if taken := written & named:
+                    found = f"found {quoted(min(taken))}, which is another option, expected another name"
                     raise InputError(found, place)
 
     def _check_combinations(self, given: Collection[str]) -> None:
@@ -325,6 +339,11 @@ def plot_file(path: str | Path, place: Location) -> Path:
     return writable(path, place, "the plot")
 
 
+def beside(plan: Path) -> tuple[Path, ...]:
+    """The file of parameters that belongs to a plan."""
+    return (plan.with_suffix(".toml"),)
+
+
 def plan_file(path: Path, place: Location) -> Path:
     """InputError unless a plan can be written there."""
     if path.suffix == ".toml":
@@ -335,10 +354,18 @@ def plan_file(path: Path, place: Location) -> Path:
 def writable(path: Path, place: Location, what: str) -> Path:
     """InputError unless a file can be written to the path: better known before anything is computed."""
     if not path.parent.is_dir():
-        raise InputError(f"found no directory {shorten(str(path.parent))}, expected one to write {what} to", place)
+        raise InputError(f"found no directory {quoted(path.parent)}, expected one to write {what} to", place)
     if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise InputError(f"cannot write {shorten(str(path))}, expected a file that can be written", place)
+        raise InputError(f"cannot write {quoted(path)}, expected a file that can be written", place)
     return path
+
+
+def refuse_replacing(files: Iterable[Path], place: Location, *, force: bool) -> None:
+    """InputError if there are such files, which no option names, unless they are to be replaced."""
+    there = [] if force else [quoted(path) for path in files if os.path.lexists(path)]
+    if there:
+        shown = ", ".join(there[:_NAMED]) + (f" and {len(there) - _NAMED} more" if len(there) > _NAMED else "")
+        raise InputError(f"found {shown}, expected no such files; {spelled('force')} replaces them", place)
 
 
 Settings = Mapping[str, "Number | Interval | Range"] | str | Sequence[str]

@@ -133,10 +133,23 @@ class Search(Separation, Solving):
     encoding: str = encoding_option()
 
 
-class Export(Options):
+class Force(Options):
+    """Whether files are replaced that options do not name, but only the folder or the file beside them."""
+
+    force: bool = option(False, "replace files that are there and that no option names", rank=EXPORT)
+
+
+class Export(Force):
     """Queries as files."""
 
-    smt2: str | Path | None = option(None, "write every query to DIR as SMT-LIB", metavar="DIR", path=True, rank=EXPORT)
+    smt2: str | Path | None = option(
+        None,
+        "write every query to DIR as SMT-LIB",
+        metavar="DIR",
+        path=True,
+        also=lambda folder: folder.glob("*.smt2"),
+        rank=EXPORT,
+    )
 
 
 class Colored(Options):

@@ -222,13 +222,6 @@ class CompareOptions(Search):
     on_stage: Callable[[str], None] | None = option(None, "called with the name of each stage", shown=False)
 
 
-def html_file(path: Path, place: Location) -> Path:
-    """InputError unless there is a directory to write to."""
-    if not path.parent.is_dir():
-        raise InputError(f"found no directory {str(path.parent)!r}, expected one to write to", place)
-    return path
-
-
 class CompareCommand(CompareOptions, Slice, AskCommand):
     """Of `robust compare`."""
 
@@ -237,7 +230,7 @@ class CompareCommand(CompareOptions, Slice, AskCommand):
         "write an interactive page as one HTML file: sliders for the parameters, what breaks where, boxes, schedule",
         metavar="FILE",
         path=True,
-        read=html_file,
+        read=lambda path, place: writable(path, place, "the page"),
         rank=DRAWING,
     )
 

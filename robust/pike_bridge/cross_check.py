@@ -13,7 +13,8 @@ from pathlib import Path
 from random import Random
 from typing import TypeVar
 
-from robust.errors import RobustError
+from robust.errors import InputError, RobustError
+from robust.files import unwritten
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.compile import Compilation, Compiling, Temporal, scenarios
 from robust.pike_bridge.knowledge import reasons_about_time
@@ -201,14 +202,19 @@ class Crossing:
         self._crossed.status = "timeout" if timed_out else "interrupted"
         return self._crossed
 
-    def _shrunk(self, outcome: CrossCheck, witness: Path) -> Path:
-        """The smallest plan found on which the first subject still differs from the oracle, as files."""
+    def _shrunk(self, outcome: CrossCheck, witness: Path) -> Path | None:
+        """The smallest plan found on which the first subject still differs from the oracle, as files if possible."""
         [subject] = [one for one in subjects(BACKENDS) if one.name == outcome.disagreements[0].backend]
 
         def shows(smaller: TeamPlan) -> bool:
             return differing(smaller, subject, solver=self.solver, seed=self.seed, limit=10)
 
-        return propositional(shrink(self.plan, shows, Deadline.after(SHRINK_LIMIT))).write(witness)
+        smallest = propositional(shrink(self.plan, shows, Deadline.after(SHRINK_LIMIT)))
+        try:
+            return smallest.write(witness)
+        except InputError as error:
+            unwritten(error)
+            return None
 
 
 @dataclass

@@ -27,7 +27,7 @@ from typing import NoReturn
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number, is_number, parse_number, shorten
 from robust.plan.model import ZERO, NamedAction, ParameterReference, TimePoint
-from robust.plan.pddl.forms import read_text
+from robust.plan.pddl.forms import LARGEST, read_text, too_large
 
 STNBound = Fraction | ParameterReference | None
 """A bound of a constraint; None is the infinite one: −∞ below, +∞ above."""
@@ -92,6 +92,8 @@ class STNPlan:
 
 def parse_stn(text: str, file: str = "<plan>") -> STNPlan:
     """The plan that a text describes; InputError with line and column for anything that is not a plan."""
+    if len(text) > LARGEST:
+        raise InputError(too_large(LARGEST), Location(file))
     if not _TELLTALE.search(text) and (step := _STEP.search(text)):
         line = text.count("\n", 0, step.start() + len(step[0]) - len(step[0].lstrip())) + 1
         raise InputError(

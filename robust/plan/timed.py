@@ -25,7 +25,7 @@ from os import PathLike
 
 from robust.errors import InputError, Location
 from robust.numbers import format_number, is_number, parse_number, plural, shorten
-from robust.plan.pddl.forms import read_text
+from robust.plan.pddl.forms import read_plan_text
 from robust.plan.stn import is_network
 
 _DURATION = r"(?:\s*\[(?P<duration>[^\[\]]*)\])?"
@@ -131,7 +131,7 @@ def plans_in(text: str, file: str = "<plan>") -> Iterator[TimedPlan | InputError
 
 def read_timed_plan(path: str | PathLike[str], number: int | None = None) -> TimedPlan:
     """The plan in a file; InputError if it cannot be read or has no such plan."""
-    return parse_timed_plan(read_text(path), str(path), number)
+    return parse_timed_plan(*read_plan_text(path), number)
 
 
 def write_timed_plan(plan: TimedPlan) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from pysmt.smtlib.printers import SmtDagPrinter
 from pysmt.utils import quote
 
-from robust.errors import InputError
+from robust.files import Folder
 from robust.smt.terms import Formula, Terms
 
 
@@ -18,25 +18,17 @@ class Exporter:
     """Writes numbered `.smt2` files into a directory, one for each query, with the question and the answer as comments.
 
     Raises:
-        InputError: if the directory cannot be made or written.
+        InputError: if the directory cannot be made. A file that cannot be written is a warning.
     """
 
     def __init__(self, directory: str | Path) -> None:
-        self._directory = Path(directory)
+        self._folder = Folder(directory, "SMT-LIB files")
         self._count = 0
-        try:
-            self._directory.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(
-                f"{directory}: cannot write SMT-LIB files there ({error.strerror}); expected a directory"
-            ) from error
 
     def write(self, terms: Terms, assertions: Iterable[Formula], question: str, answer: str) -> Path:
         self._count += 1
         stem = re.sub(r"[^A-Za-z0-9.]+", "-", question).strip("-")[:60]
-        path = self._directory / f"{self._count:05d}-{stem}.smt2"
-        path.write_text(smtlib(terms, assertions, question, answer), encoding="utf-8")
-        return path
+        return self._folder.write(f"{self._count:05d}-{stem}.smt2", smtlib(terms, assertions, question, answer))
 
 
 def smtlib(terms: Terms, assertions: Iterable[Formula], question: str, answer: str) -> str:

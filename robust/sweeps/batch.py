@@ -18,7 +18,7 @@ from statistics import median
 from typing import Any
 
 from robust.errors import UNDECIDED, UNSUPPORTED, InputError, RobustError
-from robust.plan.pddl.forms import read_text
+from robust.plan.pddl.forms import read_plan_text, read_text
 from robust.presented import Presented
 from robust.processes import Ended, Processes
 from robust.qe.box import Box, Interval
@@ -315,7 +315,7 @@ class _Reading:
         return name, self._read[name]
 
     def _plan(self, name: str) -> Named:
-        return name, read_text(self._folder / name)
+        return name, read_plan_text(self._folder / name)[0]
 
 
 # -- one plan ----------------------------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ import msgspec
 
 import robust
 from robust.errors import InputError
+from robust.files import unwritten
 from robust.records import RecordFile, RecordFormat
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.sweeps.pool import ClusterLostError, Outcome, Task, Work, outcomes_of, text_of
@@ -160,7 +161,8 @@ def run_sweep(
         What there is, also after Ctrl-C, which ends what is running, as the deadline does.
 
     Raises:
-        InputError: if `jobs` is not positive, the store is unusable, or the cluster cannot be reached.
+        InputError: if `jobs` is not positive, the store is unusable, or the cluster cannot be reached. A record that
+            the store has no room for is a warning.
         UnsupportedError: if a cluster is wanted and Dask is not installed.
     """
     if jobs < 1:
@@ -186,7 +188,10 @@ def run_sweep(
         elif key not in done:
             value = json.loads(outcome.text)
             if opened is not None:
-                opened.add(key, label, value)
+                try:
+                    opened.add(key, label, value)
+                except InputError as error:
+                    unwritten(error)
             keep(key, restored(value, record))
 
     def begun(pending: Sequence[tuple[int, str]]) -> Iterator[tuple[int, Task]]:

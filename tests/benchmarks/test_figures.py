@@ -94,6 +94,7 @@ def test_failures_are_rows(trial, tmp_path, name, script, options, status, said)
     """What fails is wrong; what is late is not, except for exact widening in figure 4. A figure of nothing is drawn."""
     instances = (navigation(),) if name in {"recorded", "figure3", "figure5"} else ()
     report = trial(name, script, *instances, **options, plot=tmp_path / "plot.png")
+    report.plot()
     printed = json.dumps(report.as_dict(), ensure_ascii=False)
     assert f'"status": "{status}"' in printed
     assert said in printed
@@ -113,6 +114,7 @@ def test_domains_and_curves(trial, tmp_path):
     script = "time.sleep(60) if NAME == 'cvc5' else None\nassert ('--order=a' in sys.argv) == (NAME == 'irr')"
     instances = (recorded(ccmmz={"status": "ok", "wall_s": 700.0}), navigation("other", irr=None, irr_box=None))
     report = trial("figure3", script, *instances, limit=60, own_limits={"cvc5": 0.5}, jobs=2, plot=plot)
+    report.plot()
     assert report.groups == ("toy", "other")
     curves = {curve.name: curve for curve in report.curves("toy")}
     recordings = {"recorded-irr", "recorded-irr-first", "recorded-ccmmz"}
@@ -204,6 +206,7 @@ def test_what_is_too_late_is_not_tried_any_larger(trial, tmp_path, jobs):
     ladders = (replace(POINTS, name="first", sizes=(2, 4, 6)), replace(POINTS, name="second", sizes=(2,)))
     script = "'positions' in sys.argv and time.sleep(60)"
     report = trial("encodings", script, limit=4, series=ladders, plot=tmp_path / "plot.svg", jobs=jobs)
+    report.plot()
     found = {(row.series, row.contender, row.size): row.run and row.run.status for row in report.rows}
     assert found["first", "positions", 2] is found["second", "positions", 2] is Ending.TIMEOUT
     assert found["first", "relational", 6] is Ending.COMPLETE

@@ -151,7 +151,9 @@ def test_parameters_that_are_asked_for(tmp_path):
     assert "start_n0" in answer["claim"]
     generator = [EXAMPLES / "generator" / name for name in ("domain.pddl", "problem.pddl", "plan.stn")]
     words = ["--parameter", "cap=fluent:(tank-size gen)"]
-    made = command("certify", *generator, "-o", path, "--kind", "region", *words)
+    refused = command("certify", *generator, "-o", path, "--kind", "region", *words)
+    assert (refused.code, "--force replaces them" in refused.err) == (2, True)
+    made = command("certify", *generator, "-o", path, "--kind", "region", *words, "--force")
     assert made.code == 0
     assert "without (cap < " in made.out
     assert (tmp_path / "box.toml").read_text(encoding="utf-8") == '[parameters."cap"]\nfluent = "(tank-size gen)"\n'
@@ -168,7 +170,14 @@ def test_files_of_another_plan_are_not_overwritten(tmp_path):
     assert (tmp_path / "plan.stn").read_bytes() == DELIVERY[2].read_bytes()
     steps = EXAMPLES / "delivery" / "steps.plan"
     ended = command("certify", *DELIVERY[:2], steps, "-o", tmp_path / "plan.cert")
-    assert (ended.code, "belongs to another plan" in ended.err) == (2, True)
+    assert (ended.code, "plan.toml', expected no such files; --force replaces them" in ended.err) == (2, True)
+    assert (tmp_path / "plan.stn").read_bytes() == DELIVERY[2].read_bytes()
+    assert not (tmp_path / "plan.cert").exists()
+    ended = command("certify", *DELIVERY[:2], steps, "-o", tmp_path / "plan.cert", "--force")
+    assert ended.code == 0
+    assert (tmp_path / "plan.toml").read_text() == ""  # the old one would be taken for that of the new plan
+    ended = command("certify", *DELIVERY[:2], steps, "-o", tmp_path / "new.stn")
+    assert (ended.code, "belongs to another plan" in ended.err) == (2, True)  # the network has that name
 
 
 @pytest.mark.parametrize("name", ["kitchen", "wing"])

@@ -1,5 +1,6 @@
 """What is there before anything is computed, and whatever is wrong: one line that says so; most of it is recorded."""
 
+import os
 import re
 import subprocess
 import sys
@@ -10,7 +11,7 @@ from matplotlib.figure import Figure
 import robust
 import robust.api
 from tests.cli import inputs
-from tests.cli.running import COMMAND, answer_of, assert_one_line, command, environment, example, process
+from tests.cli.running import COMMAND, EXAMPLES, answer_of, assert_one_line, command, environment, example, process
 
 # -- start -----------------------------------------------------------------------------------------------------------
 
@@ -105,13 +106,44 @@ def test_output_device_that_is_full():
     with open("/dev/full", "w") as full:
         done = subprocess.run(words, stdout=full, check=False, stderr=subprocess.PIPE, text=True, env=environment())
     assert done.returncode == 2
-    assert done.stderr == "robust: error: No space left on device\n"
+    assert done.stderr == "robust: error: cannot write to standard output: no space left on device\n"
+
+
+def closing(stream, *words):
+    line = " ".join([*COMMAND, *words, stream])
+    return subprocess.run(["sh", "-c", line], check=False, capture_output=True, text=True, env=environment())
 
 
 def test_closed_streams():
-    line = " ".join([*COMMAND, "check", *example(), ">&-"])
-    done = subprocess.run(["sh", "-c", line], check=False, capture_output=True, text=True, env=environment())
-    assert (done.returncode, done.stderr) == (0, "")
+    """Without stdout there is nobody to answer to; messages may get lost."""
+    done = closing(">&-", "check", *example())
+    assert done.returncode == 2
+    assert done.stderr.startswith("robust: error: found standard output closed, expected somewhere to write")
+    done = closing("2>&-", "check", "none", "none", "none")
+    assert (done.returncode, done.stdout) == (2, "")
+    for stream in ("2>&-", "2>/dev/full"):
+        done = closing(stream, "check", *example("plan-flexible-wait.stn"))
+        assert done.returncode == 1
+        assert done.stdout.startswith("refuted")
+
+
+@pytest.mark.parametrize("words", [("check", *example(), "--quiet"), ("check", *example(), "--json"), ("--help",)])
+def test_an_answer_that_a_full_device_does_not_take_is_no_success(words):
+    done = closing(">/dev/full", *words)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "no space left on device" in done.stderr.lower()
+
+
+@pytest.mark.parametrize("words", [("stnu", "check", str(EXAMPLES / "handover" / "handover.stnu"), "-q"), ("--help",)])
+def test_an_answer_that_nobody_reads_is_no_success(words):
+    """As of other tools, which SIGPIPE ends without a word."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "wb") as gone:
+        done = subprocess.run(
+            [*COMMAND, *words], stdout=gone, stderr=subprocess.PIPE, check=False, text=True, env=environment()
+        )
+    assert (done.returncode, done.stderr) == (141, "")
 
 
 def test_streams_without_unicode():

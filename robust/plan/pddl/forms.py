@@ -15,34 +15,44 @@ from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from pathlib import Path
+from typing import BinaryIO
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import shorten
+
+LARGEST = 2**23
+"""Bytes of a file that people or their tools write: reading takes up to a hundred times as much memory."""
+LARGEST_LOG = 2**26
+"""Bytes of what a planner prints."""
+LONGEST_LINE = 2**20
+"""Bytes of a line of that."""
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
     """The text of an input file: UTF-8 with or without a byte order mark, any line ends.
 
     Raises:
-        InputError: if the file cannot be read or is no text.
+        InputError: if the file cannot be read, is too large or is no text.
     """
     data = read_bytes(path)
     return _decode(data, Location(os.fspath(path)))
 
 
 def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:
-    """The text of a plan and what to call its file; `-` is standard input.
+    """The text of a plan, or of a planner's log that holds it, and what to call its file; `-` is standard input.
 
     Raises:
-        InputError: if it cannot be read or is no text.
+        InputError: if it cannot be read, it or one of its lines is too large, or it is no text.
     """
     if not isinstance(path, str | os.PathLike) or os.fspath(path) != "-":
-        text = read_text(path)
-        return text, os.fspath(path)
-    place = Location("<stdin>")
-    if sys.stdin is None:
-        raise InputError("found a closed standard input, expected a plan", place)
-    return _decode(sys.stdin.buffer.read(), place), place.file or ""
+        data, place = read_bytes(path, most=LARGEST_LOG), Location(os.fspath(path))
+    elif sys.stdin is None:
+        raise InputError("found a closed standard input, expected a plan", Location("<stdin>"))
+    else:
+        place = Location("<stdin>")
+        data = _limited(sys.stdin.buffer, LARGEST_LOG, place)
+    _refuse_long_lines(data, place)
+    return _decode(data, place), place.file
 
 
 def read_source(source: str | os.PathLike[str], name: str) -> tuple[str, str]:
@@ -58,17 +68,20 @@ def read_source(source: str | os.PathLike[str], name: str) -> tuple[str, str]:
     return read_plan_text(source)
 
 
-def read_bytes(path: str | os.PathLike[str], expected: str = "a readable text file") -> bytes:
+def read_bytes(path: str | os.PathLike[str], expected: str = "a readable text file", most: int = LARGEST) -> bytes:
     """What an input file holds.
 
     Raises:
-        InputError: if it cannot be read; the message says that it is `expected`.
+        InputError: if it cannot be read, or is larger than that; the message says what is `expected`.
     """
     if not isinstance(path, str | os.PathLike) or not os.fspath(path):
         raise InputError(f"found {shorten(repr(path))}, expected the path of {expected}")
     where = Location(os.fspath(path))
     try:
-        return Path(path).read_bytes()
+        with open(path, "rb") as file:
+            if os.fstat(file.fileno()).st_size > most:
+                raise InputError(too_large(most), where)
+            return _limited(file, most, where)
     except FileNotFoundError:
         found = "a link to a file that does not exist" if Path(path).is_symlink() else "no such file"
         raise InputError(f"found {found}, expected {expected}{_similar(Path(path))}", where) from None
@@ -79,6 +92,31 @@ def read_bytes(path: str | os.PathLike[str], expected: str = "a readable text fi
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot read ({reason.lower()}), expected {expected}", where) from None
+
+
+def _limited(file: BinaryIO, most: int, where: Location) -> bytes:
+    """What is in a file that may have no end; InputError if that is too much."""
+    data = file.read(most + 1)
+    if len(data) > most:
+        raise InputError(too_large(most), where)
+    return data
+
+
+def too_large(most: int) -> str:
+    """What is said of an input of more bytes than that."""
+    return f"found more than {most >> 20} MB, expected a smaller file"
+
+
+def _refuse_long_lines(data: bytes, where: Location) -> None:
+    begin = 0
+    while len(data) - begin > LONGEST_LINE:
+        window = begin, begin + LONGEST_LINE + 1
+        end = max(data.rfind(b"\n", *window), data.rfind(b"\r", *window))
+        if end < 0:
+            line = data.count(b"\n", 0, begin) + 1
+            message = f"found a line of more than {LONGEST_LINE >> 20} MB, expected steps or a network"
+            raise InputError(message, Location(where.file, line))
+        begin = end + 1
 
 
 def _decode(data: bytes, where: Location) -> str:
