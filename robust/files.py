@@ -54,7 +54,7 @@ class Folder:
         try:
             self._path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise self._error(error) from None
+            raise InputError(f"{self._error(error).message}; expected a directory", Location(str(path))) from None
 
     def write(self, name: str, text: str) -> Path:
         """Write a file, as far as that is possible; see :func:`unwritten`."""
