@@ -130,6 +130,8 @@ def _run(arguments: list[str], guard: Guard) -> int:
         return _report_misuse(arguments, guard, error)
     except SystemExit as end:  # how completion answers fish whether there is anything to complete
         code = end.code
+        if isinstance(end.__context__, BrokenPipeError):  # nobody reads the help text
+            drop_output(end.__context__)
     if code == _INTERRUPTED:
         raise KeyboardInterrupt
     return code if isinstance(code, int) else 0
