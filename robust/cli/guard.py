@@ -298,7 +298,7 @@ class Run:
 
     @contextmanager
     def naming_what_is_not_written(self) -> Iterator[None]:
-        """Say of each file that was asked for and is not written that this is so, unless an error says what is wrong."""
+        """Name each file that was asked for and is not written, unless an error says what is wrong."""
         before = {path: _state(path) for path in self._files if path.is_file() or not path.exists()}
 
         def name_them() -> None:
