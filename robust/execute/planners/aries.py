@@ -105,6 +105,8 @@ class Vocabulary:
                 return getattr(manager, _COMPARISONS[comparator])(
                     self.number(left, bindings), self.number(right, bindings)
                 )
+            case syntax.NameEquality():
+                return self.condition(condition.meant(self._problem.objects), bindings)
             case syntax.Negation(operand):
                 return manager.Not(self.condition(operand, bindings))
             case syntax.Conjunction(operands):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from typing import TypeGuard
 
 from robust.errors import did_you_mean
 from robust.plan.model import Timing
@@ -140,9 +141,13 @@ def _comparison(form: Form, scope: Scope) -> syntax.LiftedCondition:
         _check_known(left, scope)
         if _is_object_equality(left, right, scope):
             return syntax.Equality(term(left, scope), term(right, scope), form.location)
-    return syntax.NumericComparison(
+    numbers = syntax.NumericComparison(
         syntax.Comparator(form.head), expression(left, scope), expression(right, scope), form.location
     )
+    if form.head == "=" and _is_name(left) and _is_name(right):
+        first, second = (syntax.Term(word.text, variable=False, location=word.location) for word in (left, right))
+        return syntax.NameEquality(syntax.Equality(first, second, form.location), numbers)
+    return numbers
 
 
 def _check_known(item: Item, scope: Scope) -> None:
@@ -160,6 +165,11 @@ def _check_known(item: Item, scope: Scope) -> None:
 def _is_object_equality(left: Item, right: Item, scope: Scope) -> bool:
     """Whether `=` compares objects: the left side decides, unless it is both an object and a function."""
     return scope.knows_object(left) and (scope.knows_object(right) or not _is_bare_function(left, scope))
+
+
+def _is_name(item: Item) -> TypeGuard[Word]:
+    """Whether `item` may name an object of some problem."""
+    return isinstance(item, Word) and item.kind is Kind.NAME
 
 
 def _is_bare_function(item: Item, scope: Scope) -> bool:

@@ -104,6 +104,8 @@ def condition(  # noqa: PLR0911 (one return for each kind of condition)
             return Truth((_object(left, context) == _object(right, context)) == positive)
         case syntax.NumericComparison(comparator, left, right):
             return _comparison(comparator, expression(left, context) - expression(right, context), positive)
+        case syntax.NameEquality():
+            return condition(lifted.meant(context.problem.objects), context, positive=positive)
         case syntax.Negation(operand):
             return condition(operand, context, positive=not positive)
         case syntax.Conjunction(operands):
@@ -415,6 +417,8 @@ def _text(lifted: syntax.LiftedCondition, context: Context) -> _Text:  # noqa: P
             return _Text(decided=_object(left, context) == _object(right, context))
         case syntax.NumericComparison(_, left, right):
             return _numeric_text(context, left, right)
+        case syntax.NameEquality():
+            return _text(lifted.meant(context.problem.objects), context)
         case syntax.Negation(operand):
             return _negated(_text(operand, context))
         case syntax.Conjunction(operands):

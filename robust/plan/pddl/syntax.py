@@ -137,6 +137,18 @@ class NumericComparison:
 
 
 @dataclass(frozen=True, slots=True)
+class NameEquality:
+    """`=` between two names of functions, which are objects where a problem declares both: terms come first."""
+
+    objects: Equality
+    numbers: NumericComparison
+
+    def meant(self, declared: Mapping[str, TypedName]) -> Equality | NumericComparison:
+        """What is compared where these objects are declared."""
+        return self.objects if {self.objects.left.name, self.objects.right.name} <= declared.keys() else self.numbers
+
+
+@dataclass(frozen=True, slots=True)
 class Negation:
     """`not`."""
 
@@ -180,7 +192,15 @@ class Quantification:
 
 
 LiftedCondition = (
-    Proposition | Equality | NumericComparison | Negation | Conjunction | Disjunction | Implication | Quantification
+    Proposition
+    | Equality
+    | NumericComparison
+    | NameEquality
+    | Negation
+    | Conjunction
+    | Disjunction
+    | Implication
+    | Quantification
 )
 
 

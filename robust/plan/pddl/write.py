@@ -42,6 +42,8 @@ def condition_text(  # noqa: PLR0911 (one return for each kind of condition)
             return _form("=", _term(left, bindings), _term(right, bindings))
         case syntax.NumericComparison(comparator, left, right):
             return _form(comparator.value, expression_text(left, bindings), expression_text(right, bindings))
+        case syntax.NameEquality(objects):
+            return condition_text(objects, bindings)
         case syntax.Negation(operand):
             return _form("not", condition_text(operand, bindings))
         case syntax.Conjunction(operands):
