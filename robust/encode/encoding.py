@@ -1,12 +1,13 @@
 """The relational encoding as a whole: named obligations, each with the query that refutes it.
 
 `enc_proofs` is examined in stages, by ∀X(A → P₁ ∧ P₂) ≡ ∀X(A → P₁) ∧ ∀X(A ∧ P₁ → P₂): durations first, then
-ε-separation, then conditions and the goal. Each stage may assume the ones before it, which decides most orders.
+ε-separation, then whether effects agree, then conditions and the goal. Each stage may assume the ones before it, which
+decides most orders.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import cache
 
@@ -55,8 +56,12 @@ class RelationalEncoding(Encoding):
         durations = list(self._duration_obligations())
         self._assumed[Stage.SEPARATION] = list(self._learn_durations())
         separations = list(self._separation_obligations())
-        self._assumed[Stage.CONDITION] = [*self._assumed[Stage.SEPARATION], *self._learn_separations()]
-        self.obligations: tuple[Obligation, ...] = (*durations, *separations, *self._condition_obligations())
+        self._assumed[Stage.AGREEMENT] = [*self._assumed[Stage.SEPARATION], *self._learn_separations()]
+        self._assumed[Stage.CONDITION] = self._assumed[Stage.AGREEMENT]
+        agreements = list(self._by_instance(self._agreements_of))
+        self._agreed = [self.terms.negation(one.violation) for one in agreements if one.violation != self.terms.false]
+        conditions = (*self._by_instance(self._conditions_of), *self._goals())
+        self.obligations: tuple[Obligation, ...] = (*durations, *separations, *agreements, *conditions)
         self._slices = cache(self._make_slices)
 
     # -- queries -------------------------------------------------------------------------------------------------
@@ -67,15 +72,21 @@ class RelationalEncoding(Encoding):
         Only the part of the network that the violation touches: the rest has a schedule whenever enc_valid holds. For
         the same reason a violation over parameters alone needs no network.
         """
-        formulas = [obligation.violation, *self._states.definitions.needed_by([obligation.violation])]
+        formulas = self._about_states(obligation)
         if len(formulas) == 1 and len(self.parameters_in(formulas)) == len(self.terms.variables(obligation.violation)):
             return formulas
         return [*self._slices(obligation.stage).touching(formulas), *formulas]
 
     def full_query(self, obligation: Obligation) -> list[Formula]:
         """As :meth:`query` over the whole network: a model gives a time to every time point."""
-        formulas = [obligation.violation, *self._states.definitions.needed_by([obligation.violation])]
-        return [*self.network_formulas(), *map(self.terms.at_least, self._assumed[obligation.stage]), *formulas]
+        assumed = map(self.terms.at_least, self._assumed[obligation.stage])
+        return [*self.network_formulas(), *assumed, *self._about_states(obligation)]
+
+    def _about_states(self, obligation: Obligation) -> list[Formula]:
+        """The violation, that effects agree if that may be assumed, and the definitions of what occurs in these."""
+        agreed = self._agreed if obligation.stage is Stage.CONDITION else ()
+        formulas = [obligation.violation, *agreed]
+        return [*formulas, *self._states.definitions.needed_by(formulas)]
 
     def network_formulas(self) -> list[Formula]:
         """enc_tn over parameters and free time points."""
@@ -98,22 +109,29 @@ class RelationalEncoding(Encoding):
             if name not in self._proved and not self._is_separated(first, second):
                 gap = self.network.distance(first, second)
                 near = (self.terms.greater(-gap + self.epsilon), self.terms.greater(gap + self.epsilon))
-                violation = self.terms.conjunction(near)
+                violation = self.terms.conjunction(near) if self.epsilon else self.terms.equal(gap)
             yield Obligation(name, Stage.SEPARATION, violation)
 
-    def _condition_obligations(self) -> Iterator[Obligation]:
+    def _by_instance(self, obligations_of: Callable[[ActionInstance], Iterator[Obligation]]) -> Iterator[Obligation]:
         for instance in self.plan.instances:
             try:
-                yield from self._obligations_of(instance)
+                yield from obligations_of(instance)
             except UnsupportedError as error:
                 if error.location is not None:
                     raise
                 what = f"{instance.identifier} {instance.action}: {error.message}"
                 raise UnsupportedError(what, instance.location) from error
+
+    def _goals(self) -> Iterator[Obligation]:
         for goal in self.plan.goal:
             yield self._condition(goal.label, goal.condition, FINALLY)
 
-    def _obligations_of(self, instance: ActionInstance) -> Iterator[Obligation]:
+    def _agreements_of(self, instance: ActionInstance) -> Iterator[Obligation]:
+        for one in instance.agreements:
+            read = before(instance.at(one.timing))
+            yield self._condition(instance.label(one), one.condition, read, instance, Stage.AGREEMENT)
+
+    def _conditions_of(self, instance: ActionInstance) -> Iterator[Obligation]:
         unconditional = [rule.condition for rule in self._rules if rule.instance is instance]
         for duration in instance.durations:
             if duration.condition not in unconditional:
@@ -124,7 +142,12 @@ class RelationalEncoding(Encoding):
             yield self._condition(instance.label(timed), timed.condition, moment, instance)
 
     def _condition(
-        self, name: str, condition: Condition, moment: Moment | None, instance: ActionInstance | None = None
+        self,
+        name: str,
+        condition: Condition,
+        moment: Moment | None,
+        instance: ActionInstance | None = None,
+        stage: Stage = Stage.CONDITION,
     ) -> Obligation:
         """That a condition holds at a moment, or throughout an instance."""
         violation = self.terms.false
@@ -133,7 +156,7 @@ class RelationalEncoding(Encoding):
                 violation = self._overall.violation(instance, condition)
             else:
                 violation = self.terms.negation(self._states.condition(condition, moment or FINALLY, instance))
-        return Obligation(name, Stage.CONDITION, violation)
+        return Obligation(name, stage, violation)
 
     # -- what is known of the order, and what a stage assumes -----------------------------------------------------
 
@@ -144,7 +167,7 @@ class RelationalEncoding(Encoding):
 
     def _is_separated(self, first: TimePoint, second: TimePoint) -> bool:
         bounds = (self._orders.least(first, second), self._orders.least(second, first))
-        return any(bound is not None and bound >= self.epsilon for bound in bounds)
+        return any(bound is not None and bound >= self.epsilon and bound > 0 for bound in bounds)
 
     def _learn_durations(self) -> Iterator[Linear]:
         """All bounds are assumed, also those that the network implies: its slices may leave out what implies them."""

@@ -29,7 +29,8 @@ class Stage(Enum):
 
     DURATION = 0
     SEPARATION = 1
-    CONDITION = 2
+    AGREEMENT = 2
+    CONDITION = 3
 
 
 @dataclass(frozen=True)

@@ -131,9 +131,8 @@ class Settled:
         self.plan = plan
         self.paths = paths
         self._scale = scale
-        self._epsilon = apart
         self._apart = max(apart, 1)
-        """What orders two points: where ε is 0 they must not be at the same time either."""
+        """What orders and separates two points: where ε is 0 they must not be at the same time either."""
         self.accesses = Accesses(plan)
         if paths.schedule is None:
             raise ValueError("a network without schedule settles nothing")
@@ -224,7 +223,7 @@ class Settled:
 
     def is_separated(self, first: int, second: int) -> bool:
         """Whether two points are ε apart, in one order in all schedules."""
-        return any(self.paths.at_least(*pair, self._epsilon) for pair in ((first, second), (second, first)))
+        return any(self.paths.at_least(*pair, self._apart) for pair in ((first, second), (second, first)))
 
     def holds_at(self, condition: Condition, point: int, instance: int | None = None) -> bool:
         """Whether a condition that is read at a point, or FINALLY, holds there in all schedules."""
@@ -488,7 +487,7 @@ def _verdicts(settled: Settled, pairs: Iterable[tuple[TimePoint, TimePoint]]) ->
         for duration in instance.durations:
             point = end if duration.timing is Timing.AT_END else start
             yield instance.label(duration), settled.holds_duration(duration.condition, point, number)
-        for timed in instance.conditions:
+        for timed in instance.demands:
             if timed.timing is Timing.OVER_ALL:
                 yield instance.label(timed), settled.holds_throughout(timed.condition, number)
             else:

@@ -5,10 +5,10 @@ First the causal network: only what keeps every condition true, in the order of 
 Three kinds of edges, and nothing else:
 
 - durations (bounds of :mod:`robust.execute.parametrization`);
-- mutex pairs, separated by ε in the order of the plan. No-moving-targets makes every writer of an atom mutex with
-  every reader and every contrary writer of it, and the same for fluents. So these edges alone settle which value each
-  condition at a start or an end, each conditional effect and the goal reads, unless it depends on durations or
-  continuous change;
+- mutex pairs, separated by ε in the order of the plan (if it is 0, by a distance that the plan itself keeps).
+  No-moving-targets makes every writer of an atom mutex with every reader and every contrary writer of it, and the same
+  for fluents. So these edges alone settle which value each condition at a start or an end, each conditional effect and
+  the goal reads, unless it depends on durations or continuous change;
 - over-all conditions, which do not count as readers: the atom keeps its value from its achiever to the end. Contrary
   writers are ordered with the achiever already, so what is to be said is: achiever before start, later threats after
   end.
@@ -64,6 +64,7 @@ from robust.execute.snap import Snapped
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample
 from robust.irr.exact import ExactSearch
 from robust.irr.search import Status
+from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.load import assemble
 from robust.plan.parameters import ParameterSpec
@@ -106,7 +107,7 @@ def causal_network(original: distances.Original, pinned: Collection[str] = ()) -
     )
     durations = tuple(bound for instance in durative for bound in duration_edges(original, instance, pinned))
     settled = settled_durations(original, pinned)
-    orders = [edge(a, b, original.epsilon) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
+    orders = [edge(a, b, original.gap) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
     network = distances.Network(points, (*certain, *orders))
     links = [link for instance in durative for link in _over_all_edges(original, instance, network)]
     known = tuple(bound for bound in durations if bound.source.instance in settled)
@@ -254,7 +255,7 @@ class Tightener:
         plan, epsilon = self.original.plan, self.original.epsilon
         literals = {point: point.time for point in plan.time_points if point.time is not None}
         points = [point for point in plan.time_points if point.time is None]
-        for slack in (epsilon, Fraction(1)):
+        for slack in (self.original.gap, Fraction(1)):
             broken = distances.Edge(one.target, one.source, slack - one.weight)
             times = distances.Network(points, (*others, broken)).earliest
             if times is not None and simulate(plan, plan.nominal, {**literals, **times}, epsilon=epsilon).violations:
@@ -327,8 +328,8 @@ class Tightener:
             interval = box[name]
             weight = interval.lower
             if weight is not None:
-                # where the end does not belong to it, one ε above or the plan's own
-                least = weight if interval.lower_closed else min(weight + self.original.epsilon, one.edge.weight)
+                # where the end does not belong to it, a little above or the plan's own
+                least = weight if interval.lower_closed else min(weight + self.original.gap, one.edge.weight)
                 yield replace(one, edge=replace(one.edge, weight=least))
 
     def _widened(self, edges: Sequence[distances.Edge], found: Sequence[Tightening]) -> Box:
@@ -416,7 +417,8 @@ class Conversion(Presented):
     hold by itself: initial values of fluents, and durations that the domain fixes. `schedule` is that of the
     time-triggered plan, `check` the verdict about all schedules at nominal values; PROVED in mode CAUSAL. `tightened`
     says which bounds were needed beyond what keeps atoms true, and `redundant` how many edges the others implied, or
-    the proof did not need. `epsilon` and `solver` are as they were asked for.
+    the proof did not need. `epsilon` and `solver` are as they were asked for; `gap` is how far apart the network keeps
+    mutex time points if ε is 0, where one network cannot allow all that is valid.
     """
 
     mode: Mode
@@ -431,6 +433,7 @@ class Conversion(Presented):
     ended: Ended = Ended.COMPLETE
     epsilon: Fraction = EPSILON
     solver: str = "z3"
+    gap: Fraction = EPSILON
 
     @property
     def cut_short(self) -> bool:
@@ -440,7 +443,8 @@ class Conversion(Presented):
     def notes(self, timed: TimedPlan) -> tuple[str, ...]:
         """What was picked and skipped of the text that the plan comes from, what was moved, and what is missing."""
         missing = f"not the least constrained network: {_ENDINGS[self.ended]}" if self.cut_short else ""
-        return tuple(filter(None, (timed.note, str(self.snapped), missing)))
+        gap = f"a network cannot say 'at different times': dependent times are {format_number(self.gap)} apart or more"
+        return tuple(filter(None, (timed.note, str(self.snapped), missing, "" if self.epsilon else gap)))
 
 
 class Settings(TypedDict, total=False):
@@ -593,7 +597,7 @@ class Converting:
         _assert_allowed(plan, original, self._timed)
         times, tightened, redundant = original.times, network.tightened, network.redundant
         found = Conversion(self._mode, stn, plan, chosen.beside, times, snapped, check, tightened, redundant, ended)
-        return replace(found, epsilon=self._epsilon, solver=self._solver)
+        return replace(found, epsilon=self._epsilon, solver=self._solver, gap=original.gap)
 
 
 @noticing_interrupts()

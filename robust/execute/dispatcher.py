@@ -237,7 +237,7 @@ def unmet(
     fluents are passed over: nothing contradicts them.
     """
     reading = Reading(State(estimate.atoms, estimate.fluents), parameters)
-    for part in instance.conditions:
+    for part in instance.demands:
         readable = part.timing is model.Timing.AT_START and _is_readable(part.condition, estimate, numbers=numbers)
         if readable and not reading.holds(part.condition):
             return f"{part.text} does not hold"

@@ -13,11 +13,12 @@ from fractions import Fraction
 from functools import cached_property
 from math import lcm
 
+from robust.encode.interface import EPSILON
 from robust.encode.paths import Bound, Paths
 from robust.errors import InputError, Location, RefutedError
 from robust.execute.snap import Snapped, TooFarError, snap
 from robust.numbers import format_number, round_up
-from robust.plan.model import ZERO, ActionInstance, Atom, ParametrizedPlan, TimePoint
+from robust.plan.model import ZERO, ActionInstance, Atom, ParametrizedPlan, TimePoint, concerned
 from robust.plan.pddl.syntax import Domain
 from robust.plan.simulate import Violation, mutex_pairs, simulate
 from robust.plan.stn import InstanceDeclaration, STNConstraint
@@ -135,12 +136,21 @@ class Write:
 class Original:
     """A plan without constraints, and the one schedule of it that a planner chose.
 
-    `times` has every time point, zero and timed literals among them.
+    `times` has every time point, zero and timed literals among them. Mutex time points are `epsilon` apart, or at
+    different times if it is 0.
     """
 
     plan: ParametrizedPlan
     times: Mapping[TimePoint, Fraction]
     epsilon: Fraction
+
+    @cached_property
+    def gap(self) -> Fraction:
+        """How far apart a network keeps mutex time points: ε.
+
+        Closed bounds cannot say "at different times": if ε is 0 it is a positive distance that the plan itself keeps.
+        """
+        return self.epsilon or min([EPSILON, *(self.distance(*pair) for pair in self.mutex)])
 
     @cached_property
     def execution(self) -> Execution:
@@ -285,8 +295,6 @@ def validated(
 
 def _place(instances: Sequence[ActionInstance], violation: Violation, file: str) -> Location:
     """The line of the step whose obligation breaks, of the later one for a separation; the file for goals."""
-    pair = violation.obligation.removeprefix("separation: ")
-    is_pair = pair != violation.obligation
-    names = {point.split(".")[0] for point in pair.split(", ")} if is_pair else {violation.obligation.split(" ")[0]}
+    names = concerned(violation.obligation)
     places = [one.location for one in instances if one.identifier in names and one.location is not None]
     return places[-1] if places else Location(file)

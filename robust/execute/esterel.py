@@ -58,7 +58,7 @@ class _Transformer:
 
     def _after(self, source: model.TimePoint, target: model.TimePoint) -> Edge:
         """`target` follows `source`, by ε unless the plan itself is quicker."""
-        return edge(source, target, min(self.original.epsilon, self.original.distance(source, target)))
+        return edge(source, target, min(self.original.gap, self.original.distance(source, target)))
 
     # -- supporters ------------------------------------------------------------------------------------------------
 
@@ -142,7 +142,7 @@ class _Transformer:
                 writes = self.original.writes(leaf.atom) if isinstance(leaf, model.Holds) else ()
                 breaking = next((one for one in writes if self._breaks(one, leaf, time, over_all)), None)
                 if breaking is not None:
-                    yield edge(node.point, breaking.point, Fraction(0) if over_all else self.original.epsilon)
+                    yield edge(node.point, breaking.point, Fraction(0) if over_all else self.original.gap)
                     yield self._after(model.ZERO, node.point)
 
     def _breaks(self, write: Write, leaf: model.Leaf, time: Fraction, over_all: bool) -> bool:

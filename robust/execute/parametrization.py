@@ -74,7 +74,7 @@ def _obligations(plan: model.ParametrizedPlan) -> Iterator[tuple[str, _Use]]:
     for instance in plan.instances:
         for duration in instance.durations:
             yield instance.label(duration), _use(instance.time_points, instance, duration.condition)
-        for part in instance.conditions:
+        for part in instance.demands:
             over_all = part.timing is model.Timing.OVER_ALL
             points = instance.time_points if over_all else (instance.at(part.timing),)
             yield instance.label(part), _use(points, instance, part.condition)
@@ -112,7 +112,7 @@ def _use(
 
 
 def duration_edges(original: Original, instance: model.ActionInstance, pinned: Collection[str]) -> tuple[Edge, ...]:
-    """Bounds on t_end − t_start; at least 0, or ε where start and end are mutex.
+    """Bounds on t_end − t_start; at least 0, or the gap where start and end are mutex.
 
     A duration constraint `(= ?duration e)`, and any duration of an instance in `pinned`, is the plan's own. Bounds of
     inequalities are read in the state of the original schedule. Strict ones are taken as if they were not, and what is
@@ -155,8 +155,8 @@ def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[
 
 
 def certain_duration(original: Original, instance: model.ActionInstance) -> Edge:
-    """The lower bound of t_end − t_start that holds for every duration: 0, or ε where start and end are mutex."""
-    lower = original.epsilon if original.is_mutex(instance.start, instance.end) else Fraction(0)
+    """The lower bound of t_end − t_start that holds for every duration: 0, or the gap where start and end are mutex."""
+    lower = original.gap if original.is_mutex(instance.start, instance.end) else Fraction(0)
     return Edge(instance.start, instance.end, lower)
 
 

@@ -111,12 +111,14 @@ class Run:
 def origin_after(now: Fraction, literals: Iterable[model.TimedLiteral], epsilon: Fraction) -> Fraction:
     """When the next plan may begin: ε after the last event, and after any timed literal that comes just before then.
 
-    What starts at time zero of the next plan may be mutex with what has just happened.
+    What starts at time zero of the next plan may be mutex with what has just happened. If ε is 0 it begins a little
+    later, because that has to be at another time.
     """
-    origin = now + epsilon
+    gap = epsilon or EPSILON
+    origin = now + gap
     for literal in sorted(literals, key=lambda one: one.time):
-        if origin - epsilon < literal.time <= origin:
-            origin = literal.time + epsilon
+        if origin - gap < literal.time <= origin:
+            origin = literal.time + gap
     return origin
 
 

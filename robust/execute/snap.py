@@ -186,7 +186,7 @@ def snap(
         printed: the time of every time point.
         tolerances: how far each start, and each end, may be from where it was printed.
         pairs: the mutex pairs of the plan.
-        epsilon: their separation.
+        epsilon: their separation; 0 is at different times, as little apart as that can be said of them all.
 
     Raises:
         TooFarError: if there is no such schedule.
@@ -235,10 +235,18 @@ class _Snapping:
                     nodes[instance.end] = len(points), Fraction(0)
                     points.append(instance.end)
         bounds = [(nodes[source], nodes[target], weight) for source, target, weight in self._bounds(demands)]
-        numbers = [*(weight for _, _, weight in bounds), *(after for _, after in nodes.values())]
+        numbers = [self._epsilon, *(weight for _, _, weight in bounds), *(after for _, after in nodes.values())]
         reach = [self._tolerances.get(point, Fraction(0)) for point in points]
         numbers += [*(self._printed[point] for point in points), *reach]
         scale = 2 * lcm(*(number.denominator for number in numbers))
+        orders = [(nodes[source], nodes[target]) for source, target in self._orders()]
+        if self._epsilon:
+            gap = self._epsilon
+        else:
+            # All numbers are multiples of 2 / scale: so many steps of this length are less than one of them.
+            scale *= len(points) + 1
+            gap = Fraction(2, scale)
+        bounds += [(source, target, gap) for source, target in orders]
         network = [
             (source, target, int((weight + before - after) * scale))
             for (source, before), (target, after), weight in bounds
@@ -285,9 +293,6 @@ class _Snapping:
                 yield instance.start, instance.end, low
                 if high is not None:
                     yield instance.end, instance.start, -high
-        for pair in self._pairs:
-            early, late = sorted(pair, key=self._order.__getitem__)
-            yield early, late, self._epsilon
         writers: dict[Atom | Fluent, set[TimePoint]] = {}
         for name, point in _writes(self._plan):
             writers.setdefault(name, set()).add(point)
@@ -297,6 +302,12 @@ class _Snapping:
                     for name in names_in(part.condition):
                         for point in writers.get(name, ()):
                             yield from self._outside(instance, point)
+
+    def _orders(self) -> Iterator[tuple[TimePoint, TimePoint]]:
+        """The mutex pairs, in the printed order."""
+        for pair in self._pairs:
+            early, late = sorted(pair, key=self._order.__getitem__)
+            yield early, late
 
     def _outside(self, instance: ActionInstance, point: TimePoint) -> Iterator[tuple[TimePoint, TimePoint, Fraction]]:
         """A writer of what has to hold over all of an instance stays before, within or after it, as it was printed.

@@ -308,7 +308,8 @@ def _unexplained(judge: _Judge, outcome: _Outcome) -> list[Violation]:
     beyond = []
     for one in outcome.violations:
         points = judge.separated(one) if _separates(one) else ()
-        if not points or (one.amount or 0) > sum(_rounding(outcome, point) for point in points):
+        reach = sum(_rounding(outcome, point) for point in points)
+        if not reach or (one.amount or 0) > reach:
             beyond.append(one)
     return beyond or list(outcome.violations)
 
@@ -337,7 +338,8 @@ class _Words:
         if _separates(violation):
             times, instances = self.outcome.times, self.judge.plan.instance
             pair = sorted(self.judge.separated(violation), key=times.__getitem__)
-            demand = f"{' and '.join(map(self._name, pair))} have to be {format_number(self.epsilon)} apart"
+            apart = f"{format_number(self.epsilon)} apart" if self.epsilon else "at different times"
+            demand = f"{' and '.join(map(self._name, pair))} have to be {apart}"
             distance = times[pair[1]] - times[pair[0]]
             detail = f"are {format_number(distance)} apart" if distance else "are at the same time"
             owners = [instances[point.instance] for point in pair if point.instance is not None]
@@ -380,7 +382,7 @@ class _Words:
         for one in self.judge.plan.instances:
             for constraint in one.durations:
                 found[one.label(constraint)] = f"{one} demands {constraint.text}", constraint.condition, [one]
-            for part in one.conditions:
+            for part in one.demands:
                 when = f" {_WHEN[part.timing]}" if one.durative else ""
                 found[one.label(part)] = f"{one} demands {part.text}{when}", part.condition, [one]
         return found | {one.label: (f"the goal demands {one.text}", one.condition, []) for one in self.judge.plan.goal}
@@ -417,7 +419,7 @@ def _epsilon(judge: _Judge, outcome: _Outcome, epsilon: Fraction, tolerance: Fra
         return one < judge.least_epsilon or not judge.outcome(one, tolerance).valid
 
     near = [epsilon - (one.amount or 0) for one in outcome.violations if _separates(one)]
-    if not near:
+    if not near or not epsilon:
         return None
     least = decimal_index(min(near) or epsilon / 1000)
     if fails(least):

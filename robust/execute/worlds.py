@@ -341,7 +341,7 @@ class WorldState:
         Conditions that read `?duration` hold until the duration is known.
         """
         reading = self._reading(duration)
-        for one in instance.conditions:
+        for one in instance.demands:
             compared = (part.expression.variables for part in model.comparisons(one.condition))
             readable = duration is not None or not any(model.Duration() in variables for variables in compared)
             if one.timing is timing and readable and not reading.holds(one.condition):

@@ -50,10 +50,11 @@ from robust.plan.model import (
     Relation,
     Timing,
     Truth,
+    junction,
 )
 from robust.plan.model import Condition as StateCondition
 from robust.plan.pddl.forms import read_text
-from robust.plan.pddl.grounding import ground_action, ground_goal, junction
+from robust.plan.pddl.grounding import ground_action, ground_goal
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.pddl.syntax import ActionSchema, Domain, Problem
 from robust.plan.polynomial import Polynomial

@@ -6,11 +6,13 @@ instances that the plan uses are ground. Numeric expressions are polynomials ove
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
 from fractions import Fraction
 from functools import cached_property
+from itertools import combinations
 
 from robust.errors import Location
 from robust.numbers import format_number
@@ -202,6 +204,14 @@ class TimedCondition:
 
 
 @dataclass(frozen=True, slots=True)
+class Agreement(TimedCondition):
+    """That no fluent gets two values at a time point: no assignment of it takes place together with another change.
+
+    It follows from the effects of an action, and `text` says which fluents it is about.
+    """
+
+
+@dataclass(frozen=True, slots=True)
 class DurationConstraint:
     """`?duration relation bound`, as the comparison it amounts to; `timing` says when fluents in it are read."""
 
@@ -255,6 +265,13 @@ class Mention:
     timing: Timing
     name: Atom | Fluent
     needs_value: bool = True
+
+
+def concerned(obligation: str) -> tuple[str, ...]:
+    """What the obligation of that name is about: identifiers of instances, beside timed literals, or `goal:`."""
+    points = re.fullmatch(r"separation: (\S+), (\S+)|effects of (\S+) agree|(\S+) .*", obligation, re.DOTALL)
+    found = points.groups() if points else ()
+    return tuple(dict.fromkeys(re.sub(r"\.(start|end)$", "", one) for one in found if one))
 
 
 class NamedAction:
@@ -315,6 +332,28 @@ class ActionInstance(NamedAction):
             or (one.condition.relation is above and (one.timing, -one.condition.expression) in known)
         )
 
+    @property
+    def agreements(self) -> tuple[Agreement, ...]:
+        """What the numeric effects demand of the state before their time point, where conditions do not exclude it."""
+        apart: dict[Timing, list[tuple[Fluent, Condition]]] = {}
+        for one, other in conflicts(self.numeric_effects):
+            kept = junction((negation(one.condition), negation(other.condition)), every=False)
+            if kept != Truth(True):
+                apart.setdefault(one.timing, []).append((one.fluent, kept))
+        return tuple(
+            Agreement(
+                timing,
+                junction((condition for _, condition in found), every=True),
+                f"one change only of {', '.join(map(str, dict.fromkeys(fluent for fluent, _ in found)))}",
+            )
+            for timing, found in apart.items()
+        )
+
+    @property
+    def demands(self) -> tuple[TimedCondition, ...]:
+        """The conditions, and that effects agree."""
+        return (*self.conditions, *self.agreements)
+
     def at(self, timing: Timing) -> TimePoint:
         """The time point at which an AT_START or AT_END condition or effect happens."""
         return self.end if timing is Timing.AT_END else self.start
@@ -329,6 +368,8 @@ class ActionInstance(NamedAction):
         """The name of the obligation that `part` gives rise to."""
         if isinstance(part, DurationConstraint):
             return f"{self.identifier} {self.action}: duration {part.text}"
+        if isinstance(part, Agreement):
+            return f"effects of {self.at(part.timing)} agree"
         timing = f"{part.timing.value} " if self.durative else ""
         return f"{self.identifier} {self.action}: {timing}{part.text}"
 
@@ -433,6 +474,67 @@ def leaves(condition: Condition) -> Iterator[Leaf]:
             pending.extend(reversed(node.operands))
         else:
             yield node
+
+
+def junction(operands: Iterable[Condition], *, every: bool) -> Condition:
+    """Conjunction (`every`) or disjunction, flattened and simplified."""
+    kind = And if every else Or
+    kept: dict[Condition, None] = {}
+    for operand in operands:
+        if isinstance(operand, Truth):
+            if operand.value != every:
+                return operand
+        elif isinstance(operand, kind):
+            kept.update(dict.fromkeys(operand.operands))
+        else:
+            kept[operand] = None
+    if not kept:
+        return Truth(every)
+    return kind(tuple(kept)) if len(kept) > 1 else next(iter(kept))
+
+
+_NEGATED = {
+    Relation.AT_LEAST: Relation.GREATER,
+    Relation.GREATER: Relation.AT_LEAST,
+    Relation.EQUAL: Relation.DIFFERENT,
+    Relation.DIFFERENT: Relation.EQUAL,
+}
+
+
+def negation(condition: Condition) -> Condition:
+    """The negation of a condition, in negation normal form again."""
+    match condition:
+        case Truth(value):
+            return Truth(not value)
+        case Holds(atom, value):
+            return Holds(atom, not value)
+        case Comparison(expression, relation):
+            equality = relation in (Relation.EQUAL, Relation.DIFFERENT)
+            return Comparison(expression if equality else -expression, _NEGATED[relation])
+        case And(operands):
+            return Or(tuple(map(negation, operands)))
+        case Or(operands):
+            return And(tuple(map(negation, operands)))
+
+
+def conflicts(effects: Iterable[NumericEffect]) -> Iterator[tuple[NumericEffect, NumericEffect]]:
+    """The pairs of effects of one action that would give a fluent two values: two assignments, or one and an increase.
+
+    Values do not matter [Fox and Long 2003, §8]. Pairs whose conditions plainly exclude each other are left out.
+    """
+    changes: dict[tuple[Timing, Fluent], list[NumericEffect]] = {}
+    for effect in effects:
+        changes.setdefault((effect.timing, effect.fluent), []).append(effect)
+    for together in changes.values():
+        for one, other in combinations(together, 2):
+            if Assignment.ASSIGN in (one.operator, other.operator) and not _exclude(one.condition, other.condition):
+                yield one, other
+
+
+def _exclude(one: Condition, other: Condition) -> bool:
+    """Whether a conjunct of one condition is the negation of some of the other's."""
+    pairs = ((one, other), (other, one))
+    return any(set(conjuncts(negation(part))) <= set(conjuncts(b)) for a, b in pairs for part in conjuncts(a))
 
 
 def comparisons(condition: Condition) -> Iterator[Comparison]:

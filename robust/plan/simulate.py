@@ -214,7 +214,7 @@ def simulate(
     """Execute `plan` with the given parameter values at the given times.
 
     `schedule` gives every time point its time; zero (0) and timed literals (their own time) may be left out. `epsilon`
-    is the separation of mutex time points, in the plan's unit of time.
+    is the separation of mutex time points, in the plan's unit of time; if it is 0 they are at different times.
 
     Raises InputError if a parameter or time point is missing or unknown, or a fluent is read that has no value;
     UnsupportedError if an over-all condition is not linear in time between two happenings or a rate is not constant.
@@ -279,7 +279,7 @@ def _constraint_violations(
 
 
 def _instance_violations(execution: Execution, instance: ActionInstance) -> Iterator[Violation]:
-    """Duration constraints, non-negative duration and all conditions of one instance."""
+    """Duration constraints, non-negative duration, effects that disagree and all conditions of one instance."""
     duration = execution.duration(instance)
     if duration < 0:
         label = f"{instance.identifier} {instance.action}: non-negative duration"
@@ -287,6 +287,10 @@ def _instance_violations(execution: Execution, instance: ActionInstance) -> Iter
         yield Violation(label, execution.times[instance.end], detail, -duration)
     for constraint in instance.durations:
         yield from _duration_violation(execution, instance, constraint)
+    for point in instance.time_points:
+        details = [text for where, text in execution.disagreements if where == point]
+        if details:
+            yield Violation(f"effects of {point} agree", execution.times[point], ", ".join(details))
     for part in instance.conditions:
         if part.timing is Timing.OVER_ALL:
             yield from _over_all_violation(execution, instance, part)
@@ -370,7 +374,7 @@ def _separation_violations(
     near: list[tuple[int, int, TimePoint, TimePoint]] = []
     for index, early in enumerate(ordered):
         for late in ordered[index + 1 :]:
-            if times[late] - times[early] >= epsilon:
+            if times[late] - times[early] >= epsilon and times[late] > times[early]:
                 break
             if _is_mutex((early, footprints[early]), (late, footprints[late])):
                 a, b = sorted((early, late), key=rank.__getitem__)
@@ -379,7 +383,9 @@ def _separation_violations(
         distance = abs(times[a] - times[b])
         found = f"{a} = {format_number(times[a])} and {b} = {format_number(times[b])}"
         detail = f"{found} are {format_number(distance)} apart, less than {format_number(epsilon)}"
-        yield Violation(f"separation: {a}, {b}", max(times[a], times[b]), detail, epsilon - distance)
+        if not epsilon:
+            detail = f"{found} are at the same time"
+        yield Violation(f"separation: {a}, {b}", max(times[a], times[b]), detail, epsilon - distance or None)
 
 
 def _goal_violations(execution: Execution) -> Iterator[Violation]:

@@ -14,12 +14,12 @@ from functools import cached_property
 from typing import assert_never
 
 from robust.errors import InputError, UnsupportedError, did_you_mean
+from robust.numbers import format_number
 from robust.plan.model import (
     ActionInstance,
     And,
     Assignment,
     Atom,
-    AtomEffect,
     Comparison,
     Condition,
     Duration,
@@ -27,7 +27,6 @@ from robust.plan.model import (
     Fluent,
     Holds,
     Leaf,
-    NumericEffect,
     NumericVariable,
     Or,
     ParameterReference,
@@ -162,6 +161,8 @@ class Execution:
         self.times = times
         self._durations = durations or {}
         self._rates: dict[tuple[str, int], Fraction] = {}
+        self.disagreements: list[tuple[TimePoint, str]] = []
+        """The time points at which an assigned fluent is changed twice by one action, and how."""
         self.happenings = tuple(self._run())
 
     @cached_property
@@ -230,17 +231,20 @@ class Execution:
 
     def _add_effects(self, instance: ActionInstance, point: TimePoint, change: _Change) -> None:
         reading = self.reading(change.before, instance)
-        at_end = point.kind is TimePointKind.END
-        effects: tuple[AtomEffect | NumericEffect, ...] = (*instance.atom_effects, *instance.numeric_effects)
-        for effect in effects:
-            if (effect.timing is Timing.AT_END) is not at_end or not reading.holds(effect.condition):
-                continue
-            if isinstance(effect, AtomEffect):
-                change.write(effect.atom, effect.value)
-            elif effect.operator is Assignment.ASSIGN:
-                change.assignments[effect.fluent] = reading.expression(effect.expression)
-            else:
-                change.increases.append((effect.fluent, reading.expression(effect.expression)))
+        timing = Timing.AT_END if point.kind is TimePointKind.END else Timing.AT_START
+        for added in instance.atom_effects:
+            if added.timing is timing and reading.holds(added.condition):
+                change.write(added.atom, added.value)
+        changed: dict[Fluent, list[tuple[Assignment, Fraction]]] = {}
+        for effect in instance.numeric_effects:
+            if effect.timing is timing and reading.holds(effect.condition):
+                amount = reading.expression(effect.expression)
+                changed.setdefault(effect.fluent, []).append((effect.operator, amount))
+                if effect.operator is Assignment.ASSIGN:
+                    change.assignments[effect.fluent] = amount
+                else:
+                    change.increases.append((effect.fluent, amount))
+        self.disagreements += ((point, text) for text in _disagreements(changed))
 
     def _slopes(self, time: Fraction, after: State, flowing: list[ActionInstance]) -> dict[Fluent, Fraction]:
         """The changes per unit of time right after `time`."""
@@ -259,6 +263,17 @@ class Execution:
                 if any(isinstance(variable, Fluent) and slopes.get(variable) for variable in effect.rate.variables):
                     raise UnsupportedError(_moving_rate(instance, effect.fluent))
         return slopes
+
+
+def _disagreements(changed: Mapping[Fluent, list[tuple[Assignment, Fraction]]]) -> Iterator[str]:
+    """The fluents that do not have one value after changes by one action, in words."""
+    for fluent, changes in changed.items():
+        if len(changes) > 1 and any(operator is Assignment.ASSIGN for operator, _ in changes):
+            words = (f"{_CHANGED[operator]} {format_number(amount)}" for operator, amount in changes)
+            yield f"{fluent} is {' and '.join(words)}"
+
+
+_CHANGED = {Assignment.ASSIGN: "assigned", Assignment.INCREASE: "increased by"}
 
 
 def _moving_rate(instance: ActionInstance, fluent: Fluent) -> str:
@@ -282,7 +297,9 @@ class _Change:
         (self.adds if value else self.deletes).add(atom)
 
     def result(self) -> State:
-        """Deletes, then adds; assignments (the last one stands), then increases."""
+        """Deletes, then adds; assignments, then increases. Where these contradict each other the value means nothing:
+        the last assignment stands, and an obligation is broken.
+        """
         atoms = self.before.atoms
         if self.adds or self.deletes:
             atoms = (atoms - self.deletes) | self.adds

@@ -296,7 +296,7 @@ def _parameter(name: str) -> _Symbol:
 
 def _facts(plan: ParametrizedPlan) -> Iterator[Fact]:
     """Everything that decides whether the plan is valid. Effects of one instance, and timed literals, keep their order,
-    because the later one of two assignments counts."""
+    and so the search for symmetries does too."""
     for parameter in plan.parameters:
         yield "parameter", _parameter(parameter.name), parameter.lower, parameter.upper
     for instance in plan.instances:

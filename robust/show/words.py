@@ -21,6 +21,7 @@ from robust.plan.model import (
     TimePointKind,
     Timing,
     as_written,
+    concerned,
 )
 from robust.plan.polynomial import Polynomial
 
@@ -132,7 +133,7 @@ class Words:
                 found[instance.label(constraint)] = (
                     f"the duration of {action} must be as the domain says: {constraint.text}"
                 )
-            for condition in instance.conditions:
+            for condition in instance.demands:
                 found[instance.label(condition)] = (
                     f"{action} needs {condition.text}{self._when(instance.durative, condition)}"
                 )
@@ -144,7 +145,7 @@ class Words:
 
     def _separation(self, name: str) -> str | None:
         pair = self._separated(name)
-        apart = "at different times" if self._epsilon is None else f"at least {format_number(self._epsilon)} apart"
+        apart = f"at least {format_number(self._epsilon)} apart" if self._epsilon else "at different times"
         return f"{' and '.join(map(self.point, pair))} must be {apart}" if pair else None
 
     def _separated(self, name: str) -> tuple[TimePoint, ...]:
@@ -156,10 +157,8 @@ class Words:
 
     def concerned(self, name: str) -> tuple[str, ...]:
         """The identifiers of the instances that an obligation is about; none for goals."""
-        first = name.partition(" ")[0]
-        if first in self._plan.instance and name in self._obligations:
-            return (first,)
-        return tuple(dict.fromkeys(one.instance for one in self._separated(name) if one.instance is not None))
+        known = name in self._obligations or self._separated(name)
+        return tuple(one for one in concerned(name) if known and one in self._plan.instance)
 
 
 def named(name: str, words: Mapping[str, str] | None) -> str:

@@ -30,7 +30,7 @@ from robust.execute.distances import declarations, schedule_of
 from robust.irr.check import Answer
 from robust.numbers import parse_number, readable, readable_values
 from robust.plan.load import assemble
-from robust.plan.model import TimePointKind
+from robust.plan.model import TimePointKind, concerned
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.simulate import Simulation, Violation, simulate
 from robust.plan.stn import STNPlan
@@ -231,7 +231,7 @@ class _Judge:
         message = f"{broken.obligation} is broken at {readable(broken.time)}: {readable_values(broken.detail)}{more}"
         known: dict[str, Any] = {"reason": reason, "trace": self._trace(simulation, broken)}
         if reason is FailedValidationReason.INAPPLICABLE_ACTION:
-            number = broken.obligation.split()[0].removeprefix("n")
+            number = concerned(broken.obligation)[0].removeprefix("n")
             known["inapplicable_action"] = instances_of(self.plan)[int(number)]
         return _result(ValidationResultStatus.INVALID, message, **known)
 

@@ -204,6 +204,8 @@ OWN = action("a", (START, model.Holds(P, False)), (END, model.Holds(P)), add(P))
 LEVEL = plan_of(action("a", (END, at_least(f, 6)), flow(F, 2)))
 SWAP = plan_of(instant("a", assign(F, g), assign(G, f)), f=1, g=2, goal=model.And((equal(f, 2), equal(g, 1))))
 BOTH = instant("a", increase(F, 3), assign(F, 5))
+EITHER = instant("a", *(replace(assign(F, 5), condition=model.Holds(atom)) for atom in (P, Q)))
+DISAGREES = "effects of a agree"
 ONE_TO_THREE = tuple(instant(f"i{n}", increase(F, n)) for n in (1, 2, 3))
 ADD_DELETE, DELETE_ADD = instant("a", add(P), delete(P)), instant("a", delete(P), add(P))
 NEED_Q = instant("a", add(Q), add(P, START, model.Holds(Q)))
@@ -250,7 +252,9 @@ EXAMPLES = [
     Example("continuous change up to the end", LEVEL, {"a": (0, 3)}),
     Example("continuous change that falls short", LEVEL, {"a": (0, TENTHS[1])}, (FALLS_SHORT,)),
     Example("simultaneous effects read the state before", SWAP, {"a": 1}),
-    Example("assignments before increases", plan_of(BOTH, goal=equal(f, 8)), {"a": 1}),
+    Example("an assignment and an increase", plan_of(BOTH), {"a": 1}, (DISAGREES,)),
+    Example("two assignments of one value", plan_of(EITHER, atoms=(P, Q)), {"a": 1}, (DISAGREES,)),
+    Example("one of two assignments", plan_of(EITHER, atoms=(Q,), goal=equal(f, 5)), {"a": 1}),
     Example("increases at one time", plan_of(*ONE_TO_THREE, goal=equal(f, 6)), {"i1": 1, "i2": 1, "i3": 1}),
     Example("an add wins over a delete", plan_of(ADD_DELETE, goal=model.Holds(P)), {"a": 1}),
     Example("an add wins, from true", plan_of(DELETE_ADD, goal=model.Holds(P), atoms=(P,)), {"a": 1}),

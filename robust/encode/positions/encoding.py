@@ -188,8 +188,12 @@ class PositionsEncoding(Encoding):
         self._assumed[Stage.SEPARATION] = [self.terms.negation(o.violation) for o in durations]
         separations = list(self._separation_obligations())
         respected = [self.terms.negation(o.violation) for o in separations]
-        self._assumed[Stage.CONDITION] = [*self._assumed[Stage.SEPARATION], *respected]
-        self.obligations: tuple[Obligation, ...] = (*durations, *separations, *self._condition_obligations())
+        self._assumed[Stage.AGREEMENT] = [*self._assumed[Stage.SEPARATION], *respected]
+        self._agreements = list(self._agreement_obligations())
+        agreed = [self.terms.negation(o.violation) for o in self._agreements]
+        self._assumed[Stage.CONDITION] = [*self._assumed[Stage.AGREEMENT], *agreed]
+        conditions = self._condition_obligations()
+        self.obligations: tuple[Obligation, ...] = (*durations, *separations, *self._agreements, *conditions)
 
     # -- queries -------------------------------------------------------------------------------------------------
 
@@ -201,7 +205,10 @@ class PositionsEncoding(Encoding):
         """
         formulas = [*self.network_formulas(), *self._assumed[obligation.stage], obligation.violation]
         if obligation.violation in self._parts:
-            formulas += [*self._axioms, *self._definition_of(obligation.violation)]
+            agreed = self._agreements if obligation.stage is Stage.CONDITION else ()
+            formulas += self._axioms
+            for one in (obligation, *agreed):
+                formulas += self._definition_of(one.violation)
         return [formula for formula in formulas if formula is not self.terms.true]
 
     def full_query(self, obligation: Obligation) -> list[Formula]:
@@ -223,7 +230,13 @@ class PositionsEncoding(Encoding):
         for first, second in self._mutex:
             gap = self.network.distance(first, second)
             near = (self.terms.greater(gap + self.epsilon), self.terms.greater(-gap + self.epsilon))
-            yield Obligation(f"separation: {first}, {second}", Stage.SEPARATION, self.terms.conjunction(near))
+            together = self.terms.conjunction(near) if self.epsilon else self.terms.equal(gap)
+            yield Obligation(f"separation: {first}, {second}", Stage.SEPARATION, together)
+
+    def _agreement_obligations(self) -> Iterator[Obligation]:
+        for instance in self.plan.instances:
+            for one in instance.agreements:
+                yield self._condition_obligation(instance.label(one), one, instance, Stage.AGREEMENT)
 
     def _condition_obligations(self) -> Iterator[Obligation]:
         for instance in self.plan.instances:
@@ -235,10 +248,12 @@ class PositionsEncoding(Encoding):
         for goal in self.plan.goal:
             yield self._condition_obligation(goal.label, goal, None)
 
-    def _condition_obligation(self, name: str, part: Part, instance: ActionInstance | None) -> Obligation:
+    def _condition_obligation(
+        self, name: str, part: Part, instance: ActionInstance | None, stage: Stage = Stage.CONDITION
+    ) -> Obligation:
         violation = self.terms.fresh_boolean(f"violated: {name} ")
         self._parts[violation] = (part, instance)
-        return Obligation(name, Stage.CONDITION, violation)
+        return Obligation(name, stage, violation)
 
     # -- states, with the first query that needs them -------------------------------------------------------------
 

@@ -12,7 +12,6 @@ from typing import TypeVar, assert_never
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
 from robust.plan.model import (
     ActionInstance,
-    And,
     Assignment,
     Atom,
     AtomEffect,
@@ -28,14 +27,16 @@ from robust.plan.model import (
     Mention,
     NumericEffect,
     NumericVariable,
-    Or,
     ParameterReference,
     Relation,
     TimedCondition,
     Timing,
     Truth,
+    conflicts,
     fluents_in,
+    junction,
     leaves,
+    negation,
 )
 from robust.plan.pddl import syntax
 from robust.plan.pddl.declarations import count, fits
@@ -44,12 +45,6 @@ from robust.plan.polynomial import Polynomial
 
 Name = Atom | Fluent
 _AT_BOTH_ENDS = (Timing.AT_START, Timing.AT_END)
-_NEGATED = {
-    Relation.AT_LEAST: Relation.GREATER,
-    Relation.GREATER: Relation.AT_LEAST,
-    Relation.EQUAL: Relation.DIFFERENT,
-    Relation.DIFFERENT: Relation.EQUAL,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,30 +122,11 @@ def condition(  # noqa: PLR0911 (one return for each kind of condition)
             assert_never(lifted)
 
 
-def junction(operands: Iterable[Condition], *, every: bool) -> Condition:
-    """Conjunction (`every`) or disjunction, flattened and simplified."""
-    kind = And if every else Or
-    kept: dict[Condition, None] = {}
-    for operand in operands:
-        if isinstance(operand, Truth):
-            if operand.value != every:
-                return operand
-        elif isinstance(operand, kind):
-            kept.update(dict.fromkeys(operand.operands))
-        else:
-            kept[operand] = None
-    if not kept:
-        return Truth(every)
-    return kind(tuple(kept)) if len(kept) > 1 else next(iter(kept))
-
-
 def _comparison(comparator: syntax.Comparator, difference: Expression, positive: bool) -> Condition:
     compared = comparison(comparator, difference)
-    if not positive:
-        compared = _negation(compared)
-    if not compared.expression.is_constant:
-        return compared
-    return Truth(compared.relation.holds(compared.expression.constant_term))
+    known = compared.expression.is_constant
+    ground = Truth(compared.relation.holds(compared.expression.constant_term)) if known else compared
+    return ground if positive else negation(ground)
 
 
 def comparison(comparator: syntax.Comparator, difference: Expression) -> Comparison:
@@ -166,11 +142,6 @@ def comparison(comparator: syntax.Comparator, difference: Expression) -> Compari
             return Comparison(-difference, Relation.GREATER)
         case syntax.Comparator.EQUAL:
             return Comparison(difference, Relation.EQUAL)
-
-
-def _negation(compared: Comparison) -> Comparison:
-    equality = compared.relation in (Relation.EQUAL, Relation.DIFFERENT)
-    return Comparison(compared.expression if equality else -compared.expression, _NEGATED[compared.relation])
 
 
 def expression(lifted: syntax.NumericExpression, context: Context) -> Expression:
@@ -556,17 +527,12 @@ class _Effects:
                     assert_never(effect)
 
     def _add_numeric(self, effect: NumericEffect, location: Location) -> None:
-        """Equal increases add up, equal assignments are one, and different unconditional changes contradict."""
+        """Equal increases add up; unconditional changes that cannot take place together are refused."""
         for other in self.numeric:
-            if (other.timing, other.fluent) != (effect.timing, effect.fluent):
-                continue
-            if Assignment.ASSIGN not in (other.operator, effect.operator):
-                continue
-            if other == effect and effect.fluent not in effect.expression.variables:
-                return
-            if other.condition == effect.condition == Truth(True):
+            if other.condition == effect.condition == Truth(True) and any(conflicts((other, effect))):
                 message = f"found an assignment and another change of {effect.fluent} {effect.timing.value}"
-                raise InputError(f"{message} in one action, expected at most one of them", location)
+                remedy = "expected at most one of them; remove one, or give both conditions that exclude each other"
+                raise InputError(f"{message} in one action, {remedy}", location)
         self.numeric.append(effect)
 
 
