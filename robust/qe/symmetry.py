@@ -295,8 +295,8 @@ def _parameter(name: str) -> _Symbol:
 
 
 def _facts(plan: ParametrizedPlan) -> Iterator[Fact]:
-    """Everything that decides whether the plan is valid. Effects of one instance, and timed literals, keep their order,
-    and so the search for symmetries does too."""
+    """Everything that decides whether the plan is valid. Effects of one instance, and timed literals, keep their order:
+    that is that of the domain, which instances of one action share."""
     for parameter in plan.parameters:
         yield "parameter", _parameter(parameter.name), parameter.lower, parameter.upper
     for instance in plan.instances:
