@@ -293,7 +293,10 @@ class RepairSearch:
         return found
 
     def _choices(self, network: Network, cycle: NegativeCycle) -> Iterator[LinearConstraint]:
-        """For each negative piece that changes can help, that it is at least 0."""
+        """For each negative piece that changes can help, that it is at least 0.
+
+        It may be these changes that made the piece negative; then fewer of them help.
+        """
         for piece in cycle.pieces:
             if any(_is_endless(network, step) for step in piece):
                 continue
@@ -307,7 +310,7 @@ class RepairSearch:
                 name = _name((number, side))
                 if factor and name in self._weight:
                     coefficients[name] = factor * _direction(self._network.links[number], side)
-            if any(factor > 0 for factor in coefficients.values()):
+            if length >= 0 or any(factor > 0 for factor in coefficients.values()):
                 yield LinearConstraint.of(coefficients, ">=", -length)
 
     def _cheapest(self, chosen: tuple[tuple[LinearConstraint, _Conflict], ...]) -> _Candidate | None:

@@ -1,5 +1,6 @@
 """Repairs: controllable, no cheaper, in the right directions; against another optimiser and brute force over a grid."""
 
+from collections import Counter
 from fractions import Fraction
 from itertools import product
 from random import Random
@@ -118,20 +119,63 @@ def test_costs_are_those_of_another_optimiser(seeds, least):
     assert compared >= least
 
 
-@pytest.mark.parametrize(("seeds", "least"), [(range(60), 10), slow(range(1000, 1300), 60)], ids=["short", "long"])
-def test_no_cheaper_changes_on_a_grid(seeds, least):
+FAR = 6
+"""What changes cost at most that a grid looks for where there is no repair."""
+
+
+@pytest.mark.parametrize("frozen", ["nothing", "requirements", "any"])
+@pytest.mark.parametrize(("seeds", "least"), [(range(60), 5), slow(range(1000, 1300), 40)], ids=["short", "long"])
+def test_no_cheaper_changes_on_a_grid(seeds, least, frozen):
     """All changes in whole units that cost less leave the network uncontrollable, by the rules of the literature."""
     compared = 0
     for seed, found, _ in refuted(seeds, 2, 1, 3, 3):
-        result = stnu.repair(found)
-        most = -(-result.cost // 1) - 1
+        rng = Random(seed)  # noqa: S311
+        kept = {
+            (link.source, link.target)
+            for link in found.links
+            if frozen != "nothing" and (not link.is_contingent if frozen == "requirements" else rng.random() < 0.4)
+        }
+        result = stnu.repair(found, weights=dict.fromkeys(kept))
+        assert result.status in {RepairStatus.OPTIMAL, RepairStatus.IMPOSSIBLE}, seed
+        if result.network is not None:
+            assert controllable(result.network), seed
+            assert not any((one.link.source, one.link.target) in kept for one in result.changes), seed
+        most = FAR if result.cost is None else -(-result.cost // 1) - 1
         bounds = [(at, side) for at, link in enumerate(found.links) for side in Side if link.bound(side) is not None]
-        for amounts in product(range(int(most) + 1), repeat=len(bounds)):
+        moving = [b for b in bounds if (found.links[b[0]].source, found.links[b[0]].target) not in kept]
+        for amounts in product(range(int(most) + 1), repeat=len(moving)):
             if 0 < sum(amounts) <= most:
-                other = with_amounts(found, dict(zip(bounds, amounts, strict=True)))
+                other = with_amounts(found, {**dict.fromkeys(bounds, 0), **dict(zip(moving, amounts, strict=True))})
                 assert other is None or not controllable(other), (seed, amounts)
         compared += most > 0
     assert compared >= least
+
+
+def consistent(found):
+    """Whether some times satisfy all links, as if nature let the dispatcher choose."""
+    links = [(link.source, link.target, link.lower, link.upper) for link in found.links]
+    free = oracles.network(links, [])
+    return oracles.consistent(free.points, oracles.lengths(free)[0])
+
+
+@pytest.mark.parametrize(
+    ("seeds", "shape", "least"),
+    [
+        (range(200), (2, 1, 3, 3), 20),
+        slow(range(1000, 3000), (2, 2, 3, 5), 400),
+        slow(range(1000, 3000), (2, 2, 3, 8), 400),
+        slow(range(1000, 3000), (4, 3, 6, 5), 400),
+    ],
+)
+def test_contingent_links_can_be_tightened_wherever_some_times_satisfy_all_links(seeds, shape, least):
+    outcomes = Counter()
+    for seed, found, _ in refuted(seeds, *shape):
+        result = stnu.repair(found, requirement=None)
+        expected = RepairStatus.OPTIMAL if consistent(found) else RepairStatus.IMPOSSIBLE
+        assert result.status is expected, seed
+        assert result.network is None or controllable(result.network), seed
+        outcomes[expected] += 1
+    assert min(outcomes[RepairStatus.OPTIMAL], outcomes[RepairStatus.IMPOSSIBLE]) >= least, outcomes
 
 
 def with_amounts(found, amounts):
@@ -158,6 +202,14 @@ def test_one_bound():
     (only,) = stnu.repair(LATE, requirement=None).changes
     assert (str(only), only.amount) == ("A => C: upper bound 10 to 7", 3)
     assert only.serves == ("A => C as long as 10 cannot be met with A -> D in [-inf, 8]; C -> D in [1, 2]",)
+
+
+def test_an_inequality_that_holds_without_changes_is_a_choice():
+    """The lower bound moves too far for `n1 -> n2` if it moves alone."""
+    tight = network(("n1", "n2", None, 5), ("n0", "n2", 4, 4), ("n1", "n2", 4, 6, "contingent"))
+    result = stnu.repair(tight, requirement=None)
+    assert (result.status, result.cost) == (RepairStatus.OPTIMAL, 2)
+    assert [str(one) for one in result.changes] == ["n1 => n2: lower bound 4 to 5", "n1 => n2: upper bound 6 to 5"]
 
 
 def test_weights_decide_which():
