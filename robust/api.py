@@ -265,12 +265,11 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Sear
             solver=options.solver,
             beta=beta,
             parameters=plan.parameters,
-            box=Box.nominal(plan.parameters),
+            box=Box.nothing(plan.parameters),
             checks=0,
             unbounded_checks=0,
             first_widening_seconds=None,
             seconds=seconds,
-            verified=False,
             plan=plan,
         )
 
@@ -282,8 +281,8 @@ def envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> EnvelopeResult
     """A box of parameter values under which the plan stays valid [IRR, Definition 3].
 
     Returns:
-        The best box found, inside the envelope if `verified`. It is not if the nominal point itself is outside
-        (INVALID), or if time ran out before that was known. Ctrl-C returns the best box so far (INTERRUPTED).
+        The best box found, inside the envelope. It holds no values if the nominal point itself is outside (INVALID), or
+        if time ran out before that was known; `verified` tells. Ctrl-C returns the best box so far (INTERRUPTED).
 
     Raises:
         InputError: wrong options, or no schedule at the nominal point.

@@ -1,15 +1,16 @@
 """What every result of the package can do: show itself as text, in a notebook, as JSON, as a table and as a picture.
 
 Texts, documents and pictures are those of the command line; they are found in :mod:`robust.show` when they are asked
-for, so that a result costs nothing but itself.
+for, so that a result costs nothing but itself. No answer is simply true or false: one that is refuted is an answer too.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from enum import Enum
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, cast
 
 from robust.errors import from_extra
 
@@ -17,7 +18,41 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class Presented:
+class NoTruthValue:
+    """An answer without a truth value; a class to inherit from, without fields.
+
+    Args:
+        ask: the attribute that says what came of the question, for the error.
+    """
+
+    __slots__ = ()
+    _ask: ClassVar[str]
+
+    def __init_subclass__(cls, *, ask: str = "") -> None:
+        super().__init_subclass__()
+        if ask:
+            cls._ask = ask
+
+    def __bool__(self) -> NoReturn:
+        """
+        Raises:
+            TypeError: always.
+        """
+        raise TypeError(f"{type(self).__name__} has no truth value: ask .{self._ask}, or whether it `is None`")
+
+
+class VerdictEnum(Enum):
+    """Kinds of answers, none of which has a truth value."""
+
+    def __bool__(self) -> NoReturn:
+        """
+        Raises:
+            TypeError: always.
+        """
+        raise TypeError(f"{self} has no truth value: ask whether it `is {next(iter(type(self)))}`, or its .value")
+
+
+class Presented(NoTruthValue):
     """A result that can be shown; a class to inherit from, without fields."""
 
     __slots__ = ()

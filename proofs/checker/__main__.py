@@ -105,6 +105,7 @@ def require(plan: Ground, claim: Claim, demanded: Any) -> None:
 
 def box_in(plan: Ground, document: Any) -> Box:
     """A box as `robust envelope --json` prints it; parameters that it leaves out have their nominal values."""
+    demand(document.get("verified") is not False, "the box that is demanded was not verified")
     ends = document.get("parameters", document)
     known = plan.parameters.keys()
     demand(ends.keys() <= known, f"the box that is demanded has other parameters than {', '.join(known)}")

@@ -6,13 +6,13 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from robust.certify import checker
 from robust.errors import RobustError
+from robust.presented import NoTruthValue, VerdictEnum
 from robust.processes import Processes
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
@@ -27,7 +27,7 @@ class CheckerFailedError(RobustError):
     """The checker ended in a way that it never should."""
 
 
-class Outcome(Enum):
+class Outcome(VerdictEnum):
     """What the checker says of a certificate; the values are its exit codes."""
 
     ESTABLISHED = 0
@@ -37,7 +37,7 @@ class Outcome(Enum):
 
 
 @dataclass(frozen=True)
-class Verification:
+class Verification(NoTruthValue, ask="outcome"):
     """The checker's verdict, and its answer: `claim` and `files` (digests) among others, or `reason`."""
 
     outcome: Outcome

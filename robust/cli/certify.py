@@ -358,6 +358,8 @@ def read_box(path: Path, nominal: Box) -> Box:
     try:
         document = json.loads(read_text(path))
         ends: Mapping[str, Any] = document.get("parameters", document)
+        if not document.get("verified", True):
+            raise InputError("found an envelope without a verified box, expected one with", place)
         missing = nominal.intervals.keys() ^ ends.keys()
         if missing:
             raise InputError(f"found parameters that differ from the plan's in {sorted(missing)[0]!r}", place)

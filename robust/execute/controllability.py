@@ -38,6 +38,7 @@ from robust.irr.exact import OptimalBox, envelope_stop
 from robust.irr.stops import JUST, Stop, declared_stop
 from robust.irr.widen import DiscoveredBadSet, Obstacle
 from robust.plan.model import ParametrizedPlan
+from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box, Face, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.slabs import Growing
@@ -55,7 +56,7 @@ class Kind(Enum):
     STRONG = "strong"
 
 
-class Verdict(Enum):
+class Verdict(VerdictEnum):
     """What is known about a box."""
 
     CONTROLLABLE = "controllable"
@@ -64,7 +65,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(NoTruthValue, ask="verdict"):
     """A verdict about one kind of controllability; `reason` says why it is not CONTROLLABLE."""
 
     kind: Kind
@@ -349,7 +350,7 @@ ADVERBS = {Kind.WEAK: "weakly", Kind.DYNAMIC: "dynamically", Kind.STRONG: "stron
 
 
 @dataclass(frozen=True)
-class ControllabilityReport:
+class ControllabilityReport(NoTruthValue, ask="was_controllable"):
     """The verdicts about a box, and the part of it that has the wanted kind of controllability.
 
     `shrunk` and `lost` are None, with a `failure`, if there is no such part or time ran out. `widest` is the widest box

@@ -43,6 +43,7 @@ from robust.plan.model import (
     TimePointKind,
 )
 from robust.plan.polynomial import Polynomial
+from robust.presented import NoTruthValue
 from robust.qe.box import Box, Face, Interval, Side
 from robust.smt.limits import Deadline
 
@@ -292,7 +293,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class StrongAnswer:
+class StrongAnswer(NoTruthValue, ask="is_controllable"):
     """A schedule of the dispatcher's time points, or a cycle of differences whose sum is positive.
 
     `endless` are faces that are infinitely far out although a difference grows with them: each may be at any finite

@@ -73,7 +73,7 @@ from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
-from robust.presented import Presented
+from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
@@ -393,7 +393,7 @@ class Mode(Enum):
     ESTEREL = "esterel"
 
 
-class Ended(Enum):
+class Ended(VerdictEnum):
     """How a conversion ended; if not complete, its network is proved, but not the least constrained one."""
 
     COMPLETE = "complete"
@@ -410,7 +410,7 @@ _ENDINGS = {
 
 
 @dataclass(frozen=True)
-class Conversion(Presented):
+class Conversion(Presented, ask="check"):
     """A plan with a temporal network that allows the schedule it was made from.
 
     `stn` is the plan to write, and `plan` what reading it gives. `beside` are the parameters that the plan file cannot
@@ -586,7 +586,8 @@ class Converting:
         network = self._known or _rigid(original)
         stn = _written(original, chosen, network)
         plan = assemble(*self._problem, stn, chosen.beside)
-        result = replace(network.check or _verdict(plan, Answer.PROVED), box=Box.nominal(plan.parameters))
+        proof = _verdict(plan, Answer.PROVED) if network.check is None else network.check
+        result = replace(proof, box=Box.nominal(plan.parameters))
         return self._made(network, stn, plan, result, ended)
 
     def _made(

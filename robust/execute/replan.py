@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum
 from fractions import Fraction
 from time import monotonic
 
@@ -40,6 +39,7 @@ from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import Simulation, simulate
 from robust.plan.timed import TimedPlan
 from robust.plan.timeline import Reading, State
+from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box
 from robust.qe.compute import RegionSearch, RegionStatus
 from robust.qe.polyhedron import Polyhedron
@@ -47,7 +47,7 @@ from robust.qe.region import Region
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
 
-class RunStatus(Enum):
+class RunStatus(VerdictEnum):
     """How a run ended."""
 
     SUCCEEDED = "succeeded"
@@ -81,7 +81,7 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(NoTruthValue, ask="status"):
     """One run. `reason` says in one line why it failed.
 
     `inside` says whether every observation was inside its box. `seconds` is wall time.

@@ -29,7 +29,6 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from enum import Enum
 from fractions import Fraction
 from functools import cached_property
 
@@ -37,6 +36,7 @@ from robust.execute.controllable_boxes import Dynamically, ParametricLink, Param
 from robust.execute.growth import Controllable, KnownSet, grow
 from robust.plan.model import ZERO, Parameter, TimePoint, TimePointKind
 from robust.plan.polynomial import Polynomial
+from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box, Interval, Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.inner import outer_side
@@ -65,7 +65,7 @@ class Facts:
     times: Mapping[TimePoint, Fraction] = field(default_factory=dict)
 
 
-class Answer(Enum):
+class Answer(VerdictEnum):
     """What came of looking at what is left."""
 
     PROMISED = "promised"
@@ -77,7 +77,7 @@ class Answer(Enum):
 
 
 @dataclass(frozen=True)
-class Left:
+class Left(NoTruthValue, ask="answer"):
     """What is left at `time`, `after` an observation, in words.
 
     `box` is the promise, with the values that were seen; None if there is none. `kept` says whether it holds the

@@ -37,6 +37,7 @@ from typing import Generic, TypeVar
 from robust.errors import InputError
 from robust.numbers import format_number
 from robust.plan.model import ZERO, TimePoint
+from robust.presented import NoTruthValue
 from robust.smt.limits import NEVER, Deadline
 
 B = TypeVar("B")
@@ -394,7 +395,7 @@ class NormalForm:
 
 
 @dataclass(frozen=True)
-class DynamicAnswer:
+class DynamicAnswer(NoTruthValue, ask="is_controllable"):
     """Whether a network is dynamically controllable: `cycle` is why not; None if it is.
 
     `derived` are the edges that follow from reductions, with which a dispatcher can execute the network.

@@ -101,7 +101,7 @@ class Remedies:
 
 
 @dataclass(frozen=True)
-class Verdict(Presented):
+class Verdict(Presented, ask="valid"):
     """What becomes of a plan as it was printed.
 
     Attributes:

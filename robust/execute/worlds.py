@@ -57,6 +57,7 @@ from robust.plan import model
 from robust.plan.pddl.forms import read_text
 from robust.plan.polynomial import Polynomial
 from robust.plan.timeline import Reading, State
+from robust.presented import VerdictEnum
 from robust.probability.distributions import KEYS, OPTIONAL, PLANNED, Below, Distribution, require_possible
 
 
@@ -385,7 +386,7 @@ class WorldState:
         return Reading(State(frozenset(self.atoms), self.fluents), {}, duration)
 
 
-class Outcome(Enum):
+class Outcome(VerdictEnum):
     """What became of an instance."""
 
     DONE = "done"

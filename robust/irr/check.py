@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
-from enum import Enum
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,7 @@ from robust.errors import SolverError
 from robust.irr.containment import no_schedule, require_some_schedule, within, worst_point
 from robust.plan.model import TimePoint
 from robust.plan.simulate import Simulation, simulate
-from robust.presented import Presented
+from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
 from robust.smt.export import Exporter
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from robust.irr.quantities import Change
 
 
-class Answer(Enum):
+class Answer(VerdictEnum):
     """The verdict on a plan or on one obligation; UNKNOWN is out of time, interrupted, or a solver that failed."""
 
     PROVED = "proved"
@@ -47,7 +46,7 @@ class Counterexample:
 
 
 @dataclass(frozen=True)
-class CheckResult(Presented):
+class CheckResult(Presented, ask="answer"):
     """The verdict, that of each obligation examined, and a counterexample for each refuted one, by obligation.
 
     `settled` is how many of them shortest paths through the network prove, so that no solver is asked. Where the

@@ -89,7 +89,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Comparison(Presented):
+class Comparison(Presented, ask="status"):
     """What was found; stages that time ran out for are missing or have a status of their own.
 
     `volume` is the region's, with an upper bound None where it may be infinite.

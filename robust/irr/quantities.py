@@ -30,6 +30,7 @@ from robust.plan.model import (
     TimePoint,
 )
 from robust.plan.polynomial import Polynomial
+from robust.presented import VerdictEnum
 from robust.qe.box import Side
 
 
@@ -248,7 +249,7 @@ def _bounded(constraint: TemporalConstraint, side: Side, value: Fraction) -> str
 # -- what comes of a repair --------------------------------------------------------------------------------------------
 
 
-class RepairStatus(Enum):
+class RepairStatus(VerdictEnum):
     """How a search for a repair ended."""
 
     UNNEEDED = "unneeded"

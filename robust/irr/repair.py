@@ -55,7 +55,7 @@ _NOTHING = Fraction(0)
 
 
 @dataclass(frozen=True)
-class Repair(Presented):
+class Repair(Presented, ask="status"):
     """What a search found: `plan` is the repaired one, None if there is none; no repair costs less than `bound`.
 
     `check` is the proof of it. `contradiction` names what no allowed change reconciles, where there is no repair.

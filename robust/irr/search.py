@@ -7,7 +7,6 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from enum import Enum
 from fractions import Fraction
 from itertools import product
 from typing import TYPE_CHECKING, TypedDict, Unpack
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, TypedDict, Unpack
 from robust.encode.interface import Encoding
 from robust.irr.stops import CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
 from robust.plan.model import Parameter, ParametrizedPlan
-from robust.presented import Presented
+from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box, Face, Side
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Statistics
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
-class Status(Enum):
+class Status(VerdictEnum):
     """How a search ended."""
 
     COMPLETE = "complete"
@@ -60,13 +59,13 @@ class Step:
 
 
 @dataclass(frozen=True)
-class EnvelopeResult(Presented):
+class EnvelopeResult(Presented, ask="verified"):
     """A decoupled robustness envelope and how it was found.
 
     `reason` and `values` explain INVALID: what breaks at the nominal point, with which parameter values; of UNKNOWN,
     `reason` says which failure of a solver ended the search. `checks`
-    counts the rectangles tried as in [IRR §5]; queries about unbounded directions are in `unbounded_checks`. `verified`
-    is False if not even the nominal point is known to be inside: INVALID, or stopped before that was decided. `bound`
+    counts the rectangles tried as in [IRR §5]; queries about unbounded directions are in `unbounded_checks`. The box is
+    empty, and not `verified`, if no values are known to be inside: INVALID, or stopped before that was decided. `bound`
     is what no box can be wider than, where the widest one was looked for. `stops` says what ends each finite side of a
     verified box: an obligation, statements of the network, a declared bound, or why that is not known. `advice` is
     about parameters for which an action's own duration leaves no room. `doubling` and `contain_nominal` are as
@@ -87,7 +86,6 @@ class EnvelopeResult(Presented):
     unbounded_checks: int
     first_widening_seconds: float | None
     seconds: float
-    verified: bool = True
     trace: tuple[Step, ...] = ()
     reason: str | None = None
     values: Mapping[str, Fraction] = field(default_factory=dict)
@@ -106,6 +104,11 @@ class EnvelopeResult(Presented):
     def cut_short(self) -> bool:
         """Whether something ended the search before it was done."""
         return self.status not in DECIDED
+
+    @property
+    def verified(self) -> bool:
+        """Whether the plan is proved for all values in the box; if not, there are none in it."""
+        return not self.box.is_empty
 
     def convergence(self) -> tuple[tuple[int, Fraction], ...]:
         """[IRR §5, Convergence]: after each check, Σ(u − l) as a share of the final one, between 0 and 1.
@@ -187,7 +190,7 @@ class Search(ABC):
     def run(self) -> EnvelopeResult:
         """Search until done, out of time, interrupted by Ctrl-C or stopped by a solver that failed.
 
-        A `verified` box is inside the envelope in any case.
+        All values in the box are inside the envelope in any case.
 
         Raises:
             InputError: if the network has no schedule, whatever the parameter values.
@@ -220,12 +223,11 @@ class Search(ABC):
             solver=self._solver,
             beta=self.beta,
             parameters=self.encoding.plan.parameters,
-            box=self.box,
+            box=self.box if self.verified else Box.nothing(self.encoding.plan.parameters),
             checks=self.checks,
             unbounded_checks=self.unbounded_checks,
             first_widening_seconds=self._first_widening,
             seconds=self._seconds(),
-            verified=self.verified,
             trace=tuple(self._trace),
             reason=reason,
             values=values or {},

@@ -31,7 +31,7 @@ from robust.pike_bridge.temporal.distance_graph import Precedence
 from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
 from robust.pike_bridge.temporal.schedule import schedule, temporal_conflicts
 from robust.pike_bridge.temporal.structural import StructuralPrecedence
-from robust.presented import Presented
+from robust.presented import Presented, VerdictEnum
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 
@@ -153,7 +153,7 @@ class Compiling:
 ORACLE = "oracle"
 
 
-class PlanVerdict(Enum):
+class PlanVerdict(VerdictEnum):
     """Whether a correct execution exists under the assumptions: PROVED says yes, and shows one."""
 
     PROVED = "proved"
@@ -162,7 +162,7 @@ class PlanVerdict(Enum):
 
 
 @dataclass
-class PikeCheck(Presented):
+class PikeCheck(Presented, ask="verdict"):
     """The answer. `scenarios` is None unless all were asked for; `complete` says whether none is missing."""
 
     backend: str
@@ -187,7 +187,7 @@ LONGEST_LISTING = 1_000_000
 
 
 @dataclass
-class Sizes(Presented):
+class Sizes(Presented, ask="satisfiable"):
     """What is known of a compilation; None where it did not get so far. `status` says what ended it."""
 
     backend: str

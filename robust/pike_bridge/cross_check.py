@@ -29,7 +29,7 @@ from robust.pike_bridge.theory import Theory
 from robust.pike_bridge.validate import validate
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
-from robust.presented import Presented
+from robust.presented import NoTruthValue, Presented
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 T = TypeVar("T")
@@ -64,7 +64,7 @@ class Disagreement:
 
 
 @dataclass
-class CrossCheck:
+class CrossCheck(NoTruthValue, ask="agree"):
     """The outcome: how many questions each back end was asked, and where it disagreed."""
 
     scenarios: int = 0
@@ -144,7 +144,7 @@ def cross_check(
 
 
 @dataclass
-class Crossed(Presented):
+class Crossed(Presented, ask="outcome"):
     """The outcome of a cross-check, None if not even the oracle has finished, and the plan written that shows it."""
 
     outcome: CrossCheck | None = None

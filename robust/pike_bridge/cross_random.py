@@ -26,7 +26,7 @@ EACH = 20.0
 
 
 @dataclass
-class RandomCrossed(Presented):
+class RandomCrossed(Presented, ask="agree"):
     """The outcome: how many plans were compared, and where a back end differs from the oracle."""
 
     seed: int

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from enum import Enum
 from fractions import Fraction
 from itertools import chain
 from types import MappingProxyType
@@ -35,6 +34,7 @@ from robust.pike_bridge.model import (
 from robust.pike_bridge.scenarios import team_scenarios
 from robust.plan.model import Atom
 from robust.plan.polynomial import Polynomial
+from robust.presented import NoTruthValue, VerdictEnum
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.session import Session, Value, Verdict
 from robust.smt.terms import Formula, Terms
@@ -126,7 +126,7 @@ class Semantics(Propositions):
 NO_TIMES: Mapping[str, Fraction] = MappingProxyType({})
 
 
-class Existence(Enum):
+class Existence(VerdictEnum):
     """Whether a correct execution exists; UNKNOWN if the time was not enough."""
 
     EXISTS = "exists"
@@ -135,7 +135,7 @@ class Existence(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(NoTruthValue, ask="verdict"):
     """A verdict; if it is EXISTS, with a correct execution as witness."""
 
     verdict: Existence

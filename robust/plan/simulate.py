@@ -42,6 +42,7 @@ from robust.plan.model import (
 )
 from robust.plan.polynomial import Polynomial
 from robust.plan.timeline import Execution, Happening, Reading, State, over_time
+from robust.presented import NoTruthValue
 
 
 @dataclass(slots=True)
@@ -180,7 +181,7 @@ class TraceStep:
 
 
 @dataclass(frozen=True)
-class Simulation:
+class Simulation(NoTruthValue, ask="valid"):
     """What became of one schedule.
 
     `network_violations` say why the schedule is not one that the plan allows (its preconditions, `enc_tn`);

@@ -11,7 +11,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import Enum
 from fractions import Fraction
 
 from robust.encode import create_encoding
@@ -23,7 +22,7 @@ from robust.irr.irr import IncrementalRobustification
 from robust.irr.search import EnvelopeResult, Status
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParametrizedPlan
-from robust.presented import Presented
+from robust.presented import Presented, VerdictEnum
 from robust.probability.blame import Attribution, Share
 from robust.probability.distributions import Distribution
 from robust.probability.measure import Bounds, Measure, RegionMeasure, box_probability
@@ -47,7 +46,7 @@ DRAWS = 10_000
 """Random points of an estimate."""
 
 
-class RiskStatus(Enum):
+class RiskStatus(VerdictEnum):
     """How a search ended: COMPLETE if the bounds are as close as was asked; WIDE if they are not, although nothing
     ended it, because there are too many parameters."""
 
@@ -68,7 +67,7 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class RiskResult(Presented):
+class RiskResult(Presented, ask="probability"):
     """The probability of success, and what it consists of.
 
     `shares` are of failing values, by what breaks first; None before that is known. `disjoint` are boxes that together

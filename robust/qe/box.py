@@ -54,6 +54,14 @@ class Interval:
             raise InputError(f"the interval {self} is empty; expected a lower end below the upper one")
 
     @staticmethod
+    def nothing(at: Fraction) -> Interval:
+        """`(at, at)`, in which there is no value."""
+        found = Interval(at, at)
+        for closed in ("lower_closed", "upper_closed"):
+            object.__setattr__(found, closed, False)
+        return found
+
+    @staticmethod
     def from_dict(ends: Mapping[str, Any]) -> Interval:
         """The interval of `lower` and `upper`, as text, and whether they are closed, which they are if not said."""
         closed = {name: bool(ends.get(name, True)) for name in ("lower_closed", "upper_closed")}
@@ -113,9 +121,10 @@ class Interval:
 
 @dataclass(frozen=True)
 class Box:
-    """An interval for each parameter, in the plan's order."""
+    """An interval for each parameter, in the plan's order; no values are in one that `is_empty`: nothing was proved."""
 
     intervals: Mapping[str, Interval]
+    is_empty: bool = False
 
     @staticmethod
     def point(values: Mapping[str, Fraction]) -> Box:
@@ -127,6 +136,11 @@ class Box:
         return Box.point({parameter.name: parameter.nominal for parameter in parameters})
 
     @staticmethod
+    def nothing(parameters: Iterable[Parameter]) -> Box:
+        """The box of a search that has proved nothing: without values, beside the nominal ones."""
+        return Box({parameter.name: Interval.nothing(parameter.nominal) for parameter in parameters}, is_empty=True)
+
+    @staticmethod
     def declared(parameters: Iterable[Parameter]) -> Box:
         """All values within the declared bounds."""
         return Box({one.name: Interval(one.lower, one.upper) for one in parameters})
@@ -135,14 +149,14 @@ class Box:
         return self.intervals[name]
 
     def __contains__(self, values: Mapping[str, Fraction]) -> bool:
-        return all(values[name] in interval for name, interval in self.intervals.items())
+        return not self.is_empty and all(values[name] in interval for name, interval in self.intervals.items())
 
     def replace(self, name: str, interval: Interval) -> Box:
         return self.changed({name: interval})
 
     def changed(self, intervals: Mapping[str, Interval]) -> Box:
         """The box with these intervals for some parameters."""
-        return Box({**self.intervals, **intervals})
+        return Box({**self.intervals, **intervals}, self.is_empty)
 
     def moved(self, face: Face, end: Fraction | None, *, closed: bool = True) -> Box:
         """The box with one face elsewhere."""

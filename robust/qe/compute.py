@@ -13,7 +13,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum
 from fractions import Fraction
 from functools import partial
 from graphlib import CycleError, TopologicalSorter
@@ -23,7 +22,7 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
 from robust.encode.variables import Grid, Range
 from robust.plan.model import ParametrizedPlan, Relation
-from robust.presented import Presented
+from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
 from robust.qe.conjunctions import Conjunction, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
@@ -271,7 +270,7 @@ class Existence:
         return project_at(self.query.network, self.query.eliminated, model)
 
 
-class RegionStatus(Enum):
+class RegionStatus(VerdictEnum):
     """How an enumeration ended: the region is the envelope if COMPLETE, and an outer bound of it otherwise."""
 
     COMPLETE = "complete"
@@ -281,7 +280,7 @@ class RegionStatus(Enum):
 
 
 @dataclass(frozen=True)
-class RegionResult(Presented):
+class RegionResult(Presented, ask="status"):
     """The robustness envelope and how it was computed.
 
     `region` is the envelope itself where `status` is COMPLETE; otherwise every point of the envelope is in it, but not

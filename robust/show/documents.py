@@ -350,7 +350,8 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
     Attributes:
         status: timeout, interrupted and unknown (a solver failed): the box is sound if verified, but may not be
             maximal; invalid: the plan can fail at the nominal values
-        verified: the plan is valid for all values in the box; if false, parameters are merely the nominal values
+        verified: the plan is valid for all values in the box; if false, there are none in it: both ends are the nominal
+            values, and open
         beta: the precision of irr; null for the exact methods
         bound: for optimal: no box that may be returned has a greater weighted total width; for risk: none is more
             probable; null if not finite or not known

@@ -260,7 +260,7 @@ def _facts(sizes: Sizes) -> Mapping[str, str]:
 
 def cross_document(crossed: Crossed) -> Document:
     """`robust/pike-cross/1`."""
-    outcome = crossed.outcome or CrossCheck()
+    outcome = CrossCheck() if crossed.outcome is None else crossed.outcome
     return document(
         like(
             PikeCross,

@@ -152,7 +152,8 @@ class PikeEnvelope(JsonObject, tag_field="schema", tag="robust/pike-envelope/1")
     Attributes:
         status: invalid: what is asked for is not even so at the nominal values; timeout and interrupted: the box is
             right if verified, but may not be maximal
-        verified: what is promised holds for all values in the box; if false, parameters are merely the nominal values
+        verified: what is promised holds for all values in the box; if false, there are none in it: both ends are the
+            nominal values, and open
         for_all: the choices of which every combination of values leads to a correct execution
         waiting: whether what they will be need not be known before they are made
         broken: if invalid: which combination is

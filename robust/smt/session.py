@@ -8,7 +8,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from enum import Enum
 from fractions import Fraction
 from importlib import import_module
 from typing import Any
@@ -17,6 +16,7 @@ from pysmt.exceptions import SolverAPINotFound, SolverReturnedUnknownResultError
 from pysmt.logics import QF_LRA
 
 from robust.errors import SolverError, did_you_mean
+from robust.presented import VerdictEnum
 from robust.smt.export import Exporter
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError, from_copy, raise_if_interrupted
 from robust.smt.terms import Formula, Terms
@@ -54,7 +54,7 @@ Value = Fraction | bool
 log = logging.getLogger(__name__)
 
 
-class Verdict(Enum):
+class Verdict(VerdictEnum):
     """What a solver says of a query; UNKNOWN covers time-outs and crashes."""
 
     SATISFIABLE = "sat"

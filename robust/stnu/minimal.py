@@ -24,7 +24,7 @@ from robust.execute.stnu import DynamicAnswer, Wait, dynamic
 from robust.numbers import Number
 from robust.plan.model import ZERO, TimePoint
 from robust.plan.polynomial import Polynomial
-from robust.presented import Presented
+from robust.presented import NoTruthValue, Presented
 from robust.qe.box import Interval
 from robust.stnu.files import Source, deadline, network_of
 from robust.stnu.network import Network, instant
@@ -56,7 +56,7 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
-class Execution:
+class Execution(NoTruthValue, ask="violated"):
     """What happened when nature drew these lengths of contingent links, by their ends; `violated` are requirements."""
 
     seed: int
@@ -66,7 +66,7 @@ class Execution:
 
 
 @dataclass(frozen=True)
-class DispatchResult(Presented):
+class DispatchResult(Presented, ask="checked"):
     """A minimal dispatchable network: contingent links as they were, requirements, waits; None of it without control.
 
     `derived` is how many ordinary edges follow from the network in all.

@@ -66,7 +66,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Repair(Presented):
+class Repair(Presented, ask="status"):
     """What a search found: `network` is the repaired one, None if there is none; no repair costs less than `bound`.
 
     `conflicts` and `candidates` are how many were met and examined; `name` is that of the network.

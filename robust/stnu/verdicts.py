@@ -11,18 +11,17 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from fractions import Fraction
 
 from robust.execute.stnu import dynamic, explain
 from robust.numbers import Number
-from robust.presented import Presented
+from robust.presented import Presented, VerdictEnum
 from robust.smt.limits import OutOfTimeError
 from robust.stnu.files import Source, deadline, network_of
 from robust.stnu.network import Edge, Network, edges_of
 
 
-class Verdict(Enum):
+class Verdict(VerdictEnum):
     """Whether a dispatcher that sees contingent links end can satisfy all requirements."""
 
     CONTROLLABLE = "controllable"
@@ -31,7 +30,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True)
-class CheckResult(Presented):
+class CheckResult(Presented, ask="verdict"):
     """The verdict about a network; `cycle` is the witness of an uncontrollable one, `reason` the same in words, or why
     there is no verdict.
     """

@@ -19,7 +19,7 @@ from typing import Any
 
 from robust.errors import UNDECIDED, UNSUPPORTED, InputError, RobustError
 from robust.plan.pddl.forms import read_plan_text, read_text
-from robust.presented import Presented
+from robust.presented import NoTruthValue, Presented
 from robust.processes import Ended, Processes
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline
@@ -58,7 +58,7 @@ class PlanTexts:
 
 
 @dataclass(frozen=True, slots=True)
-class PlanRun:
+class PlanRun(NoTruthValue, ask="status"):
     """What a process answered about a plan, and what it cost.
 
     Attributes:
@@ -93,7 +93,7 @@ class PlanRun:
 
 
 @dataclass(frozen=True)
-class BatchRow:
+class BatchRow(NoTruthValue, ask="exit_code"):
     """A plan, and what was answered, by the names of what was asked; what is not done is not there."""
 
     instance: Instance
@@ -136,7 +136,7 @@ class Solved:
 
 
 @dataclass(frozen=True)
-class Batch(Presented):
+class Batch(Presented, ask="exit_code"):
     """What came of a batch, as far as it got.
 
     Attributes:
@@ -400,7 +400,7 @@ def _check(answer: Json, code: int, cost: Json) -> PlanRun:
 
 
 def _envelope(answer: Json, code: int, cost: Json) -> PlanRun:
-    box = {name: ends_of(Interval.from_dict(ends)) for name, ends in answer["parameters"].items()}
+    box = {name: ends_of(Interval.from_dict(ends)) for name, ends in answer["parameters"].items() if answer["verified"]}
     return PlanRun(
         answer["status"],
         code,

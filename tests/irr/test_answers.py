@@ -11,17 +11,23 @@ from itertools import product
 
 import pytest
 
+from robust import pike
 from robust.api import check, compare, envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError, Location
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample
 from robust.irr.containment import Containment, Refutation
-from robust.irr.search import Status
+from robust.irr.search import EnvelopeResult, Status
+from robust.options.declare import settings
+from robust.options.shared import METHODS
+from robust.pike_bridge.envelopes.search import TeamEnvelope
 from robust.plan.model import ZERO, ParametrizedPlan, TemporalConstraint
 from robust.plan.simulate import simulate
 from robust.qe.box import Box, Interval, Side
+from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Statistics, Verdict
+from tests.cli.running import EXAMPLES
 from tests.irr.building import ask_solvers, fail_at_query, lasts, loose, parameter, shipped, timed, weighted
 from tests.plan.building import DURATION, END, START, F, G, above, action, at_most, number, plan_of, reference, value
 
@@ -199,13 +205,67 @@ def test_the_nominal_point_is_known_before_anything_wider(monkeypatch, options) 
 
 @pytest.mark.parametrize("method", ["irr", "widen"])
 def test_an_invalid_plan_says_what_breaks(method) -> None:
-    broken = envelope(timed(parameter("k", 2), pieces=lasts(3, 11)), method=method)
-    assert (broken.status, broken.verified, broken.box, broken.trace) == (Status.INVALID, False, box(2, 2), ())
+    k = parameter("k", 2)
+    broken = envelope(timed(k, pieces=lasts(3, 11)), method=method)
+    assert (broken.status, broken.verified, broken.box, broken.trace) == (Status.INVALID, False, Box.nothing([k]), ())
     assert (broken.reason, broken.values) == (NAMES[1], {"k": Fraction(2)})
     nowhere = envelope(loose(-2), method=method)
     said = (" with k = -2", " contradict each other") if method == "irr" else (None, None)
     assert CONTRADICTION.fullmatch(nowhere.reason).groups() == said
     assert (nowhere.status, nowhere.values) == (Status.INVALID, {"k": Fraction(-2)})
+
+
+def holds_nothing(found: EnvelopeResult | TeamEnvelope, nominal: dict[str, Fraction]) -> None:
+    """No value is in the box, or in one of its intervals, and no question takes it for a box."""
+    assert not found.verified
+    assert nominal not in found.box
+    assert all(value not in found.box[name] for name, value in nominal.items())
+    assert list(found.box.intervals) == list(nominal)
+    assert Polyhedron.of_box(tuple(nominal), found.box).is_empty or not nominal
+    for given in (found, found.box) if nominal else (found,):
+        with pytest.raises(InputError, match=r"found an envelope without a verified box|is empty"):
+            settings(given, None)
+    ends = found.as_dict()["parameters"].values()
+    assert not any(each["lower_closed"] or each["upper_closed"] for each in ends)
+
+
+INSIDE, OUTSIDE, NOWHERE = (timed(parameter("k", at), pieces=pieces) for at, pieces in
+                            ((6, lasts(3, 11)), (2, lasts(3, 11)), (2, lasts(11, 3))))  # fmt: skip
+WITHOUT = timed(length=number(2), pieces=lasts(3, 11))
+
+
+@pytest.mark.parametrize("method", [*METHODS, "risk"])
+def test_a_search_that_proved_nothing_has_a_box_without_values(monkeypatch, method) -> None:
+    given = {"method": method, "distribution": ["k=normal:2:1"]} if method == "risk" else {"method": method}
+    around = {"contain_nominal": True} if method == "optimal" else {}
+    nowhere = envelope(NOWHERE, **given)
+    assert nowhere.status is Status.INVALID
+    holds_nothing(nowhere, {"k": Fraction(2)})
+    if method != "risk":
+        refuted = envelope(OUTSIDE, **given, **around)
+        assert refuted.status is Status.INVALID
+        holds_nothing(refuted, {"k": Fraction(2)})
+        broken = envelope(WITHOUT, **given)
+        assert (broken.status, {} in broken.box) == (Status.INVALID, False)
+    late = envelope(INSIDE, **given, timeout=0)
+    assert late.status is Status.TIMEOUT
+    holds_nothing(late, {"k": Fraction(6)})
+    fail_at_query(monkeypatch, 1, KeyboardInterrupt)
+    ended = envelope(INSIDE, **given)
+    assert ended.status is Status.INTERRUPTED
+    holds_nothing(ended, {"k": Fraction(6)})
+
+
+def test_a_box_of_people_s_choices_that_was_not_proved_has_no_values(monkeypatch) -> None:
+    plan = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
+    coffee = "coffee=duration:make-coffee,default=5.5"
+    for more in ({"assume": {"xA1": "mug"}}, {"for_all": ["xA1", "xA2"]}, {"for_all": ["xA1"], "patience": True}):
+        found = pike.envelope(plan, coffee, **more)
+        assert found.status is Status.INVALID, more
+        holds_nothing(found, {"coffee": Fraction("5.5")})
+    holds_nothing(pike.envelope(plan, "coffee=duration:make-coffee", timeout=0), {"coffee": Fraction(3)})
+    fail_at_query(monkeypatch, 1, KeyboardInterrupt)
+    holds_nothing(pike.envelope(plan, "coffee=duration:make-coffee"), {"coffee": Fraction(3)})
 
 
 @pytest.mark.parametrize("method", ["irr", "widen", "optimal"])

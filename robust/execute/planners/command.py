@@ -101,10 +101,10 @@ def judged(name: str, ended: Ended, found: tuple[TimedPlan | None, str], verdict
     if plan is not None:
         return PlannerAnswer(name, PlannerStatus.SOLVED, plan)
     status = PlannerStatus.TIMEOUT if ended.timed_out else verdict(ended)
-    if status is None and (wrong or not ended.exit_code):
+    if status is None:
         nothing = not wrong and says_no_plan(ended.stdout + ended.stderr)
-        status = PlannerStatus.NO_PLAN if nothing else PlannerStatus.NONSENSE
-    status = status or PlannerStatus.CRASHED
+        told = PlannerStatus.NO_PLAN if nothing else PlannerStatus.NONSENSE
+        status = told if wrong or not ended.exit_code else PlannerStatus.CRASHED
     return PlannerAnswer(name, status, None, message=_message(status, ended, wrong))
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
-from enum import Enum
 from fractions import Fraction
 from typing import Protocol
 
@@ -20,10 +19,11 @@ from robust.plan.load import assemble
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan, plans_in
+from robust.presented import NoTruthValue, VerdictEnum
 from robust.smt.limits import Deadline
 
 
-class PlannerStatus(Enum):
+class PlannerStatus(VerdictEnum):
     """How a call of a planner ended."""
 
     SOLVED = "solved"
@@ -39,7 +39,7 @@ class PlannerStatus(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class PlannerAnswer:
+class PlannerAnswer(NoTruthValue, ask="status"):
     """What a planner said; `plan` is given exactly when it is `SOLVED`.
 
     `message` is one line: why there is no plan. `seconds` is wall time from the call to the answer, the check of the

@@ -61,7 +61,7 @@ def checked_choices(plan: ParametricPlan, names: Sequence[str], what: str) -> tu
 
 
 @dataclass
-class LabeledRegion(Presented):
+class LabeledRegion(Presented, ask="combinations"):
     """For which parameter values which choices lead to a correct execution; `status` says whether this is all."""
 
     plan: ParametricPlan
@@ -206,12 +206,13 @@ class TeamStop:
 
 
 @dataclass
-class TeamEnvelope(Presented):
+class TeamEnvelope(Presented, ask="verified"):
     """A box of parameter values, and what it promises.
 
     Of the choices in `for_all`, every combination leads to a correct execution for all values in the box, if what
     people will choose is known beforehand; with `waiting`, also if it becomes known only when they choose. INVALID:
-    that is not even so at the nominal values, and `reason` says with which choices (`broken`) not.
+    that is not even so at the nominal values, with the choices in `broken`. The box is empty, and not `verified`, if
+    what is promised is not known of any values.
     """
 
     plan: ParametricPlan
@@ -219,7 +220,6 @@ class TeamEnvelope(Presented):
     for_all: tuple[str, ...]
     waiting: bool
     box: Box
-    verified: bool = False
     status: Status = Status.COMPLETE
     combinations: tuple[Combination, ...] = ()
     stops: dict[Face, TeamStop] = field(default_factory=dict)
@@ -236,6 +236,11 @@ class TeamEnvelope(Presented):
     def cut_short(self) -> bool:
         """Whether something ended the search before it was done."""
         return self.status not in {Status.COMPLETE, Status.INVALID}
+
+    @property
+    def verified(self) -> bool:
+        """Whether what is promised holds for all values in the box; if not, there are none in it."""
+        return not self.box.is_empty
 
     @property
     def region(self) -> Region:
@@ -339,7 +344,7 @@ class TeamEnvelopeSearch:
         for one in assume:
             if one.variable in names:
                 raise InputError(f"--for-all: found {one.variable!r}, which is assumed to be {one.value}; expected one")
-        self._found = TeamEnvelope(plan, assume, names, waiting, Box.nominal(plan.declared))
+        self._found = TeamEnvelope(plan, assume, names, waiting, Box.nothing(plan.declared))
         self._solver = solver
         self._deadline = deadline
         self._say = on_stage or (lambda _stage: None)
@@ -347,7 +352,7 @@ class TeamEnvelopeSearch:
         self._bad = UnionBadSet(plan.declared, ())
 
     def run(self) -> TeamEnvelope:
-        """The box; out of time or after Ctrl-C, the best by then, which is right if it is `verified`.
+        """The box; out of time or after Ctrl-C, the best by then; what is promised holds for all values in it.
 
         Raises:
             SolverError: if the solver is unknown, not installed, or fails.
@@ -415,7 +420,7 @@ class TeamEnvelopeSearch:
                 if each.pieces:
                     found.needed = _fewest_broken(each.polyhedra, nominal)
                 return False
-        found.verified = True
+        found.box = Box.nominal(found.plan.declared)
         return True
 
     # -- boxes ---------------------------------------------------------------------------------------------------------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from fractions import Fraction
 from functools import cached_property
 from itertools import takewhile
@@ -18,6 +17,7 @@ from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import OF_PLAN, About, Fact, Situation, durations, listed
 from robust.pike_bridge.online.progress import Chosen, Decision, Dispatched, Excluded, Executed, Failed
 from robust.pike_bridge.semantics import Execution, holds
+from robust.presented import NoTruthValue, VerdictEnum
 from robust.smt.limits import NEVER, Deadline
 
 _FEW = 6
@@ -204,7 +204,7 @@ class WhyExcluded(Reason):
         return "\n".join(self.lines)
 
 
-class Obstacle(Enum):
+class Obstacle(VerdictEnum):
     """Why something is not done, or cannot be."""
 
     NONE = "possible"
@@ -218,7 +218,7 @@ class Obstacle(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class WhyNot(Reason):
+class WhyNot(Reason, NoTruthValue, ask="obstacle"):
     """Why an event is not executed now, a choice has not a value, or no correct execution is left.
 
     Attributes:

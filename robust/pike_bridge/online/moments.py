@@ -27,7 +27,7 @@ class Moment(NamedTuple):
 
 
 @dataclass
-class Moments(Presented):
+class Moments(Presented, ask="feasible"):
     """What was asked for, as far as it is known; `status` says what ended it."""
 
     feasible: bool | None = None

@@ -39,7 +39,7 @@ from robust.pike_bridge.online.reasoner import Reasoner
 from robust.pike_bridge.online.reasoners import make_reasoner, without_states
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.semantics import Execution, faults, holds
-from robust.presented import Presented
+from robust.presented import Presented, VerdictEnum
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 
@@ -240,7 +240,7 @@ class SimulatedTeam:
         heappush(self._agenda, (ceil(time / grid) * grid, self._number, planned))
 
 
-class Ending(Enum):
+class Ending(VerdictEnum):
     """How an execution ended; WAITING: nothing more will happen, but something was still awaited."""
 
     SUCCEEDED = "succeeded"
@@ -266,7 +266,7 @@ class ExecutionStep:
 
 
 @dataclass(frozen=True)
-class ExecutionRecord(Presented):
+class ExecutionRecord(Presented, ask="ending"):
     """An execution. `conflict` are the facts that contradict each other, of one that failed.
 
     `faults` are why one that Drake took for a success is none. `plan`, `seed`, `backend` and `reasoner` are what was

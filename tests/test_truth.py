@@ -1,0 +1,85 @@
+"""No answer has a truth value: `assert robust.validate(...)` would pass whatever comes of it."""
+
+import inspect
+import pkgutil
+from enum import Enum
+from functools import cache
+from importlib import import_module
+
+import pytest
+
+import robust
+from robust import pike, stnu
+from robust.presented import NoTruthValue, Presented, VerdictEnum
+from tests.cli.running import example
+
+PUBLIC = {
+    value
+    for package in (robust, pike, stnu)
+    for name in package.__all__
+    if isinstance(value := getattr(package, name), type)
+}
+TELLING = {
+    "agree",
+    "answer",
+    "ending",
+    "exit_code",
+    "is_controllable",
+    "obstacle",
+    "outcome",
+    "status",
+    "valid",
+    "verdict",
+}
+"""What attributes are called that say what came of a question."""
+KINDS = {
+    *("About", "Assignment", "Below", "Case", "Cause", "Comparator", "Guarantee", "Human", "Kind", "Means", "Mode"),
+    *("NodeKind", "Operator", "Pace", "Phase", "Relation", "Role", "Sense", "Side", "Stage", "Subject", "Target"),
+    *("Temporal", "TimePointKind", "Timing", "Update", "Way"),
+}
+"""Enumerations that answer no question."""
+
+
+@cache
+def classes() -> tuple[type, ...]:
+    """All that the package declares, but for the checker, which imports nothing of it."""
+    names = [one.name for one in pkgutil.walk_packages(robust.__path__, "robust.")]
+    modules = [
+        import_module(one) for one in names if "__main__" not in one and not one.startswith("robust.certify.checker")
+    ]
+    found = {each for one in modules for _, each in inspect.getmembers(one, inspect.isclass)}
+    return tuple(sorted((one for one in found if one.__module__.startswith("robust.")), key=str))
+
+
+@pytest.mark.parametrize(
+    "result", [one for one in classes() if issubclass(one, NoTruthValue)], ids=lambda one: one.__qualname__
+)
+def test_results_have_no_truth_value_and_name_what_has(result):
+    if result in {NoTruthValue, Presented}:
+        return
+    assert hasattr(result, result._ask) or result._ask in result.__annotations__
+    with pytest.raises(TypeError, match=rf"^{result.__name__} has no truth value: ask \.{result._ask}, or "):
+        bool(object.__new__(result))
+
+
+@pytest.mark.parametrize("kind", [one for one in classes() if issubclass(one, Enum)], ids=lambda one: one.__qualname__)
+def test_answers_have_no_truth_value(kind):
+    assert issubclass(kind, VerdictEnum) is (kind.__name__ not in KINDS)
+    if issubclass(kind, VerdictEnum):
+        for member in kind:
+            with pytest.raises(TypeError, match=rf"^{member} has no truth value: ask whether it `is {kind.__name__}\."):
+                bool(member)
+
+
+def test_whatever_says_what_came_of_a_question_is_a_result():
+    telling = {one for one in PUBLIC if TELLING & {*vars(one), *vars(one).get("__annotations__", ())}}
+    assert {one for one in telling if not issubclass(one, NoTruthValue | Exception)} == set()
+    assert len(telling) > 15
+
+
+def test_what_is_no_answer_has_a_truth_value():
+    checked = robust.check(example())
+    assert checked.box
+    assert list(filter(None, checked.obligations)) == list(checked.obligations)
+    with pytest.raises(TypeError, match=r"^CheckResult has no truth value: ask \.answer, or whether it `is None`$"):
+        assert checked
