@@ -247,7 +247,7 @@ def region(options: RegionCommand, run: Run) -> int:
     result = whole
     if run.guard.cause is None:  # else there is no time left for a shorter form
         simpler = run.also("simplifying", lambda: regions.formed(whole, options.form))
-        result = simpler or whole
+        result = whole if simpler is None else simpler
     show(result)
     if options.plot is not None:
         run.write(partial(result.plot, options.plot, axes=options.axes or ()))

@@ -34,13 +34,13 @@ from robust.errors import RobustError
 from robust.execute import controllable_boxes as boxes
 from robust.execute.growth import Controllable, Obstruction, grow
 from robust.execute.stnu import Wait, dynamic, explain, waits
-from robust.irr.exact import OptimalBox, envelope_stop
+from robust.irr.exact import OptimalBox
+from robust.irr.search import stops_at
 from robust.irr.stops import JUST, Stop, declared_stop
 from robust.irr.widen import DiscoveredBadSet, Obstacle
 from robust.plan.model import ParametrizedPlan
 from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box, Face, Side
-from robust.qe.polyhedron import Polyhedron
 from robust.qe.slabs import Growing
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Statistics
@@ -342,8 +342,7 @@ class _Maximality:
             beyond = self.box.moved(face, end + face[1].sign * JUST)
             why = Controllability(self.plan, beyond, deadline=self.deadline).finding(self.kind).reason
             return Stop(f"not {ADVERBS[self.kind]} controllable beyond: {why}")
-        pieces = [one for one in self.met if isinstance(one, Polyhedron)]
-        return envelope_stop(self.bad, pieces, self.box, (face, end), self.deadline)
+        return dict(stops_at(self.bad, self.box, {face: JUST}, self.deadline))[face]
 
 
 ADVERBS = {Kind.WEAK: "weakly", Kind.DYNAMIC: "dynamically", Kind.STRONG: "strongly"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -13,7 +13,7 @@ from robust.encode.interface import Encoding, Facet, Obligation
 from robust.encode.variables import variable
 from robust.errors import InputError, Location
 from robust.plan.model import ParameterReference
-from robust.qe.box import Box, Interval
+from robust.qe.box import Box, Face, Interval
 from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import Junction, Reader, conjunction
 from robust.qe.polyhedron import Polyhedron
@@ -23,6 +23,9 @@ from robust.smt.session import Session, Statistics, Verdict
 from robust.smt.terms import Formula
 
 Found = TypeVar("Found")
+
+Margins = Mapping[Face, Fraction]
+"""How far beyond its faces is looked for what ends a box."""
 
 EFFORTS = 300_000, 3_000_000, 30_000_000, 0
 """Steps of a solver for each question before another gets more: about 10 ms, 0.1 s, 1 s, and without a limit."""
@@ -81,6 +84,7 @@ class Questions(ABC, Generic[Found]):
             for obligation in encoding.obligations
             if obligation.violation is not encoding.terms.false
         ]
+        self._in_order = tuple(self._questions)
 
     def open_session(self) -> Session:
         """A new session over the encoding's terms that counts and exports like the others."""
@@ -124,6 +128,89 @@ class Questions(ABC, Generic[Found]):
                     return found
             questions = hard
         return None
+
+    # -- what ends the sides of a box ----------------------------------------------------------------------------------
+
+    def ended_by_network(self, box: Box, reach: Margins, deadline: Deadline) -> dict[Face, dict[str, Fraction]]:
+        """The faces just beyond which some parameter values leave no schedule, with such values.
+
+        They are found by questions with one answer each, so that they are the same whatever was asked before.
+        """
+        if not self._no_schedule(_moved(box, reach), deadline):
+            return {}
+        found = {}
+        for face, margin in reach.items():
+            step = margin
+            while (facet := self._no_schedule(beyond := _moved(box, {face: step}), deadline)) is not None:
+                near = self._distance(facet, face, step, box)
+                if not near:
+                    values = self._unschedulable(beyond, deadline)
+                    facet = self.encoding.validity.contradiction(values)
+                    near = None if facet is None else self._distance(facet, face, step, box)
+                if not near:
+                    found[face] = values
+                    break
+                step = near / 2
+        return found
+
+    def _no_schedule(self, box: Box, deadline: Deadline) -> Facet | None:
+        """A facet of the network alone that some point of the box breaks."""
+        deadline.enforce()
+        found = self.encoding.validity.broken_facet(box.grid, self.open_session, deadline, of_network=True)
+        if isinstance(found, Verdict):
+            raise OutOfTimeError(self.statistics.failure)
+        return found
+
+    def _unschedulable(self, box: Box, deadline: Deadline) -> dict[str, Fraction]:
+        """A point without a schedule of a box that has some: one value after the other, in the middle or at an end."""
+        for name, interval in box.intervals.items():
+            ends = [end for end in (interval.lower, interval.upper) if end is not None]
+            for value in (interval.some_value(), *ends):
+                fixed = box.replace(name, Interval(value, value))
+                if self._no_schedule(fixed, deadline) is not None:
+                    box = fixed
+                    break
+        return {name: interval.some_value() for name, interval in box.intervals.items()}
+
+    def ended_by(self, box: Box, reach: Margins, deadline: Deadline) -> dict[Face, tuple[str, ...]]:
+        """For each face, the obligations that break just beyond it, in the plan's order.
+
+        Most break nowhere around the box, so that one question about all faces is enough for them.
+        """
+        found: dict[Face, list[str]] = {face: [] for face in reach}
+        for question in self._in_order:
+            left = [face for face in reach if not question.opened or face[0] in question.parameters]
+            for face in self._ended(question, box, {face: reach[face] for face in left}, deadline):
+                found[face].append(question.obligation.name)
+        return {face: tuple(names) for face, names in found.items()}
+
+    def _ended(self, question: Question, box: Box, reach: Margins, deadline: Deadline) -> set[Face]:
+        """The faces just beyond which an obligation breaks."""
+        ended = set(self._known_ends(question, box, reach))
+        groups = [{face: step for face, step in reach.items() if face not in ended}]
+        while groups:
+            group = groups.pop()
+            met = self._ask(question, _moved(box, group), deadline, EFFORTS[-1], []) if group else None
+            if met is None:
+                continue
+            distances = {face: self._distance(met, face, step, box) for face, step in group.items()}
+            touched = {face for face, distance in distances.items() if distance == 0}
+            ended |= touched
+            rest = [face for face in group if face not in touched]
+            if touched or len(rest) > 1:
+                parts = [rest] if touched else [rest[: len(rest) // 2], rest[len(rest) // 2 :]]
+                groups += [{face: group[face] for face in part} for part in parts]
+            else:
+                groups += [{face: (distances[face] or group[face]) / 2} for face in rest]
+        return ended
+
+    def _known_ends(self, question: Question, box: Box, reach: Margins) -> Iterable[Face]:
+        """Faces just beyond which an obligation is known to break."""
+        return ()
+
+    @abstractmethod
+    def _distance(self, found: Found | Facet, face: Face, step: Fraction, box: Box) -> Fraction | None:
+        """How far a face has to move alone to meet what was found; 0 if it is as near as counts, None if never."""
 
     def _ask(self, question: Question, box: Box, deadline: Deadline, effort: int, hard: list[Question]) -> Found | None:
         """What is found; a question that needs more than the effort is added to the hard ones."""
@@ -205,11 +292,6 @@ class Refutation:
     values: Mapping[str, Fraction]
     facet: Facet | None = None
 
-    @property
-    def is_of_network(self) -> bool:
-        """Whether there is no schedule, rather than one that breaks an obligation."""
-        return self.facet is not None and self.facet.obligation is None
-
 
 class Containment(Questions[Callable[[], Refutation]]):
     """Decides boxes; where a solver has found a point, a box that contains it is not asked about again."""
@@ -241,6 +323,18 @@ class Containment(Questions[Callable[[], Refutation]]):
         found = self._look_in(box, deadline)
         return None if found is None else found()
 
+    def _known_ends(self, question: Question, box: Box, reach: Margins) -> Iterable[Face]:
+        points = [known.values for known in self._refuted if known.reason == question.obligation.name]
+        return (face for face, step in reach.items() if any(map(_moved(box, {face: step}).__contains__, points)))
+
+    def _distance(
+        self, found: Callable[[], Refutation] | Facet, face: Face, step: Fraction, box: Box
+    ) -> Fraction | None:
+        """0 if it is met within the step."""
+        beyond = _moved(box, {face: step})
+        met = found.breaks_in(beyond.grid) if isinstance(found, Facet) else found().values in beyond
+        return Fraction(0) if met else None
+
     def _of_facet(self, facet: Facet, box: Box) -> Callable[[], Refutation]:
         def refutation() -> Refutation:
             values = worst_point(facet, box)
@@ -264,6 +358,15 @@ class Containment(Questions[Callable[[], Refutation]]):
         refutation = Refutation(question.obligation.name, point)
         self._refuted.append(refutation)
         return lambda: refutation
+
+
+def _moved(box: Box, reach: Margins) -> Box:
+    """The box with some of its finite faces farther out."""
+    for face, step in reach.items():
+        end = box[face[0]].end(face[1])
+        if end is not None:
+            box = box.moved(face, end + face[1].sign * step)
+    return box
 
 
 def within(encoding: Encoding, intervals: Mapping[str, Interval]) -> Iterator[Formula]:

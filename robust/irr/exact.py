@@ -9,7 +9,7 @@ better.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -19,8 +19,8 @@ from robust.encode.interface import Encoding
 from robust.encode.variables import Linear, variable
 from robust.irr.containment import require_some_schedule
 from robust.irr.irr import ordered
-from robust.irr.search import Conduct, OutsideError, Search, network_stop
-from robust.irr.stops import APPROACHED, JUST, Stop, touching
+from robust.irr.search import Conduct, OutsideError, Search, stops_at
+from robust.irr.stops import JUST, declared_stop
 from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
@@ -149,32 +149,17 @@ class ExactSearch(Search):
         return [*outside, *difference.pieces]
 
     def _find_stops(self) -> None:
-        for name, side in faces_of(self.encoding.plan.parameters):
-            if (end := self.box[name].end(side)) is not None:
-                face = (name, side)
-                self._stops[face] = envelope_stop(self._bad, self._pieces, self.box, (face, end), self.deadline)
+        reach = {
+            (one.name, side): JUST
+            for one, side in product(self.encoding.plan.parameters, Side)
+            if (end := self.box[one.name].end(side)) is not None and declared_stop(one, side, end) is None
+        }
+        self._stops.update(stops_at(self._bad, self.box, reach, self.deadline))
 
     def _keep(self, box: Box) -> None:
         self.verified = True
         self._accept(box)
         self._record(self._bad.checks, accepted=True)
-
-
-def envelope_stop(
-    bad: DiscoveredBadSet, pieces: Iterable[Polyhedron], box: Box, at: tuple[Face, Fraction], deadline: Deadline
-) -> Stop:
-    """What known pieces break that touch a face, the first of it in the plan's order; else what breaks beyond."""
-    face, end = at
-    beyond = box.moved(face, end + face[1].sign * JUST)
-    order = {one.name: index for index, one in enumerate(bad.encoding.obligations)}
-    known = [one for one in touching(pieces, box, face) if one in bad.reasons]
-    first = min(known, key=lambda one: order.get(bad.reasons[one], -1), default=None)
-    piece = first or bad.piece_beyond(beyond, deadline)
-    if piece is None:
-        return APPROACHED
-    if piece not in bad.existence:
-        return Stop(bad.reasons[piece])
-    return network_stop(bad.encoding, piece.restricted(beyond.constraints()).some_point() or {})
 
 
 @dataclass(frozen=True, slots=True)

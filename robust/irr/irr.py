@@ -18,9 +18,8 @@ from itertools import cycle
 from typing import Unpack
 
 from robust.errors import InputError, did_you_mean
-from robust.irr.containment import Containment, Refutation, require_some_schedule
-from robust.irr.search import Conduct, OutsideError, Search, network_stop
-from robust.irr.stops import Stop
+from robust.irr.containment import Containment, require_some_schedule
+from robust.irr.search import Conduct, OutsideError, Search, stops_at
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Face, Side
 
@@ -80,7 +79,8 @@ class IncrementalRobustification(Search):
         self.beta = self._beta = beta
         self._containment = containment
         self.doubling = self._doubling = doubling
-        self._failures: dict[Face, Refutation] = {}
+        self._failures: dict[Face, Fraction | None] = {}
+        """Where each face was tried last, and could not be."""
         self._parameters = ordered(self.encoding.plan.parameters, order)
 
     @property
@@ -108,10 +108,12 @@ class IncrementalRobustification(Search):
 
     def _find_stops(self) -> None:
         """The last attempt of every side that can end has failed; failures of longer steps say nothing of ends."""
-        self._stops |= {face: Stop(refutation.reason) for face, refutation in self._failures.items()}
-        for face, refutation in self._failures.items():
-            if refutation.is_of_network:
-                self._stops[face] = network_stop(self.encoding, refutation.values)
+        reach = {}
+        for (name, side), tried in self._failures.items():
+            end = self.box[name].end(side)
+            if end is not None and tried is not None:
+                reach[name, side] = abs(tried - end)
+        self._stops.update(stops_at(self._containment, self.box, reach, self.deadline))
 
     def _first_turn(self, parameter: Parameter) -> _Turn:
         """Lines 4 and 5; the default schedule has nothing to try where the nominal value is at a declared bound."""
@@ -133,7 +135,7 @@ class IncrementalRobustification(Search):
             self._accept(candidate)
             self._note_success(turn, side)
         else:
-            self._failures[name, side] = refutation
+            self._failures[name, side] = candidate[name].end(side)
         number = self.checks + 1
         self._record(number, accepted=accepted, face=(name, side), delta=turn.delta)
         log.info("check %d: %s %s %s", number, name, side.value, "grown" if accepted else "blocked")

@@ -5,14 +5,15 @@ from __future__ import annotations
 import logging
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import product
-from typing import TYPE_CHECKING, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from robust.encode.interface import Encoding
-from robust.irr.stops import CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
+from robust.irr.containment import Margins, Questions
+from robust.irr.stops import APPROACHED, CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
 from robust.plan.model import Parameter, ParametrizedPlan
 from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box, Face, Side
@@ -276,7 +277,18 @@ class Search(ABC):
         return time.perf_counter() - self._started
 
 
-def network_stop(encoding: Encoding, values: Mapping[str, Fraction]) -> Stop:
-    """All statements of the network that contradict each other at a point; other facets leave out what is rigid."""
-    facet = encoding.validity.contradiction(values)
-    return Stop(NO_SCHEDULE, () if facet is None else facet.origins)
+def stops_at(questions: Questions[Any], box: Box, reach: Margins, deadline: Deadline) -> Iterator[tuple[Face, Stop]]:
+    """What ends sides of a box within the reach; the same, whatever solvers were asked before.
+
+    Of the network, these are all statements that contradict each other at a point; facets leave out what is rigid.
+
+    Raises:
+        OutOfTimeError: if the deadline passes first.
+    """
+    network = questions.ended_by_network(box, reach, deadline)
+    for face, values in network.items():
+        facet = questions.encoding.validity.contradiction(values)
+        yield face, Stop(NO_SCHEDULE, () if facet is None else facet.origins)
+    rest = {face: step for face, step in reach.items() if face not in network}
+    for face, names in questions.ended_by(box, rest, deadline).items():
+        yield face, Stop(names[0], also=names[1:]) if names else APPROACHED

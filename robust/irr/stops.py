@@ -1,17 +1,16 @@
 """What ends each side of a box, and what to type where an action's own duration leaves no room.
 
-A side ends at an obligation, at statements of the network that leave no schedule beyond, or at a declared bound. IRR
-notes that when an attempt fails; for exact boxes it is read off the bad polyhedra that touch them.
+A side ends at a declared bound; else at statements of the network, if some values just beyond leave no schedule; else
+at all obligations that break just beyond: as near as one likes for exact boxes, and for IRR within its last attempt.
 """
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.irr.widen import least_stretch
 from robust.numbers import format_number
 from robust.plan.model import (
     ActionInstance,
@@ -26,78 +25,55 @@ from robust.plan.model import (
     ParametrizedPlan,
 )
 from robust.plan.polynomial import Polynomial
-from robust.qe.box import Box, Face, Side
-from robust.qe.constraint import LinearConstraint
-from robust.qe.polyhedron import Polyhedron
-from robust.qe.slabs import Growing
+from robust.qe.box import Box, Side
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """What ends a side: an obligation or a bound by its name, or statements of the network, in the order of time."""
+    """What ends a side: obligations or a bound by name, or statements of the network, in the order of time.
+
+    `also` are the obligations after the first, in the plan's order.
+    """
 
     name: str
     statements: tuple[str, ...] = ()
+    also: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.name}: {'; '.join(self.statements)}" if self.statements else self.name
 
     @property
+    def every(self) -> tuple[str, ...]:
+        """All that end the side."""
+        return (str(self), *self.also)
+
+    @property
     def short(self) -> str:
-        """With the first and the last of many statements: mostly when it begins, and by when it is to end."""
+        """With the first of many obligations, and the first and the last of many statements: mostly when it begins, and
+        by when it is to end.
+        """
+        if len(self.also) > MANY:
+            return f"{'; '.join(self.every[:MANY])}; {len(self.every) - MANY} more (--json lists them)"
         if len(self.statements) <= MANY:
-            return str(self)
+            return "; ".join(self.every)
         first, *others, last = self.statements
         return f"{self.name}: {first}; {len(others)} more of the network (--json lists them); {last}"
 
 
 MANY = 5
-"""Statements that are all shown to people."""
+"""Statements or obligations that are all shown to people."""
 NO_SCHEDULE = "no schedule"
 CUT_SHORT = Stop("not reached: the search was cut short")
 NOT_EXAMINED = Stop("not examined: no time was left")
 APPROACHED = Stop("nothing next to it: there is no widest box, and this one is close to those that are wider")
 JUST = Fraction(1, 1000)
-"""How far beyond a side is looked for what ends it, where no polyhedron is known that does."""
+"""How far beyond a side is looked first for what ends it."""
 
 
 def declared_stop(parameter: Parameter, side: Side, end: Fraction) -> Stop | None:
     """The declared bound, if the side ends there."""
     limit, word = (parameter.upper, "ub") if side is Side.UPPER else (parameter.lower, "lb")
     return Stop(f"declared bound: {word} {format_number(end)}") if end == limit else None
-
-
-# -- polyhedra that touch a box ----------------------------------------------------------------------------------------
-
-
-def touching(pieces: Iterable[Polyhedron], box: Box, face: Face) -> Iterator[Polyhedron]:
-    """The polyhedra, of some that a box misses, that it meets as soon as the face moves outwards alone."""
-    end = box[face[0]].end(face[1])
-    if end is None:
-        return
-    growing = Growing(box, {face: (end, Fraction(1))})
-    for piece in pieces:
-        if _may_touch(piece, box, face):
-            if len(piece.constraints) == 1 and not piece.constraints[0].is_equality:
-                yield piece  # what one constraint allows is all there is to it
-                continue
-            least = least_stretch(piece, growing)
-            if least is not None and least.value == 0:
-                yield piece
-
-
-def _may_touch(piece: Polyhedron, box: Box, face: Face) -> bool:
-    """Whether each constraint by itself allows it, and one of them asks for it."""
-    name, side = face
-    halves = [half for constraint in piece.constraints for half in constraint.halves()]
-    towards = any(factor * side.sign < 0 for half in halves for known, factor in half.coefficients if known == name)
-    return towards and all(_is_within_reach(half, box) for half in halves)
-
-
-def _is_within_reach(half: LinearConstraint, box: Box) -> bool:
-    """Whether the closed box has a point that satisfies `form ≤ constant`."""
-    least = box.values_of(half.coefficients, 0).lower
-    return least is None or least <= half.constant
 
 
 # -- durations that plan and domain both fix ---------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from itertools import product
 from typing import Protocol, cast
 
 from robust.encode.interface import Encoding, Facet
-from robust.irr.containment import Question, Questions
+from robust.irr.containment import Margins, Question, Questions
 from robust.plan.model import Parameter, Relation
 from robust.qe.box import Box, Face, Side
 from robust.qe.conjunctions import Conjunction, irredundant, project
@@ -112,6 +112,36 @@ def least_stretch(piece: Obstacle, growing: Growing) -> Least | None:
     return Least(-best.value, best.attained)
 
 
+def touching(pieces: Iterable[Polyhedron], box: Box, face: Face) -> Iterator[Polyhedron]:
+    """The polyhedra, of some that a box misses, that it meets as soon as the face moves outwards alone."""
+    end = box[face[0]].end(face[1])
+    if end is None:
+        return
+    growing = Growing(box, {face: (end, Fraction(1))})
+    for piece in pieces:
+        if _may_touch(piece, box, face):
+            if len(piece.constraints) == 1 and not piece.constraints[0].is_equality:
+                yield piece  # what one constraint allows is all there is to it
+                continue
+            least = least_stretch(piece, growing)
+            if least is not None and least.value == 0:
+                yield piece
+
+
+def _may_touch(piece: Polyhedron, box: Box, face: Face) -> bool:
+    """Whether each constraint by itself allows it, and one of them asks for it."""
+    name, side = face
+    halves = [half for constraint in piece.constraints for half in constraint.halves()]
+    towards = any(factor * side.sign < 0 for half in halves for known, factor in half.coefficients if known == name)
+    return towards and all(_is_within_reach(half, box) for half in halves)
+
+
+def _is_within_reach(half: LinearConstraint, box: Box) -> bool:
+    """Whether the closed box has a point that satisfies `form ≤ constant`."""
+    least = box.values_of(half.coefficients, 0).lower
+    return least is None or least <= half.constant
+
+
 class DiscoveredBadSet(Questions[Polyhedron]):
     """The parameter values outside the envelope, discovered polyhedron by polyhedron as boxes run into them.
 
@@ -140,13 +170,22 @@ class DiscoveredBadSet(Questions[Polyhedron]):
         self.checks += 1
         return self._look_in(box, deadline)
 
-    def piece_beyond(self, box: Box, deadline: Deadline) -> Polyhedron | None:
-        """As :meth:`piece_in`, of a box that no search tries."""
-        return self._look_in(box, deadline)
+    def _known_ends(self, question: Question, box: Box, reach: Margins) -> Iterable[Face]:
+        pieces = [piece for piece, reason in self.reasons.items() if reason == question.obligation.name]
+        return (face for face in reach if next(touching(pieces, box, face), None) is not None)
+
+    def _distance(self, found: Polyhedron | Facet, face: Face, step: Fraction, box: Box) -> Fraction | None:
+        piece = self._outside(found) if isinstance(found, Facet) else found
+        end = box[face[0]].end(face[1])
+        least = None if end is None else least_stretch(piece, Growing(box, {face: (end, Fraction(1))}))
+        return None if least is None else least.value
+
+    def _outside(self, facet: Facet) -> Polyhedron:
+        inside = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
+        return Polyhedron(self._names, tuple(inside.negation()))
 
     def _of_facet(self, facet: Facet, box: Box) -> Polyhedron:
-        inside = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
-        piece = Polyhedron(self._names, tuple(inside.negation()))
+        piece = self._outside(facet)
         if facet.obligation is None:
             self.existence.add(piece)
         self.reasons[piece] = facet.obligation or f"no schedule: {'; '.join(facet.origins)}"

@@ -16,6 +16,7 @@ from robust.backends import ENCODINGS, SOLVERS
 from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of, plain
 from robust.errors import RobustError
 from robust.numbers import exact_end
+from robust.qe.box import Side
 from robust.show.probabilities import Range, range_of
 
 if TYPE_CHECKING:
@@ -24,9 +25,10 @@ if TYPE_CHECKING:
     from robust.irr import check as checks
     from robust.irr.quantities import Change
     from robust.irr.search import EnvelopeResult
+    from robust.irr.stops import Stop
     from robust.plan.model import Parameter
     from robust.plan.simulate import Violation
-    from robust.qe.box import Box, Interval
+    from robust.qe.box import Box, Face, Interval
 
 Document = dict[str, Any]
 Solver = Annotated[str, one_of(*SOLVERS)]
@@ -261,6 +263,9 @@ class Within(JsonObject):
         stopped_below: what ends the box there: the obligation that would break, the statements of the network that
             would leave no schedule, the declared bound, or why that is not known; null if unbounded or not verified
         stopped_above: the same of the upper end
+        all_stopped_below: all obligations that would break there, in the plan's order, of which `stopped_below` is the
+            first; or the one other thing that ends the box
+        all_stopped_above: the same of the upper end
     """
 
     nominal: Rational | None
@@ -272,6 +277,8 @@ class Within(JsonObject):
     percent_above: Rational | None
     stopped_below: str | None
     stopped_above: str | None
+    all_stopped_below: list[str]
+    all_stopped_above: list[str]
 
 
 class Advice(JsonObject):
@@ -314,10 +321,24 @@ class Stopped(Ends):
     Attributes:
         stopped_below: what breaks, or what a dispatcher could no longer do, beyond that end; null if unbounded
         stopped_above: the same of the upper end
+        all_stopped_below: all obligations that break beyond that end, in the plan's order, or the one other reason
+        all_stopped_above: the same of the upper end
     """
 
     stopped_below: str | None
     stopped_above: str | None
+    all_stopped_below: list[str]
+    all_stopped_above: list[str]
+
+
+def _stops_of(stops: Mapping[Face, Stop], name: str) -> dict[str, Any]:
+    """The fields of :class:`Stopped` about what ends both sides of a parameter."""
+    found: dict[str, Any] = {}
+    for key, side in (("stopped_below", Side.LOWER), ("stopped_above", Side.UPPER)):
+        stop = stops.get((name, side))
+        found[key] = None if stop is None else str(stop)
+        found[f"all_{key}"] = [] if stop is None else list(stop.every)
+    return found
 
 
 class Controllability(JsonObject):
@@ -422,14 +443,12 @@ def envelope(
 
 def _within(result: EnvelopeResult, parameter: Parameter) -> Within:
     interval = result.box[parameter.name]
-    stops = {side.value: str(stop) for (name, side), stop in result.stops.items() if name == parameter.name}
     return Within(
         nominal=parameter.nominal if parameter.has_nominal else None,
         **ends_of(interval),
         percent_below=parameter.percent(interval.lower),
         percent_above=parameter.percent(interval.upper),
-        stopped_below=stops.get("lower"),
-        stopped_above=stops.get("upper"),
+        **_stops_of(result.stops, parameter.name),
     )
 
 
@@ -445,12 +464,8 @@ def _controllability(report: ControllabilityReport) -> Controllability:
 
 
 def _stopped(widest: Widest) -> dict[str, Stopped]:
-    stops = {(name, side.value): str(stop) for (name, side), stop in widest.stops.items()}
     return {
-        name: Stopped(
-            **ends_of(one), stopped_below=stops.get((name, "lower")), stopped_above=stops.get((name, "upper"))
-        )
-        for name, one in widest.box.intervals.items()
+        name: Stopped(**ends_of(one), **_stops_of(widest.stops, name)) for name, one in widest.box.intervals.items()
     }
 
 

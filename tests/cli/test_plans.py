@@ -85,6 +85,8 @@ def test_unbounded_ends(tmp_path):
         "nominal": "2", "lower": "0", "upper": "inf", "lower_closed": True, "upper_closed": False,
         "percent_below": "-100", "percent_above": None, "stopped_below": "no schedule: g.start ≥ 0; "
         "c: g.start - .zero in [leave, leave] (line 3)", "stopped_above": None,
+        "all_stopped_below": ["no schedule: g.start ≥ 0; c: g.start - .zero in [leave, leave] (line 3)"],
+        "all_stopped_above": [],
     }  # fmt: skip
     assert answer["convergence"] == []
     row = cells(command("envelope", *files).out)[2]
@@ -123,7 +125,7 @@ def test_open_ends_are_shown(tmp_path):
     assert answer["parameters"]["fuel"] == {
         "nominal": "3", "lower": "1", "upper": "inf", "lower_closed": False, "upper_closed": False,
         "percent_below": "-200/3", "percent_above": None, "stopped_below": "g go: at start (> (fuel) 1)",
-        "stopped_above": None,
+        "stopped_above": None, "all_stopped_below": ["g go: at start (> (fuel) 1)"], "all_stopped_above": [],
     }  # fmt: skip
 
 

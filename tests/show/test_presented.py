@@ -59,8 +59,6 @@ CASES = {
     "envelope generator": Case(
         ("envelope", *GENERATOR),
         lambda: robust.envelope(GENERATOR),
-        frozenset({"stopped_below", "stopped_above"}),  # of several things that end a side, it is one
-        says=False,
     ),
     "envelope delivery": Case(("envelope", *DELIVERY), lambda: robust.envelope(DELIVERY), frozenset({"notes"})),
     "envelope invalid": Case(

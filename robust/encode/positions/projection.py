@@ -37,14 +37,15 @@ class Projection:
                 self._edges.append(inequality.as_difference())
 
     def broken_facet(
-        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline
+        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline, *, of_network: bool = False
     ) -> Facet | Verdict | None:
         """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time.
 
-        `make_session` opens a solver session over the same terms, only if it comes to that.
+        `make_session` opens a solver session over the same terms, only if it comes to that. With `of_network`,
+        obligations are passed over.
         """
         for facet in self.facets:
-            if facet.breaks_in(box):
+            if not (of_network and facet.obligation) and facet.breaks_in(box):
                 return facet
         try:
             broken = _Elimination(self._edges, box, self._terms, make_session, deadline).broken_loop()

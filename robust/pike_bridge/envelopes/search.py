@@ -14,8 +14,8 @@ from fractions import Fraction
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.irr.search import Status
-from robust.irr.stops import JUST, touching
-from robust.irr.widen import Widening, faces_of
+from robust.irr.stops import JUST
+from robust.irr.widen import Widening, faces_of, touching
 from robust.numbers import Number, exact
 from robust.pike_bridge.envelopes.parameters import ParametricPlan
 from robust.pike_bridge.envelopes.pieces import (
