@@ -324,17 +324,21 @@ class _Maximality:
     deadline: Deadline
 
     def stops(self) -> dict[Face, Stop]:
-        """What stops each finite face."""
-        found = {}
+        """What stops each finite face: what a dispatcher could not do beyond, else what breaks in the envelope."""
+        found: dict[Face, Stop] = {}
+        reach: dict[Face, Fraction] = {}
         for parameter, side in product(self.plan.parameters, Side):
-            end = self.box[parameter.name].end(side)
+            face, end = (parameter.name, side), self.box[parameter.name].end(side)
             if end is not None:
-                stop = declared_stop(parameter, side, end)
-                found[parameter.name, side] = stop or self._stop((parameter.name, side), end)
-        return found
+                stop = declared_stop(parameter, side, end) or self._obstructed(face, end)
+                if stop is None:
+                    reach[face] = JUST
+                else:
+                    found[face] = stop
+        return {**found, **dict(stops_at(self.bad, self.box, reach, self.deadline))}
 
-    def _stop(self, face: Face, end: Fraction) -> Stop:
-        """What a dispatcher could not do beyond, else what breaks in the envelope."""
+    def _obstructed(self, face: Face, end: Fraction) -> Stop | None:
+        """What a dispatcher could not do beyond."""
         growing = Growing(self.box, {face: (end, Fraction(1))})
         reasons = (one for one in self.met if isinstance(one, Obstruction) and face[0] in one.mentioned)
         least = (one.least_stretch(growing) for one in reasons)
@@ -342,7 +346,7 @@ class _Maximality:
             beyond = self.box.moved(face, end + face[1].sign * JUST)
             why = Controllability(self.plan, beyond, deadline=self.deadline).finding(self.kind).reason
             return Stop(f"not {ADVERBS[self.kind]} controllable beyond: {why}")
-        return dict(stops_at(self.bad, self.box, {face: JUST}, self.deadline))[face]
+        return None
 
 
 ADVERBS = {Kind.WEAK: "weakly", Kind.DYNAMIC: "dynamically", Kind.STRONG: "strongly"}
