@@ -70,9 +70,20 @@ def _send_nowhere(descriptor: int) -> None:
 
 
 def print_json(answer: Mapping[str, Any]) -> None:
-    """Print one object, as an answer."""
+    """Print one object, as an answer; halves of characters, which names of files may hold, are question marks."""
     with answering():
-        print(json.dumps(answer, indent=2))
+        print(json.dumps(_whole(answer), indent=2))
+
+
+def _whole(value: Any) -> Any:
+    match value:
+        case str():
+            return value.encode("utf-8", "replace").decode("utf-8")
+        case Mapping():
+            return {_whole(key): _whole(each) for key, each in value.items()}
+        case list() | tuple():
+            return [_whole(each) for each in value]
+    return value
 
 
 # -- what is to be said of the input -----------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from rich import box as borders
 from rich.cells import cell_len
 from rich.console import Console
 from rich.padding import Padding
+from rich.segment import Segment
 from rich.style import Style
 from rich.table import Column, Table
 from rich.terminal_theme import DEFAULT_TERMINAL_THEME
@@ -52,6 +53,13 @@ class _Console(Console):
     def on_broken_pipe(self) -> None:
         """Leave it to the caller, who knows the exit code; rich would end the process with its own."""
         raise BrokenPipeError
+
+    def _render_buffer(self, buffer: Iterable[Segment]) -> str:
+        """Whatever names of files hold: no control characters and nothing that cannot be encoded, but line ends."""
+        return super()._render_buffer(
+            part if part.control or part.text.isprintable() else Segment(_visible(part.text), part.style)
+            for part in buffer
+        )
 
     def print(self, *objects: Any, **how: Any) -> None:
         """As by rich; lines that may be longer than the terminal are broken between words if it is narrow."""
@@ -111,8 +119,8 @@ class Page(_Console):
 
     def _span(self, words: str, style: Style | None) -> str:
         look = style.get_html_style(DEFAULT_TERMINAL_THEME) if style else ""
-        printable = "".join(char if char.isprintable() or char == "\n" else " " for char in words)
-        return f'<span style="{escape(look)}">{escape(printable)}</span>' if look else escape(printable)
+        printable = escape(_visible(words))
+        return f'<span style="{escape(look)}">{printable}</span>' if look else printable
 
     def _end_text(self) -> None:
         """Put the lines since the last table together."""
@@ -120,6 +128,10 @@ class Page(_Console):
         self._lines = []
         if found:
             self._blocks.append(f'<pre style="white-space: pre-wrap">{found}</pre>')
+
+
+def _visible(text: str) -> str:
+    return "".join(char if char.isprintable() or char == "\n" else " " for char in text)
 
 
 # -- tables ------------------------------------------------------------------------------------------------------------
