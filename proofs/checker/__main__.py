@@ -1,6 +1,7 @@
 """`python -m checker CERT DOMAIN PROBLEM PLAN` or `CERT NETWORK`: check a certificate, and say what it establishes.
 
-Exit codes: 0 established, 1 rejected, 2 a file cannot be read, 4 the files hold what the checker does not know.
+Exit codes: 0 established, 1 rejected, 2 a file cannot be read, 3 out of time, 4 the files hold what it does not
+know. The answer is one line of ASCII, whatever names the files hold, and a few lines of digests below it.
 """
 
 import argparse
@@ -8,6 +9,7 @@ import gzip
 import hashlib
 import json
 import resource
+import signal
 import sys
 import zlib
 from collections.abc import Iterator
@@ -15,7 +17,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from .choices import check_choices, network_of
+from .choices import check_choices, members, network_of
 from .claims import Box, Claim, Range, check, nominal
 from .proofs import Rejected, Tape, demand
 from .reader import Ground, Unsupported, ground, need, number
@@ -23,7 +25,9 @@ from .reader import Ground, Unsupported, ground, need, number
 FORMAT, OLD = "robust/certificate/2", "robust/certificate/1"
 KINDS = ("plan", "box", "maximal", "region", "knowledge", "execution")
 MALFORMED = (ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError, ValueError)
-LONGEST_LINE, LARGEST, MEMORY = 64 << 20, 512 << 20, 4 << 30  # bytes
+LONGEST, EXPANDED = 1 << 20, 32  # bytes of a certificate that is unpacked: these, and as many for each of its own
+SMALL = 120_000
+"""Bytes of all files; what is above that may take time and memory of its own."""
 
 
 class Inputs:
@@ -40,11 +44,11 @@ class Inputs:
 
 
 def lines_of(path: Path) -> Iterator[str]:
-    total = 0
+    left = LONGEST + EXPANDED * path.stat().st_size
     with gzip.open(path) as file:
-        while line := file.readline(LONGEST_LINE):
-            total += len(line)
-            demand(total <= LARGEST and line.endswith(b"\n"), "a line or the whole is too long, or cut off")
+        while line := file.readline(left):
+            left -= len(line)
+            demand(left > 0 and line.endswith(b"\n"), "the certificate is cut off, or too long for a file of its size")
             yield line.decode("ascii")
 
 
@@ -63,6 +67,7 @@ def checked(certificate: Path, files: list[Path], epsilon: Fraction, inputs: Inp
         network = network_of(inputs.text("network", files[0]))
         domain, problem = (inputs.text(each, files[0].parent / network[each]) for each in ("domain", "problem"))
         claim = check_choices(Tape(lines), (network, domain, problem), kind, stated, epsilon)
+        claim.text += f", of domain {network['domain']!a} and problem {network['problem']!a}"
         require_choices(claim, demanded)
         return claim
     domain, problem, text = (inputs.text(each, path) for each, path in zip(("domain", "problem", "plan"), files))
@@ -95,7 +100,7 @@ def require(plan: Ground, claim: Claim, demanded: Any) -> None:
         demand(enough, f"expected {demanded.kind}, {said}")
     if demanded.box is not None:
         text = demanded.box if demanded.box[:1] == "{" else Path(demanded.box).read_bytes()
-        wanted = box_in(plan, json.loads(text))
+        wanted = box_in(plan, json.loads(text, object_pairs_hook=members))
         if claim.box is None:
             raise Rejected(f"expected a box, {said}")
         inside = (values.within(claim.box[name]) for name, values in wanted.items())
@@ -114,6 +119,7 @@ def box_in(plan: Ground, document: Any) -> Box:
         low, high = (None if each[key] in ("inf", "-inf", "+inf") else number(each[key]) for key in ("lower", "upper"))
         closed = [each.get(f"{key}_closed") is not False for key in ("lower", "upper")]
         found[name] = Range(low, closed[0] and low is not None, high, closed[1] and high is not None)
+        demand(not found[name].empty, "the box that is demanded is empty")
     return {name: found[name] for name in known}
 
 
@@ -123,19 +129,41 @@ def report(arguments: Any, inputs: Inputs) -> tuple[int, dict[str, Any]]:
         need(epsilon >= 0, "epsilon has to be 0 or more")
         claim = checked(Path(arguments.certificate), [*map(Path, arguments.files)], epsilon, inputs, arguments)
     except (Rejected, OSError, EOFError, zlib.error, UnicodeError, Unsupported) as error:
-        code = {Rejected: 1, Unsupported: 4}.get(type(error), 2)
-        return code, {"verdict": {1: "rejected", 2: "unreadable", 4: "unsupported"}[code], "reason": str(error)}
+        known = {Rejected: (1, "rejected"), TimeoutError: (3, "unknown"), Unsupported: (4, "unsupported")}
+        code, verdict = known.get(type(error), (2, "unreadable"))
+        return code, {"verdict": verdict, "reason": plain(str(error))}
     except MALFORMED as error:
         return 1, {"verdict": "rejected", "reason": f"malformed ({type(error).__name__})"}
-    text = f"{claim.text}, epsilon = {claim.epsilon}"
+    text = plain(f"{claim.text}, epsilon = {claim.epsilon}")
     answer: dict[str, Any] = {"verdict": "established", "kind": claim.kind, "claim": text, "epsilon": str(epsilon)}
     box = None if claim.box is None else {name: ends_of(each) for name, each in claim.box.items()}
     return 0, answer | {"box": box, "obligations": claim.obligations, "refuted": claim.refuted}
 
 
+def plain(text: str) -> str:
+    """What a terminal shows as it is: control characters and all that is not ASCII are escaped."""
+    return text.encode("unicode_escape").decode("ascii")
+
+
 def ends_of(each: Range) -> dict[str, Any]:
     texts = ("-inf" if each.lower is None else str(each.lower), "inf" if each.upper is None else str(each.upper))
     return dict(zip(("lower", "upper", "lower_closed", "upper_closed"), (*texts, each.lower_closed, each.upper_closed)))
+
+
+def limit(arguments: Any) -> None:
+    """Processor time and memory, by the sizes of the files: small ones take 4 s and 280 MB at most."""
+    paths = [Path(each) for each in (arguments.certificate, *arguments.files)]
+    more = max(sum(path.stat().st_size for path in paths if path.is_file()) - SMALL, 0)
+    seconds, memory = arguments.seconds or 4 + more // 10_000, min((280 << 20) + 4000 * more, 4 << 30)
+    for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, max(seconds, 1))):
+        hard = resource.getrlimit(kind)[1]
+        resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    signal.signal(signal.SIGXCPU, out_of_time)
+    sys.setrecursionlimit(20_000)
+
+
+def out_of_time(*_: object) -> None:
+    raise TimeoutError("found no answer within the processor time for files of this size: give it more --seconds")
 
 
 def main() -> int:
@@ -147,9 +175,9 @@ def main() -> int:
     parser.add_argument("--assume", action="append", default=[], help="NAME=VALUE: the choices of a plan with choices")
     parser.add_argument("--epsilon", default="1/1000", help="how far apart mutex time points have to be")
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--seconds", type=int, help="of processor time that it may take (by the sizes of the files)")
     arguments = parser.parse_args()
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    sys.setrecursionlimit(20_000)
+    limit(arguments)
     inputs = Inputs()
     code, answer = report(arguments, inputs)
     if arguments.json:

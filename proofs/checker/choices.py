@@ -8,9 +8,9 @@ each effect that makes it false is before that or after the condition. Before is
 """
 
 import json
-from dataclasses import dataclass
+import re
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 from .claims import Claim
 from .formulas import FALSE, TRUE, Formulas, constant, names_in, plus
@@ -18,15 +18,22 @@ from .proofs import Facts, Tape, demand, listed, rational, refute, whole
 from .reader import Ground, Linear, Model, Scope, Tree, conjuncts, need, number
 
 Guard = dict[str, str]
-NONE = type(None)
-SPAN: dict[str, set[type]] = {"from": {str}, "to": {str}, "lower": {str, NONE}, "upper": {str, NONE}, "guard": {dict}}
+
+
+class Numeral(str):
+    """A number of a network, as its text has it."""
+
+
+BOUND: set[type] = {type(None), str, Numeral}
+SPAN: dict[str, set[type]] = {"from": {str}, "to": {str}, "lower": BOUND, "upper": BOUND, "guard": {dict}}
 KEYS: dict[str, dict[str, set[type]]] = {
     "choices": {"name": {str}, "domain": {list}, "controllable": {bool}, "at": {str}},
     "events": {"name": {str}, "guard": {dict}},
     "constraints": SPAN,
-    "activities": {**SPAN, "lower": {str}, "action": {str}, "agent": {str, NONE}},
+    "activities": {**SPAN, "lower": {str, Numeral}, "action": {str}, "agent": {str, type(None)}},
 }
 OPTIONAL = {"guard", "agent"}
+CALL = re.compile(r"\( *[^ ()]+(?: +[^ ()]+)* *\)")
 
 
 def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -34,37 +41,35 @@ def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return dict(pairs)
 
 
+def is_name(text: Any) -> bool:
+    return type(text) is str and re.fullmatch("[^\0-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]+", text) is not None
+
+
 def network_of(text: str) -> dict[str, Any]:
     """The network, each of its lists there, numbers as text."""
-    found = json.loads(text, parse_int=str, parse_float=str, object_pairs_hook=members)
+    found = json.loads(text, parse_int=Numeral, parse_float=Numeral, object_pairs_hook=members)
     need(type(found) is dict and found.get("format") == "tpnu/1", "expected a network of format tpnu/1")
     need(found.keys() <= {"format", "name", "domain", "problem", "parameters", *KEYS}, "found an unknown key")
-    need(type(found.get("domain")) is type(found.get("problem")) is str, "expected the names of domain and problem")
+    need(all(is_name(found.get(key)) for key in ("name", "domain", "problem")), "expected a name and files")
+    need(type(found.setdefault("parameters", [])) is list and "events" in found, "expected lists")
     for kind, types in KEYS.items():
         need(type(found.setdefault(kind, [])) is list, f"expected a list of {kind}")
         for each in found[kind]:
             complete = type(each) is dict and types.keys() - OPTIONAL <= each.keys() <= types.keys()
             need(complete and all(type(each[key]) in types[key] for key in each), f"found {kind} malformed")
+            texts = [value for value in each.values() if type(value) is str] + each.get("domain", [])
+            texts += [text for pair in each.setdefault("guard", {}).items() for text in pair]
+            need(all(map(is_name, texts)), f"found {kind} with something that is no name")
     return dict(found)
 
 
-@dataclass(frozen=True)
-class Condition:
-    """An atom that is to be true, or false, just before `first` and until just before `last`."""
+class Condition(NamedTuple):
+    """An atom that is to be true, or false, just before `first` and until just before `last`; or becomes so there."""
 
     atom: str
     value: bool
     first: str
     last: str
-    guard: Guard
-    activity: int | None
-
-
-@dataclass(frozen=True)
-class Effect:
-    atom: str
-    value: bool
-    event: str
     guard: Guard
     activity: int | None
 
@@ -84,9 +89,12 @@ class Choices:
         ground = Ground(self.model)
         ground.point("start")
         self.domains = {each["name"]: each["domain"] for each in network["choices"]}
-        self.guards: dict[str, Guard] = {each["name"]: each.get("guard", {}) for each in network["events"]}
+        self.guards: dict[str, Guard] = {each["name"]: each["guard"] for each in network["events"]}
         for kind, names in (("choices", self.domains), ("events", self.guards)):
             need(len(names) == len(network[kind]), f"found two {kind} of one name")
+        edges = [*network["constraints"], *network["activities"]]
+        named = {each["at"] for each in network["choices"]} | {each[end] for each in edges for end in ("from", "to")}
+        need(named <= self.guards.keys(), "found an event that is not declared")
         for end in ("e_initial", "e_goal"):
             need(self.guards.setdefault(end, {}) == {}, f"found a guard of {end}")
         self.chosen: Guard = {}
@@ -102,22 +110,20 @@ class Choices:
         self.ends: dict[int | None, str] = {}  # the event of each time point of an activity
         parameters = {*self.model.synth}
         for place, activity in enumerate(network["activities"]):
+            need(CALL.fullmatch(activity["action"]), f"found {activity['action']}, expected an action")
             call = activity["action"].lower().replace("(", " ").replace(")", " ").split()
             parameters |= ground.instance(str(place), True, call)
             self.ends |= {2 * place + 1: activity["from"], 2 * place + 2: activity["to"]}
         need(not ground.flows and not parameters, "found continuous effects or parameters")
         self.formulas = Formulas(ground, epsilon, {f"@{point}": self.time(event) for point, event in self.ends.items()})
         self.circuit = self.formulas.circuit
-        self.values = {
-            (name, value): self.circuit.compare(
-                {"": Fraction(self.chosen[name] == value)} if self.chosen else {f"?{i}.{j}": Fraction(1)}, True
-            )
-            for i, (name, values) in enumerate(self.domains.items())
-            for j, value in enumerate(values)
-        }
-        self.parts: list[int] = []
-        for name, values in self.domains.items():
+        self.parts, self.values = list[int](), dict[tuple[str, str], int]()
+        for i, (name, values) in enumerate(self.domains.items()):
             need(values and len({*values}) == len(values), f"found {name} without values, or with one twice")
+            for j, value in enumerate(values):
+                known = {"": Fraction(self.chosen[name] == value)} if self.chosen else {f"?{i}.{j}": Fraction(1)}
+                self.values[name, value] = self.circuit.compare(known, True)
+        for name, values in self.domains.items():
             each = [self.values[name, value] for value in values]
             self.parts.append(self.circuit.any(each))
             self.parts += [-self.circuit.all([a, b]) for i, a in enumerate(each) for b in each[:i]]
@@ -125,17 +131,40 @@ class Choices:
             for a, b in (("e_initial", event), (event, "e_goal")):
                 if a != b:
                     self.constrain(guard, a, b, epsilon, None)
-        for edge in (*network["constraints"], *network["activities"]):
-            low, high = (None if edge[key] is None else number(edge[key]) for key in ("lower", "upper"))
-            self.constrain(edge.get("guard", {}), edge["from"], edge["to"], low, high)
+        for edge in edges:
+            low, high = bounds(edge)
+            need(low is None or high is None or low <= high, "found bounds without a value between them")
+            self.constrain(edge["guard"], edge["from"], edge["to"], low, high)
+        self.ordered(network, edges)
         self.conditions: list[Condition] = []
-        self.effects: list[Effect] = []
+        self.effects: list[Condition] = []
         for place, activity in enumerate(network["activities"]):
-            self.activity(place, activity.get("guard", {}))
+            self.activity(place, activity)
         self.require(self.model.condition(self.model.goal, Scope({}, {})), None, ("e_goal", "e_goal", {}, None))
         atoms = sorted({each.atom for each in self.conditions})
-        self.effects += [Effect(atom, bool(self.model.initial.get(atom)), "e_initial", {}, None) for atom in atoms]
+        start, first = "e_initial", self.model.initial
+        self.effects += [Condition(atom, bool(first.get(atom)), start, start, {}, None) for atom in atoms]
         self.parts += [self.met(condition) for condition in self.conditions]
+
+    def ordered(self, network: dict[str, Any], edges: list[dict[str, Any]]) -> None:
+        """What depends on a choice depends on what the choice depends on, and comes after it [PIKE, Definition 2.1]."""
+        where = {each["name"]: each["at"] for each in network["choices"]}
+        steps = list[tuple[str, str, Guard]]()
+        for edge in edges:
+            (low, high), ends = bounds(edge), (edge["from"], edge["to"])
+            steps += [(*ends, edge["guard"])] if low is not None and low >= 0 else []
+            steps += [(*ends[::-1], edge["guard"])] if high is not None and high <= 0 else []
+        for each in (*network["events"], *edges):
+            guard, event = each["guard"], each["from"] if "action" in each else each.get("name")
+            for choice, made in ((choice, where[choice]) for choice in guard):
+                inside = self.guards[made].items() <= guard.items() and choice not in self.guards[made]
+                need(inside, f"found {choice} in a guard where it is not made")
+                reached, more = {made}, {made}
+                while more:
+                    more = {b for a, b, label in steps if a in more and agree(guard, label)} - reached
+                    reached |= more
+                after = event in (None, *reached) or made == "e_initial"
+                need(after, f"found {choice} in a guard of {event}, which may come before the choice")
 
     def time(self, event: str) -> Linear:
         need(event in self.times, f"found {event}, expected a declared event")
@@ -162,13 +191,22 @@ class Choices:
 
     # -- activities ----------------------------------------------------------------------------------------------------
 
-    def activity(self, place: int, guard: Guard) -> None:
+    def activity(self, place: int, activity: dict[str, Any]) -> None:
         """Its durations, conditions and effects."""
-        ends = {point: self.ends[point] for point in (2 * place + 1, 2 * place + 2)}
+        ends, guard = {point: self.ends[point] for point in (2 * place + 1, 2 * place + 2)}, activity["guard"]
+        lows, highs = ([bound for bound in (end,) if bound is not None] for end in bounds(activity))
+        need(lows[0] > 0 and len({*ends.values()} - {"e_initial", "e_goal"}) == 2, "found an activity without time")
         for duty in self.formulas.ground.duties:
             if duty.first in ends:
                 where = ends[duty.first], ends[duty.last or duty.first], guard, place
                 self.require(duty.condition, duty.owner, where)
+                if duty.label.endswith(": duration"):
+                    relation, _, limit = duty.condition
+                    need(relation in ("=", ">=", "<="), "found a strict bound of a duration")
+                    value = self.formulas.expression(limit, ("final", None), None).get("", Fraction(0))
+                    lows += [value] * (relation != "<=")
+                    highs += [value] * (relation != ">=")
+        need(not highs or max(lows) <= min(highs), "found bounds of an activity that its action does not allow")
         for point, event in ends.items():
             happens = dict[str, bool]()
             for effect in self.formulas.ground.effects[point]:
@@ -177,7 +215,7 @@ class Choices:
                 need(if_so in (TRUE, FALSE), "found a condition on durations of an effect")
                 if if_so == TRUE:
                     happens[effect.target] = happens.get(effect.target, False) or effect.kind == "add"
-            self.effects += [Effect(atom, value, event, guard, place) for atom, value in happens.items()]
+            self.effects += [Condition(atom, value, event, event, guard, place) for atom, value in happens.items()]
 
     def settled(self, tree: Tree, owner: Any) -> int:
         """A condition that nothing in the plan changes; it is the same at all moments."""
@@ -204,15 +242,24 @@ class Choices:
         supports = []
         threats = [each for each in self.effects if each.atom == condition.atom and each.value != condition.value]
         own = condition.activity, condition.last
-        threats = [each for each in threats if (each.activity, each.event) != own]
+        threats = [each for each in threats if (each.activity, each.first) != own]
         for producer in self.effects:
             if producer.atom == condition.atom and producer.value == condition.value:
-                begins = (producer.activity, producer.event) == (condition.activity, condition.first) != own
-                in_time = TRUE if begins else self.before(producer.event, condition.first)
-                apart = [[self.before(t.event, producer.event), self.before(condition.last, t.event)] for t in threats]
+                begins = (producer.activity, producer.first) == (condition.activity, condition.first) != own
+                in_time = TRUE if begins else self.before(producer.first, condition.first)
+                apart = [[self.before(t.first, producer.first), self.before(condition.last, t.first)] for t in threats]
                 away = [self.unless(t.guard, self.circuit.any(each)) for t, each in zip(threats, apart)]
                 supports.append(self.circuit.all([self.holds(producer.guard), in_time, *away]))
         return self.unless(condition.guard, self.circuit.any(supports))
+
+
+def bounds(edge: dict[str, Any]) -> tuple[Fraction | None, Fraction | None]:
+    low, high = (None if edge[key] is None else number(str(edge[key])) for key in ("lower", "upper"))
+    return low, high
+
+
+def agree(one: Guard, other: Guard) -> bool:
+    return all(other.get(choice, value) == value for choice, value in one.items())
 
 
 def check_choices(
@@ -225,13 +272,13 @@ def check_choices(
         demand(all(part == TRUE for part in choices.parts), "the execution is not correct")
         times = {event: choices.time(event).get("", Fraction(0)) for event in choices.guards}
         happens = {event: time for event, time in times.items() if choices.holds(choices.guards[event]) == TRUE}
-        shown_times = ", ".join(f"{event} at {time}" for event, time in happens.items())
+        shown_times = ", ".join(f"{quoted(event)} at {time}" for event, time in happens.items())
         text = f"correct execution of the plan with choices: {shown(choices.chosen)}; {shown_times}"
     else:
         choices = Choices(*files, epsilon)
         choices.chosen = dict(listed(stated))
         parts = [*choices.parts, choices.holds(choices.chosen)]
-        refute(tape, choices.formulas, Facts(choices.formulas, []), choices.circuit.all(parts))
+        refute(tape, choices.formulas, Facts([]), choices.circuit.all(parts))
         given = f" with {shown(choices.chosen)}" if choices.chosen else ""
         text = f"no choices and times{given} are a correct execution of the plan with choices"
     tape.finish()
@@ -239,5 +286,9 @@ def check_choices(
     return Claim(kind, epsilon, text, choices=choices.chosen, obligations=len(choices.parts), refuted=refuted)
 
 
+def quoted(text: str) -> str:
+    return text if re.fullmatch(r"[A-Za-z0-9_.-]+", text) else ascii(text)
+
+
 def shown(chosen: Guard) -> str:
-    return ", ".join(f"{name} = {value}" for name, value in chosen.items())
+    return ", ".join(f"{quoted(name)} = {quoted(value)}" for name, value in chosen.items())

@@ -37,22 +37,21 @@ class Range:
         if self.upper is not None:
             yield plus({name: Fraction(-1)}, constant(self.upper)), not self.upper_closed
 
+    @property
+    def empty(self) -> bool:
+        ends = [] if self.lower is None or self.upper is None else [self.lower, self.upper]
+        return ends != sorted(ends) or (len({*ends}) == 1 and not (self.lower_closed and self.upper_closed))
+
     def holds(self, value: Fraction, closure: bool = False) -> bool:
         facts = [(form.get("", Fraction(0)) + form["x"] * value, strict) for form, strict in self.facts("x")]
         return all(level > 0 or (level == 0 and (closure or not strict)) for level, strict in facts)
 
     def within(self, other: "Range") -> bool:
         """Whether every value of this range, which is not empty, is one of the other."""
-        ends = (
-            (self.lower, self.lower_closed, other.lower, other.lower_closed, 1),
-            (self.upper, self.upper_closed, other.upper, other.upper_closed, -1),
-        )
-        for end, closed, limit, limit_closed, sign in ends:
-            if limit is not None and (end is None or sign * end < sign * limit):
-                return False
-            if limit is not None and end == limit and closed and not limit_closed:
-                return False
-        return True
+        low, least = (self.lower, not self.lower_closed), (other.lower, not other.lower_closed)
+        high, most = (self.upper, self.upper_closed), (other.upper, other.upper_closed)
+        above = other.lower is None or (self.lower is not None and low >= least)
+        return above and (other.upper is None or (self.upper is not None and high <= most))
 
 
 Box = dict[str, Range]
@@ -97,22 +96,32 @@ def check(tape: Tape, ground: Ground, kind: str, stated: object, epsilon: Fracti
                 check_faces(tape, ground, claim, claim.box, name)
             claim.text += "; no other valid box within the declared bounds contains this one"
     tape.finish()
+    if ground.varied:
+        claim.text += f", where {', '.join(meaning(ground, *each) for each in ground.varied.items())}"
     if ground.model.guessed:
         claim.text += f", reading {', '.join(sorted(ground.model.guessed))}"
     return claim
 
 
+def meaning(ground: Ground, of: tuple[str, str], name: str) -> str:
+    """What a parameter stands for that the plan does not say, and what it stands in place of."""
+    kind, subject = of
+    if kind == "fluent":
+        return f"{name} is {subject} ({ground.model.initial[subject]} in the problem)"
+    return f"{name} is the duration of {subject} ({', '.join(ground.instead[subject])} in the domain)"
+
+
 def declared(ground: Ground, name: str) -> Range:
     parameter = ground.parameters[name]
-    return Range(parameter.lower, parameter.lower is not None, parameter.upper, parameter.upper is not None)
+    found = Range(parameter.lower, parameter.lower is not None, parameter.upper, parameter.upper is not None)
+    need(not found.empty, f"the declared bounds of {name} leave no value")
+    return found
 
 
 def nominal(ground: Ground) -> Box:
-    found: Box = {}
-    for name, parameter in ground.parameters.items():
-        need(parameter.nominal is not None, f"parameter {name} has no nominal value")
-        found[name] = Range(parameter.nominal, True, parameter.nominal, True)
-    return found
+    values = {name: parameter.nominal for name, parameter in ground.parameters.items()}
+    need(None not in values.values(), f"found a parameter without a nominal value in {', '.join(values)}")
+    return {name: Range(value, True, value, True) for name, value in values.items()}
 
 
 def box_of(ground: Ground, stated: object) -> Box:
@@ -123,15 +132,14 @@ def box_of(ground: Ground, stated: object) -> Box:
         ends = (None if low is None else rational(low), None if high is None else rational(high))
         demand(not (low is None and low_closed) and not (high is None and high_closed), "an infinite end is closed")
         found[name] = Range(ends[0], low_closed, ends[1], high_closed)
-        if ends[0] is not None and ends[1] is not None:
-            demand(ends[0] < ends[1] or (ends[0] == ends[1] and low_closed and high_closed), "the box is empty")
+        demand(not found[name].empty, "the box is empty")
     return found
 
 
 def good(tape: Tape, ground: Ground, claim: Claim, region: list[Fact]) -> None:
     """All values of a region have a schedule, and none that breaks an obligation."""
     formulas = Formulas(ground, claim.epsilon)
-    facts = Facts(formulas, region)
+    facts = Facts(region, formulas)
     orders(tape, formulas, facts)
     schedule(tape, formulas, facts)
     obligations, refuted = all_hold(tape, formulas, facts)
@@ -145,13 +153,14 @@ def bad(tape: Tape, ground: Ground, claim: Claim, region: list[Fact], given: dic
     kind, *rest = tape.next("cycle", "broken")
     if kind == "cycle":
         steps, multiples = listed(rest, 2)
+        demand(len(listed(steps)) <= len(ground.points), "the constraints form more than one circle")
         total, start, place = Linear(), None, None
-        for step in listed(steps):
+        for step in steps:
             a, b, length = ground.edges[whole(step, len(ground.edges))]
             demand(place is None or a == place, "the constraints do not form a path")
             total, start, place = plus(total, replaced(length, given)), a if start is None else start, b
         demand(start is not None and start == place, "the constraints do not form a circle")
-        Facts(Formulas(ground, claim.epsilon), region, network=False).imply(total, multiples, strictly=True)
+        Facts(region).imply(total, multiples, strictly=True)
         return
     number, texts, proofs, instant = listed(rest, 4)
     times = [linear(text, names) for text in listed(texts, len(ground.points) - 1)]
@@ -159,7 +168,7 @@ def bad(tape: Tape, ground: Ground, claim: Claim, region: list[Fact], given: dic
     if instant is not None:
         given[f"!{whole(number)}"] = linear(instant, names)
     formulas = Formulas(ground, claim.epsilon, given)
-    facts = Facts(formulas, region, network=False)
+    facts = Facts(region)
     for edge, multiples in zip(ground.edges, listed(proofs, len(ground.edges))):
         facts.imply(formulas.slack(edge), multiples)
     obligations = formulas.obligations()
@@ -206,17 +215,17 @@ def check_region(tape: Tape, ground: Ground, claim: Claim) -> None:
             good.append((plus({}, piece[0][0], -1), not piece[0][1]))
     listed(line, 1)
     formulas = Formulas(ground, claim.epsilon)
-    facts = Facts(formulas, good)
+    facts = Facts(good, formulas)
     outside = [-inside(formulas, piece) for piece in claim.removed if len(piece) != 1]
     orders(tape, formulas, facts)
     claim.obligations, claim.refuted = all_hold(tape, formulas, facts, outside)
     while (line := tape.next("piece", "rest"))[0] == "piece":
         piece = sides(listed(line, 2)[1], names)
-        schedule(tape, formulas, Facts(formulas, [*piece, *good], network=False))
+        schedule(tape, formulas, Facts([*piece, *good]))
         outside.append(-inside(formulas, piece))
     listed(line, 1)
-    refute(tape, formulas, Facts(formulas, good, network=False), formulas.circuit.all(outside))
-    shown = "".join(f"\n  without {text_of(piece)}" for piece in claim.removed)
+    refute(tape, formulas, Facts(good), formulas.circuit.all(outside))
+    shown = "".join(f", without {text_of(piece)}" for piece in claim.removed)
     claim.text = f"the robustness envelope is exactly the declared bounds{shown}"
 
 

@@ -9,24 +9,37 @@ its initial value, and all increases and continuous changes since then. Moments 
 
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
-from functools import cache
+from functools import cache, partial
+from itertools import combinations
 from math import gcd, lcm
 from typing import Any
 
-from .reader import Duty, Effect, Ground, Linear, Tree, need
+from .reader import Duty, Effect, Ground, Linear, Tree, decided, need
 
 Moment = tuple[str, Any]
 Node = tuple[Any, ...]
 TRUE, FALSE = 1, -1
+NUMERIC = {"assign", "increase"}
+LARGEST, TOO_LONG = 1 << 20_000, "found numbers of more than 6,000 digits"
+
+
+def add(total: Linear, right: Linear, factor: Fraction | int = 1) -> None:
+    """Make `total` what `total + factor * right` is."""
+    for name, term in right.items():
+        value = term if factor == 1 else factor * term
+        if name in total:
+            value = total[name] + value
+            need(value.denominator < LARGEST, TOO_LONG)
+        if value:
+            total[name] = value
+        else:
+            total.pop(name, None)
 
 
 def plus(left: Linear, right: Linear, factor: Fraction | int = 1) -> Linear:
     """`left + factor * right`."""
     total = dict(left)
-    for name, value in right.items():
-        total[name] = total.get(name, Fraction(0)) + factor * value
-        if not total[name]:
-            del total[name]
+    add(total, right, factor)
     return total
 
 
@@ -38,7 +51,7 @@ def replaced(expression: Linear, given: Mapping[str, Linear]) -> Linear:
     """The expression with expressions for some of its names."""
     total: Linear = {}
     for name, factor in expression.items():
-        total = plus(total, given[name], factor) if name in given else plus(total, {name: factor})
+        add(total, given.get(name, {name: Fraction(1)}), factor)
     return total
 
 
@@ -223,8 +236,7 @@ class Formulas:
         key = fluent, moment
         if key not in self.levels:
             self.levels[key] = None
-            first = self.ground.model.initial.get(fluent)
-            need(type(first) is Fraction, f"{fluent} has no initial value")
+            begins = self.initially(fluent)
             writes = [(write, self.happened(write, moment)) for write in self.writes.get(fluent, ())]
             assigned = [(write, done) for write, done in writes if write[1].kind == "assign" and done != FALSE]
             cases: list[tuple[int, Linear]] = []
@@ -238,16 +250,16 @@ class Formulas:
             if cases and any(done == TRUE for _, done in assigned):
                 cases[-1] = (TRUE, cases[-1][1])
             else:
-                begins = self.initially(fluent, Fraction(first or 0))
                 cases.append((TRUE, plus(begins, self.change(fluent, None, moment))))
             self.levels[key] = self.choice(cases)
         found = self.levels[key]
         need(found is not None, f"{fluent} depends on itself")
         return found or {}
 
-    def initially(self, fluent: str, value: Fraction) -> Linear:
-        parameter = self.ground.varied.get(("fluent", fluent))
-        return constant(value) if parameter is None else replaced({parameter: Fraction(1)}, self.given or {})
+    def initially(self, fluent: str) -> Linear:
+        value, name = self.ground.model.initial.get(fluent), self.ground.varied.get(("fluent", fluent))
+        need(type(value) is Fraction, f"{fluent} has no initial value")
+        return replaced({name: Fraction(1)}, self.given or {}) if name else constant(Fraction(value or 0))
 
     def change(self, fluent: str, since: int | None, moment: Moment) -> Linear:
         """What increases and continuous effects add, since the beginning or since an assignment."""
@@ -324,22 +336,43 @@ class Formulas:
     # -- obligations ---------------------------------------------------------------------------------------------------
 
     def obligations(self) -> list[tuple[str, Callable[[], int]]]:
-        """Each obligation, with the literal of what breaks it: durations, conditions and the goal, then separations."""
+        """Each obligation, with the literal of what breaks it: durations, conditions, goal, separations, conflicts."""
         found: list[tuple[str, Callable[[], int]]] = []
         for index, duty in enumerate(self.ground.duties):
-            found.append((duty.label, lambda index=index, duty=duty: self.broken(f"!{index}", duty)))  # type: ignore[misc]
+            found.append((duty.label, partial(self.broken, f"!{index}", duty)))
+        names = self.ground.points
         for a, b in mutex(self.ground):
-            label = f"separation: {self.ground.points[a]}, {self.ground.points[b]}"
-            found.append((label, lambda a=a, b=b: self.separation(a, b)))  # type: ignore[misc]
+            found.append((f"separation: {names[a]}, {names[b]}", partial(self.separation, a, b)))
+        for point, effects in enumerate(self.ground.effects):
+            for one, other in combinations([each for each in effects if each.kind in NUMERIC], 2):
+                if one.target == other.target and "assign" in (one.kind, other.kind):
+                    need(not decided(one.when) is decided(other.when) is True, f"found two effects on {one.target}")
+                    found.append((f"effects of {names[point]} agree", partial(self.conflict, point, one, other)))
         return found
 
     def separation(self, a: int, b: int) -> int:
-        """Less than epsilon apart."""
-        if self.known.get((a, b), -1) >= self.epsilon or self.known.get((b, a), -1) >= self.epsilon:
+        """Less than epsilon apart, or at one time."""
+        if any((least := self.known.get(pair, -1)) >= self.epsilon and least > 0 for pair in ((a, b), (b, a))):
             return FALSE
         bound = constant(self.epsilon)
         sides = (plus(bound, self.gap(a, b), sign) for sign in (1, -1))
-        return self.circuit.all([self.circuit.compare(side, True) for side in sides])
+        return self.circuit.all([self.circuit.compare(side, self.epsilon > 0) for side in sides])
+
+    def conflict(self, point: int, *effects: Effect) -> int:
+        """All of them happen."""
+        return self.circuit.all([self.truth(each.when, ("before", point), each.owner) for each in effects])
+
+    def evaluate(self) -> None:
+        """All effects have a meaning, also where nothing reads what they change."""
+        for point, effects in enumerate(self.ground.effects):
+            for effect in effects:
+                self.truth(effect.when, ("before", point), effect.owner)
+                if effect.kind in NUMERIC:
+                    self.initially(effect.target)
+                    self.expression(effect.amount, ("before", point), effect.owner)
+        for start, end, fluent, rate in self.ground.flows:
+            self.initially(fluent)
+            self.expression(rate, ("before", start), (start, end))
 
     def broken(self, instant: str, duty: Duty) -> int:
         if duty.first is None:
@@ -367,21 +400,18 @@ class Formulas:
 
     def roots(self, literal: int) -> list[int]:
         """The literal, and the definitions of all auxiliary values that it depends on."""
-        found, seen, queue = [literal], set[int](), [abs(literal)]
-        names = set[str]()
+        found, seen, names, queue = [literal], set[int](), set[str](), [abs(literal)]
         while queue:
             number = queue.pop()
-            if number in seen:
-                continue
-            seen.add(number)
-            if self.circuit.is_gate(number):
-                queue += map(abs, self.circuit.nodes[number])
-                continue
-            for name, _ in self.circuit.nodes[number][1]:
-                if name in self.definitions and name not in names:
-                    names.add(name)
-                    found += self.definitions[name]
-                    queue += map(abs, self.definitions[name])
+            if number not in seen:
+                seen.add(number)
+                below = [*self.circuit.nodes[number]]
+                if not self.circuit.is_gate(number):
+                    new = {name: None for name, _ in below[1] if name in self.definitions and name not in names}
+                    names.update(new)
+                    below = [each for name in new for each in self.definitions[name]]
+                    found += below
+                queue += map(abs, below)
         return found
 
 
@@ -389,6 +419,8 @@ def multiplied(left: Linear, right: Linear) -> Linear:
     if left.keys() <= {""}:
         left, right = right, left
     need(right.keys() <= {""}, "found a product of two things that are not constant")
+    numbers = [part for value in (*left.values(), *right.values()) for part in value.as_integer_ratio()]
+    need(all(abs(part) < LARGEST for part in numbers), TOO_LONG)
     return {name: value * right[""] for name, value in left.items()} if right else {}
 
 
@@ -408,28 +440,21 @@ HARM = {"add": ("read", "delete"), "delete": ("read",), "assign": ("read", "assi
 @cache
 def mutex(ground: Ground) -> list[tuple[int, int]]:
     """The pairs of time points that must be apart: no moving targets [PDDL 2.1]. What a text mentions, it reads."""
+    changes = [(point, effect) for point, effects in enumerate(ground.effects) for effect in effects]
+    flows = [(point, fluent, rate) for start, end, fluent, rate in ground.flows for point in (start, end)]
+    reads = [(duty.first, duty.condition) for duty in ground.duties if duty.first is not None and duty.last is None]
+    reads += [(point, ("", effect.amount, effect.when)) for point, effect in changes]
+    reads += [(point, rate) for point, _, rate in flows]
+    done = [(name, point, "read") for point, trees in reads for name in names_in(trees)]
+    done += [(effect.target, point, effect.kind) for point, effect in changes]
+    done += [(fluent, point, "increase") for point, fluent, _ in flows]
     does: dict[str, set[tuple[int, str]]] = {}
-
-    def reads(point: int, *trees: Tree) -> None:
-        for tree in trees:
-            for name in names_in(tree):
-                does.setdefault(name, set()).add((point, "read"))
-
-    for duty in ground.duties:
-        if duty.first is not None and duty.last is None:
-            reads(duty.first, duty.condition)
-    for point, effects in enumerate(ground.effects):
-        for effect in effects:
-            does.setdefault(effect.target, set()).add((point, effect.kind))
-            reads(point, effect.amount, effect.when)
-    for start, end, fluent, rate in ground.flows:
-        for point in (start, end):
-            does.setdefault(fluent, set()).add((point, "increase"))
-            reads(point, rate)
+    for name, point, kind in done:
+        does.setdefault(name, set()).add((point, kind))
     pairs = set[tuple[int, int]]()
-    for done in does.values():
-        for a, kind in done:
-            for b, other in done if kind in HARM else ():
+    for every in does.values():
+        for a, kind in every:
+            for b, other in every if kind in HARM else ():
                 if a != b and other in HARM[kind] and not {a, b} <= ground.timed:
                     pairs.add((min(a, b), max(a, b)))
     return sorted(pairs)

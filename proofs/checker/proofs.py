@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from fractions import Fraction
 from typing import Any
 
-from .formulas import FALSE, Formulas, constant, plus, replaced
+from .formulas import FALSE, Formulas, add, constant, plus, replaced
 from .reader import Fact, Linear
 
 RATIONAL = re.compile("-?[1-9][0-9]{0,999}(?:/[1-9][0-9]{0,999})?|0")
@@ -80,20 +80,22 @@ class Tape:
 class Facts:
     """What is known: first of the parameters, then what the network says of the times."""
 
-    def __init__(self, formulas: Formulas, region: list[Fact], network: bool = True) -> None:
+    def __init__(self, region: list[Fact], formulas: Formulas | None = None) -> None:
         self.known = list(region)
         self.of_parameters = len(region)
-        if network:
+        if formulas is not None:
             self.known += [(formulas.slack(edge), False) for edge in formulas.ground.edges]
 
     def add(self, total: Linear, multiples: Any, below: int) -> tuple[Linear, bool]:
-        """The sum and positive multiples of facts, and whether one of these is strict."""
+        """The sum, which is changed, and positive multiples of facts, and whether one of these is strict."""
         strict = False
-        for number, factor in (listed(each, 2) for each in listed(multiples)):
+        demand(len(listed(multiples)) <= below, "expected one multiple of each fact")
+        for number, factor in (listed(each, 2) for each in multiples):
             fact = self.known[whole(number, below)]
-            size = Fraction(factor) if type(factor) is int else rational(factor)
+            size = factor if type(factor) is int else rational(factor)
             demand(size > 0 and (type(factor) is int or size.denominator > 1), "expected a multiple above zero")
-            total, strict = plus(total, fact[0], size), strict or fact[1]
+            add(total, fact[0], size)
+            strict = strict or fact[1]
         return total, strict
 
     def imply(self, expression: Linear, multiples: Any, strictly: bool = False) -> None:
@@ -109,11 +111,13 @@ def orders(tape: Tape, formulas: Formulas, facts: Facts) -> None:
     edges, lemmas = formulas.ground.edges, list[tuple[int, int, Linear]]()
     for a, b, path, text, multiples in (listed(each, 5) for each in tape.next("orders")):
         place, total = whole(a, len(formulas.ground.points)), Linear()
-        for step in listed(path):
+        demand(len(listed(path)) < len(formulas.ground.points), "the constraints do not form a path")
+        for step in path:
             number = whole(step, len(edges) + len(lemmas))
             source, target, length = edges[number] if number < len(edges) else lemmas[number - len(edges)]
             demand(source == place, "the constraints do not form a path")
-            place, total = target, plus(total, length)
+            place = target
+            add(total, length)
         bound = rational(text)
         demand(place == whole(b) and a != b and (a, b) not in formulas.known, "a path to elsewhere, or an order twice")
         facts.imply(plus(total, constant(bound), -1), multiples)
@@ -139,13 +143,15 @@ def refute(tape: Tape, formulas: Formulas, facts: Facts, literal: int, also: Ite
     for step in steps:
         literals, *proof = listed(step)
         clause = tuple(whole(each) for each in listed(literals))
+        demand(len(clause) < 2 * len(circuit.nodes), "a literal twice")
         demand(all(0 < abs(each) < len(circuit.nodes) for each in clause), "no such literal")
         if len(proof) == 2:
             lemma(formulas, facts, clause, *proof)
         else:
             demand(len(proof) == 1, "neither a lemma nor a clause")
             false = set(clause)
-            *hints, last = [hinted(formulas, clauses, hint) for hint in listed(proof[0])]
+            demand(len(listed(proof[0])) <= len(circuit.nodes), "a hint twice")
+            *hints, last = [hinted(formulas, clauses, hint) for hint in proof[0]]
             for hint in hints:
                 rest = {each for each in hint if each not in false}
                 demand(len(rest) == 1, "not a unit clause, or a hint after the conflict")
@@ -161,7 +167,8 @@ def lemma(formulas: Formulas, facts: Facts, clause: tuple[int, ...], multipliers
     for literal, factor in zip(clause, listed(multipliers, len(clause))):
         demand(not formulas.circuit.is_gate(abs(literal)) and whole(factor) > 0, "no comparison, or a multiple below 1")
         form, more = formulas.circuit.said(-literal)
-        total, strict = plus(total, {name: Fraction(value) for name, value in form.items()}, factor), strict or more
+        add(total, {name: Fraction(value) for name, value in form.items()}, factor)
+        strict = strict or more
     total, more = facts.add(total, multiples, len(facts.known))
     value = total.pop("", Fraction(0))
     demand(not total and (value < 0 or (value == 0 and (strict or more))), "the multiples do not add up")
@@ -190,4 +197,5 @@ def all_hold(tape: Tape, formulas: Formulas, facts: Facts, also: Iterable[int] =
                 refute(tape, formulas, facts, literal, also)
             except Rejected as error:
                 raise Rejected(f"{label}: {error}") from None
+    formulas.evaluate()
     return len(obligations), asked

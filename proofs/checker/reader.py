@@ -361,6 +361,7 @@ class Ground:
     varied: dict[tuple[str, str], str] = field(
         default_factory=dict
     )  # ("duration", instance) or ("fluent", f): parameter
+    instead: dict[str, list[str]] = field(default_factory=dict)  # of these instances, the durations in the domain
 
     def point(self, name: str) -> int:
         need(name not in self.number, f"found time point {name} twice")
@@ -502,6 +503,7 @@ class Ground:
                 need(rest[:1] == ["?duration"], f"found a malformed duration in {name}")
                 condition = self.model.condition([head, *rest], inner)
                 if head == "=" and ("duration", name) in self.varied:
+                    self.instead.setdefault(name, []).append(written(rest[1], inner.bound))
                     condition = (head, ("duration",), ("parameter", self.varied["duration", name]))
                 self.state(f"{name}: duration", condition, ends, point)
 
@@ -550,6 +552,13 @@ class Ground:
         if head == "decrease":
             return "increase", fluent, ("-", amount)
         return head, fluent, amount
+
+
+def written(tree: Tree, bound: Mapping[str, str]) -> str:
+    """A form as its text says it, with objects for variables."""
+    if type(tree) is list:
+        return f"({' '.join(written(each, bound) for each in tree)})"
+    return bound.get(tree, tree)
 
 
 def conjuncts(tree: Tree) -> Iterator[Tree]:

@@ -146,6 +146,7 @@ def obligation_lines(
                 raise RefutedError(message) from None
         if on_obligation is not None:
             on_obligation(number + 1, len(obligations), label)
+    formulas.evaluate()
     finder = Multiples(region)
     lemmas = [[a, b, path, str(bound), sums(finder.of(rest))] for a, b, path, bound, rest in orders.lemmas()]
     return [["orders", *lemmas], *refutations]

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ FOLDER = Path(checker.__file__).resolve().parent
 """The checker: a package that needs nothing of this one."""
 
 MEMORY_MB = 4096
+OUT_OF_TIME = 3
+"""The checker's exit code once it has taken the processor time that it may."""
 _START = "import runpy, sys; sys.path.insert(0, sys.argv.pop(1)); runpy.run_module('checker', run_name='__main__')"
 
 
@@ -63,18 +66,21 @@ def verify(
             nominal values.
         assume: `NAME=VALUE` of choices: those of an execution that has to be established, or those that are made
             already if it has to be established that there is none.
+        deadline: when to give up; without one, the checker limits its processor time by the sizes of the files.
 
     Raises:
         CheckerFailedError: if the checker ended in a way that it never should.
-        OutOfTimeError: if the deadline passes.
+        OutOfTimeError: if the deadline passes, or the checker ends because it has taken long enough.
     """
     words = [sys.executable, "-I", "-c", _START, str(FOLDER.parent), str(certificate), *map(str, files)]
     words += ["--json", f"--epsilon={epsilon}"]
     words += [f"--kind={kind}"] if kind is not None else []
     words += [f"--box={box}"] if box is not None else []
     words += [f"--assume={text}" for text in assume]
+    if deadline.remaining is not None:
+        words.append(f"--seconds={max(ceil(deadline.remaining), 1)}")
     ended = Processes().run(words, deadline, memory_mb=MEMORY_MB)
-    if ended.timed_out:
+    if ended.timed_out or ended.exit_code == OUT_OF_TIME:
         raise OutOfTimeError
     if ended.exit_code not in {each.value for each in Outcome} or ended.stderr:
         message = f"the checker failed with exit code {ended.exit_code} ({ended.last_line})"

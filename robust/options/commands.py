@@ -22,6 +22,7 @@ from robust.options.declare import (
     writable,
 )
 from robust.options.shared import (
+    LIMIT,
     METHODS,
     Colored,
     Force,
@@ -202,6 +203,14 @@ class VerifyCommand(Separation, Limited, Json):
         "fail unless an execution with this choice is established, or, if it is made already, that there is none",
         metavar="NAME=VALUE",
         many=True,
+    )
+    timeout: Number | None = option(
+        None,
+        "seconds after which the check is given up; if not given 4 seconds of processor time, and 1 for every 10 kB "
+        "that the files have beyond 120 kB",
+        metavar="S",
+        read=seconds,
+        rank=LIMIT,
     )
 
 

@@ -333,7 +333,7 @@ def network_case(seed: int) -> Case | None:
         made = read[id(by)]
         tape = by.proofs.Tape(json.dumps(line) for line in lines[1:])
         try:
-            facts = by.proofs.Facts(made.formulas, [], network=False)
+            facts = by.proofs.Facts([])
             by.proofs.refute(tape, made.formulas, facts, made.circuit.all(made.parts))
             tape.finish()
         except by.proofs.Rejected as error:

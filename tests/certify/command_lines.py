@@ -20,7 +20,6 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
-from robust.certify import verify
 from robust.certify.hints import Line
 from robust.certify.produce import execution, knowledge
 from robust.certify.tape import write
@@ -65,10 +64,18 @@ def expected(words: Words) -> tuple[Any, ...]:
 def outcome(words: Sequence[str], by: Checker = tools.CHECKER) -> tuple[Any, ...]:
     """Exit code, what is printed, and what limits are set."""
     printed, errors, limits = io.StringIO(), io.StringIO(), list[Any]()
-    memory = SimpleNamespace(RLIMIT_AS="memory", setrlimit=lambda *limit: limits.append(limit))
+    least = {"memory": (0, -1), "time": (0, 1000)}
+    usage = SimpleNamespace(
+        RLIMIT_AS="memory",
+        RLIMIT_CPU="time",
+        RLIM_INFINITY=-1,
+        getrlimit=least.get,
+        setrlimit=lambda *limit: limits.append(limit),
+    )
     system = SimpleNamespace(setrecursionlimit=limits.append)
     with (
-        patch.object(by.main, "resource", memory),
+        patch.object(by.main, "resource", usage),
+        patch.object(by.main, "signal", SimpleNamespace(SIGXCPU="time", signal=lambda *_: limits.append("signal"))),
         patch.object(by.main, "sys", system),
         patch.object(sys, "argv", ["program", *words]),
         redirect_stdout(printed),
@@ -304,12 +311,13 @@ class Long(bytes):
 
 
 def keeps_limits(by: Checker) -> bool:
-    """Lines of at most 64 MB, 512 MB of them, and the memory that `robust verify` gives the checker."""
-    for sizes, fits in (([64] * 8, True), ([64] * 8 + [Fraction(1, 1 << 20)], False), ([1] * 513, False)):
+    """What a certificate may be when it is unpacked depends on its size; time and memory on the sizes of all files."""
+    most = (1 << 20) + 32 * Path().stat().st_size
+    for sizes, fits in (([most - 1], True), ([most], False), ([1, most - 2], True), ([2, most - 2], False)):
         lines = []
         for size in sizes:
             lines.append(Long(b"[]\n"))
-            lines[-1].size = int(size * (1 << 20))
+            lines[-1].size = size
         asked = list[int]()
         source = iter([*lines, b""])
 
@@ -324,9 +332,33 @@ def keeps_limits(by: Checker) -> bool:
                 found = len(list(by.main.lines_of(Path()))) == len(sizes)
             except by.proofs.Rejected:
                 found = False
-        if found != fits or {*asked} != {64 << 20}:
+        if found != fits or asked[0] != most or max(asked) != most:
             return False
-    return bool(by.main.MEMORY == verify.MEMORY_MB << 20)
+    return all(limits_of(by, *each) == most for each, most in SIZES.items())
+
+
+def limits_of(by: Checker, size: int, seconds: int | None) -> tuple[int, ...]:
+    found = {}
+    usage = SimpleNamespace(
+        RLIMIT_AS="memory", RLIMIT_CPU="time", RLIM_INFINITY=-1, getrlimit=lambda _: (0, -1), setrlimit=found.setdefault
+    )
+    path = SimpleNamespace(is_file=lambda: True, stat=lambda: SimpleNamespace(st_size=size))
+    with (
+        patch.object(by.main, "resource", usage),
+        patch.object(by.main, "signal", SimpleNamespace(SIGXCPU=0, signal=lambda *_: None)),
+        patch.object(by.main, "sys", SimpleNamespace(setrecursionlimit=lambda _: None)),
+        patch.object(by.main, "Path", lambda _: path),
+    ):
+        by.main.limit(Namespace(certificate="", files=["", ""], seconds=seconds))
+    return found["time"][0], found["memory"][0]
+
+
+SIZES = {
+    (40_000, None): (4, 280 << 20),
+    (40_001, 7): (7, (280 << 20) + 12_000),
+    (50_000, None): (7, (280 << 20) + 120_000_000),
+}
+"""Bytes of each of three files and what is asked for, and the seconds and bytes that the checker takes at most."""
 
 
 def starts(by: Checker) -> bool:

@@ -219,7 +219,7 @@ def members_changed(one: Document) -> Iterator[Document]:
     for key in one:
         yield {each: value for each, value in one.items() if each != key}
         for new in (None, True, [], {}, "nowhere", float("nan"), float("inf"), {"x": "d"}, {"y": "a"}, {"x": ["a"]}, 7):
-            generous = {"at": ["nowhere", 7], "agent": [7], "lower": [7, *([] if "action" in one else [None])]}
+            generous = {"lower": [7, *([] if "action" in one else [None])]}
             if new not in generous.get(key, ()):
                 yield {**one, key: new}
 

@@ -23,7 +23,7 @@ from tests.certify import tools
 from tests.certify.texts import random_texts
 
 ALLOWED = {"argparse", "collections", "dataclasses", "fractions", "functools", "gzip", "hashlib", "itertools", "json"}
-ALLOWED |= {"math", "pathlib", "re", "resource", "sys", "tomllib", "typing", "zlib"}
+ALLOWED |= {"math", "pathlib", "re", "resource", "signal", "sys", "tomllib", "typing", "zlib"}
 
 
 # -- the checker itself ----------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ BELIEVES_MORE = [
     ("reader", "Ground.read", "pass  # instead of: self.edges +="),
     ("formulas", "mutex", "a == b and other in HARM[kind]"),
     ("choices", "Choices.constrain", "pass  # instead of: need"),
-    ("choices", "Choices.met", "(producer.activity, producer.event) == (condition.activity, condition.first)"),
+    ("choices", "Choices.met", "(producer.activity, producer.first) == (condition.activity, condition.first)"),
     ("__main__", "require", "pass  # instead of: demand(enough"),
     ("__main__", "main", "pass  # instead of: return code"),
 ]

@@ -81,8 +81,8 @@ def written(plan: ParametrizedPlan) -> set[tuple[str, str, str]]:
 
 def key(label: str) -> object:
     """What an obligation is about, as far as both sides say it alike."""
-    if label.startswith(("separation", "goal")):
-        return label if label.startswith("separation") else "goal"
+    if label.startswith(("separation", "goal", "effects of")):
+        return "goal" if label.startswith("goal") else label
     match = LABEL.match(label)
     assert match is not None
     return match[1], match[2] or "condition"

@@ -167,7 +167,7 @@ def test_refutations_agree_with_a_solver_and_are_accepted(seed):
             refutation(formulas, KnownFacts([]), literal, NONE)
         return
     line = json.dumps(refutation(formulas, KnownFacts([]), literal, NONE))
-    facts = proofs.Facts(formulas, [], network=False)
+    facts = proofs.Facts([])
     proofs.refute(proofs.Tape([line]), formulas, facts, literal)
     other = formulas.circuit.compare({"other": Fraction(1)})
     with pytest.raises((proofs.Rejected, *tools.MALFORMED)):
@@ -192,4 +192,4 @@ def test_what_is_no_refutation(steps):
     literal = circuit.all([circuit.compare({name: Fraction(1)}) for name in "xyz"])
     line = json.loads(json.dumps(["refute", *steps]).replace('"g"', str(literal)))
     with pytest.raises((proofs.Rejected, *tools.MALFORMED)):
-        proofs.refute(proofs.Tape([json.dumps(line)]), formulas, proofs.Facts(formulas, [], network=False), literal)
+        proofs.refute(proofs.Tape([json.dumps(line)]), formulas, proofs.Facts([]), literal)
