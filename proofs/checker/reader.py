@@ -9,7 +9,7 @@ are texts such as `(at rover base)`. All of a text stays in the trees, because w
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import product
 from typing import Any
@@ -17,6 +17,8 @@ from typing import Any
 Tree = Any
 Linear = dict[str, Fraction]
 """Coefficients by name; that of "" is the constant. No coefficient is zero."""
+Signatures = dict[str, list[list[str]]]
+"""Predicates, or functions: the types of each of their arguments."""
 Fact = tuple[Linear, bool]
 """`expression >= 0`, or `> 0`."""
 
@@ -30,43 +32,61 @@ def need(condition: object, message: str) -> None:
         raise Unsupported(message)
 
 
-NUMBER = re.compile(r"[+-]?(?:[0-9]+/[0-9]*[1-9][0-9]*|(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)")
+DECIMAL = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE]([+-]?[0-9]+))?"
+NUMBER = re.compile(rf"[+-]?[0-9]+/[0-9]*[1-9][0-9]*|{DECIMAL}")
 
 
 def number(text: Tree) -> Fraction:
     """A number as texts write it, exactly; PDDL may write `(- 3)`."""
     if type(text) is list and len(text) == 2 and text[0] == "-":
         return -number(text[1])
-    need(type(text) is str and NUMBER.fullmatch(text), f"found {text!r}, expected a number")
-    return Fraction(text)
+    match = NUMBER.fullmatch(text) if type(text) is str and len(text) <= 300 else None
+    need(match and abs(int(match[1] or 0)) <= 300, f"found {text!r:.60}, expected a number of at most 300 digits")
+    value = Fraction(text)
+    need(max(abs(value.numerator), value.denominator) < 10**300, "found a number of more than 300 digits")
+    return value
 
 
 WORD = re.compile(r"\s+|;[^\n]*|([()]|[^\s();]+)")
+CLASSES = re.compile(rf"[()]|{DECIMAL}|[<>]=|[-+*/=<>]|#[tT]|[?:]?[A-Za-z0-9_][A-Za-z0-9_-]*")
 
 
-def parse(text: str, kind: str) -> list[Tree]:
+def is_word(tree: Tree, mark: str = "") -> bool:
+    """Whether it is a name, or with a mark a ?variable or a :keyword; words that could be numbers are none of these."""
+    start = tree[:1] if type(tree) is str and not NUMBER.fullmatch(tree) else " "
+    return start == mark if mark else start == "_" or start.isalnum()
+
+
+def parse(text: str, kind: str, known: set[str]) -> list[Tree]:
     """The sections of one `(define (kind name) ...)` as lists of lists and lower-case words."""
     stack: list[list[Tree]] = [[]]
-    for word in filter(None, WORD.findall(text.lower())):
+    words = [word for word in WORD.findall(text) if word]
+    wrong = [word for word in {*words} if not CLASSES.fullmatch(word)]
+    need(not wrong, f"found {wrong}, expected names, ?variables, :keywords, numbers and operators")
+    for word in words:
         if word == "(":
             stack.append([])
-            need(len(stack) < 150, "forms are nested too deeply")
+            need(len(stack) <= 120, "forms are nested too deeply")
         elif word == ")":
             done = stack.pop()
             need(stack, "found a ')' too many")
             stack[-1].append(done)
         else:
-            stack[-1].append(word)
-    need(len(stack) == 1 and len(stack[0]) == 1, f"expected one (define ({kind} ...) ...)")
-    form = stack[0][0]
-    need(form[:1] == ["define"], "expected (define ...)")
-    sections = [words_of(each) for each in form[1:]]
-    need(sections and len(sections[0]) == 2 and sections[0][0] == kind, f"expected a {kind}")
+            stack[-1].append(word.lower())
+    need(len(stack) == 1 and len(stack[0]) == 1 and stack[0][0][:1] == ["define"], "expected one (define ...)")
+    sections = [words_of(each) for each in stack[0][0][1:]]
+    need(sections and sections[0][0] == kind and len(sections[0]) == 2, f"expected a {kind}")
+    need(re.match("[a-z0-9_]", str(sections[0][1])), f"expected the name of a {kind}")
+    heads = [each[0] for each in sections[1:]]
+    need({*heads} <= known, f"found a section that no {kind} has in {heads}")
+    need(all(heads.count(each) == 1 for each in {*heads} - PARTS.keys()), f"found a section twice in {heads}")
+    required = (word for head, *rest in sections for word in rest if head == ":requirements")
+    need(all(type(word) is str and REQUIREMENT.fullmatch(word) for word in required), "found an unknown requirement")
     return sections
 
 
-def typed(words: list[Tree]) -> list[tuple[str, list[str]]]:
-    """`a b - t c`: names, each with its types."""
+def typed(words: list[Tree], mark: str = "", default: str = "object") -> list[tuple[str, list[str]]]:
+    """`a b - t c`: names, or with a mark variables, each with its types."""
     found: list[tuple[str, list[str]]] = []
     names: list[str] = []
     rest = iter(words)
@@ -74,13 +94,13 @@ def typed(words: list[Tree]) -> list[tuple[str, list[str]]]:
         if word == "-":
             kind = next(rest, None)
             kinds = kind[1:] if type(kind) is list and kind[:1] == ["either"] else [kind]
-            need(names and kinds and all(type(each) is str for each in kinds), "found a malformed type")
-            found += [(name, list(map(str, kinds))) for name in names]
+            need(names and kinds and all(map(is_word, kinds)), "found a malformed type")
+            found += [(name, list(dict.fromkeys(map(str, kinds)))) for name in names]
             names = []
         else:
-            need(type(word) is str, "found a malformed list of names")
+            need(is_word(word, mark), f"found {word!r} in a list of names")
             names.append(word)
-    return found + [(name, ["object"]) for name in names]
+    return found + [(name, [default]) for name in names]
 
 
 def words_of(tree: Tree, least: int = 0, most: int | None = None) -> list[Tree]:
@@ -102,152 +122,193 @@ class Action:
 
 @dataclass(frozen=True)
 class Scope:
-    """What variables stand for: objects, and parameters of the envelope."""
+    """What variables stand for: objects, and parameters of the envelope.
+
+    Where an action is read as such (`lifted`), each stands for something of its types.
+    """
 
     bound: Mapping[str, str]
     synth: Mapping[str, str]
     durative: bool = False
+    lifted: bool = False
 
 
-PARTS = {
-    ":durative-action": {":parameters", ":duration", ":condition", ":effect", ":synth-parameters"},
-    ":action": {":parameters", ":precondition", ":effect", ":synth-parameters"},
-}
-KNOWN = {"domain", "problem", ":domain", ":types", ":constants", ":objects", ":predicates", ":functions", ":init"}
-KNOWN |= {":goal", ":synth-parameters", ":requirements", ":metric", ":length"}
+LIFTED = Scope({}, {}, lifted=True)
+PARTS = {":durative-action": {":duration", ":condition"}, ":action": {":precondition"}}
+COMMON = {":parameters", ":effect", ":synth-parameters"}
+DOMAIN = {":requirements", ":types", ":constants", ":predicates", ":functions", ":synth-parameters", *PARTS}
+PROBLEM = {":domain", ":requirements", ":objects", ":init", ":goal", ":metric", ":length"}
+LOGIC = "negative|disjunctive|existential|universal|quantified"
+CHANGES = "conditional-effects|continuous-effects|timed-effects|timed-initial-(literals|fluents)|(numeric-)?fluents"
+OTHERS = "adl|time|durative-actions|duration-inequalities|action-costs|preferences|constraints|synth-parameters"
+REQUIREMENT = re.compile(f":(strips|typing|equality|({LOGIC})-preconditions|{CHANGES}|{OTHERS})")
 COMPARISONS = {"<", "<=", "=", ">=", ">"}
 RESERVED = {"and", "or", "not", "imply", "forall", "exists", "when", "preference", "increase", "decrease", "assign"}
-RESERVED |= {"scale-up", "scale-down", "either"}
+RESERVED |= {"scale-up", "scale-down", "either", "define"}
 
 
 class Model:
     """Domain and problem: declarations, actions, the initial state, timed initial literals, the goal."""
 
     def __init__(self, domain: str, problem: str) -> None:
-        self.parents: dict[str, set[str]] = {"object": set()}
+        self.parents, self.types_above = dict[str, set[str]](), dict[str, set[str]]()
         self.objects, self.actions = dict[str, set[str]](), dict[str, Action]()
-        self.predicates, self.functions = dict[str, int](), dict[str, int]()  # how many arguments they take
-        self.split, self.guessed = dict[str, str](), set[str]()  # undeclared predicates of one type, and which are used
+        self.kinds = dict[str, list[str]]()  # the types of objects, and of what variables of actions stand for
+        self.predicates, self.functions = Signatures(), Signatures()
+        self.split, self.guessed = dict[str, str](), set[str]()  # undeclared predicates of one type; what is read how
         self.initial, self.timed = dict[str, bool | Fraction](), dict[tuple[Fraction, str], bool | Fraction]()
-        sections = [*parse(domain, "domain"), *parse(problem, "problem")]
-        once = [each[0] for each in sections if each[0] not in (*PARTS, ":requirements")]
-        twice = {each for each in once if once.count(each) > 1}
-        need(not twice, f"found {twice} twice")
+        self.synth, self.written = dict[str, str](), set[str]()  # what actions and timed initial literals change
+        sections = [*parse(domain, "domain", DOMAIN), *parse(problem, "problem", PROBLEM)]
         parts = {each[0]: each[1:] for each in sections}
-        need({":domain", ":init", ":goal"} <= parts.keys(), "expected :domain, :init and :goal in the problem")
-        need(parts[":domain"] == parts["domain"], "the problem is of another domain")
-        need(len(parts[":goal"]) == 1, "expected one goal")
-        for name, kinds in typed(parts.get(":types", [])):
-            need(name != "object" or kinds == ["object"], "found a type above 'object'")
-            self.parents.setdefault(name, set()).update(kinds)
-            for kind in kinds:
-                self.parents.setdefault(kind, set())
-        for name, kinds in typed([*parts.get(":constants", []), *parts.get(":objects", [])]):
-            need(set(kinds) <= self.parents.keys(), f"found an unknown type of {name}")
-            self.objects.setdefault(name, set()).update(*map(self.above, kinds))
+        need(parts.get(":domain") == parts["domain"], "the problem is of another domain")
+        need(":init" in parts and len(parts.get(":goal", [])) == 1, "expected :init and one :goal in the problem")
+        self.types(typed(parts.get(":types", [])))
+        self.things(parts.get(":constants", []))
         self.declare(self.predicates, parts.get(":predicates", []))
         functions = parts.get(":functions", [])
-        need(all(type(each) is list or each in ("-", "number") for each in functions), "functions are numeric only")
+        shape = "".join(f" {each}" if type(each) is str else " ()" for each in functions)
+        need(re.fullmatch(r"( \(\)( - number)?)*", shape), "functions are numeric only")
         self.declare(self.functions, [each for each in functions if type(each) is list])
-        need(not self.predicates.keys() & self.functions.keys(), "found a name that is predicate and function")
-        self.synth = {each: each[1:] for each in self.parameters_in(parts.get(":synth-parameters", []))}
-        self.goal = parts[":goal"][0]
+        self.synth |= {each: each[1:] for each in self.parameters_in(parts.get(":synth-parameters", []))}
         for kind, *rest in sections:
-            need(kind in PARTS or kind in KNOWN, f"found {kind}, which is not supported")
             if kind in PARTS:
                 self.action(kind, rest)
+        self.things(parts.get(":objects", []))
+        twice = self.functions.keys() & (self.predicates.keys() | self.objects.keys())
+        need(not twice, f"found functions that are predicates or objects, too: {twice}")
         for fact in parts[":init"]:
             self.fact(fact)
+        self.goal = parts[":goal"][0]
+        self.condition(self.goal, Scope({}, self.synth, lifted=True))
+        metric = parts.get(":metric", ["minimize", "0"])
+        need(len(metric) == 2 and metric[0] in ("minimize", "maximize"), "found a malformed metric")
+        self.functions.setdefault("total-time", [])  # which nothing else mentions: all has been read once
+        self.expression(metric[1], LIFTED)
+
+    def things(self, words: list[Tree]) -> None:
+        """Constants, or objects."""
+        for name, kinds in typed(words):
+            need({*kinds} <= self.parents.keys(), f"found an unknown type of {name}")
+            need({*self.kinds.setdefault(name, kinds)} == {*kinds}, f"found two types of {name}")
+            self.objects[name] = {each for kind in kinds for each in self.types_above[kind]}
+
+    def types(self, listed: list[tuple[str, list[str]]]) -> None:
+        for name, kinds in listed:
+            need(name != "object" or kinds == ["object"], "found a type above 'object'")
+            if self.parents.setdefault(name, {*kinds}) != {*kinds}:
+                self.parents[name].update(kinds)
+                self.guessed.add(f"type {name} as below {' and '.join(sorted(self.parents[name]))}")
+        self.parents = {kind: set[str]() for _, kinds in listed for kind in kinds} | self.parents | {"object": set()}
+        need(len(self.parents) <= 500, "found more than 500 types")
+        for kind in self.parents:
+            self.above(kind)
 
     def above(self, kind: str) -> set[str]:
-        """A type and all types above it."""
-        found, queue = {"object"}, [kind]
-        while queue:
-            each = queue.pop()
-            if each not in found:
-                found.add(each)
-                queue += self.parents[each]
-        return found
+        """A type and all types above it; nothing while it is being looked for."""
+        if kind not in self.types_above:
+            self.types_above[kind] = set()
+            self.types_above[kind] = {kind, "object"}.union(*map(self.above, self.parents[kind]))
+        need(self.types_above[kind], f"found type {kind} above itself")
+        return self.types_above[kind]
 
-    def declare(self, table: dict[str, int], signatures: list[Tree]) -> None:
+    def variables(self, words: list[Tree]) -> list[tuple[str, list[str]]]:
+        """Variables of different names, with types that are known."""
+        listed = typed(words, "?")
+        need(len({"?duration", *(name for name, _ in listed)}) == len(listed) + 1, "found a variable twice")
+        need(all(kind in self.parents for _, kinds in listed for kind in kinds), "found an unknown type")
+        return listed
+
+    def declare(self, table: Signatures, signatures: list[Tree]) -> None:
         """Predicates or functions; `(in ?x - (either a b))` may be written `(in_a ?x)` where it is used."""
         for signature in signatures:
             name, *parameters = words_of(signature)
-            need(name not in table and name not in RESERVED, f"found a second or reserved {name}")
-            table[name] = len(typed(parameters))
-            several = (kinds for _, kinds in typed(parameters) if len(kinds) > 1)
-            self.split.update((f"{name}_{kind}", name) for kinds in several for kind in kinds)
+            need(is_word(name) and name not in table and name not in RESERVED, f"found a second or reserved {name}")
+            table[name] = [kinds for _, kinds in self.variables(parameters)]
+            several = (kinds for kinds in table[name] if len(kinds) > 1)
+            self.split.update((f"{name}_{kind}", name) for kinds in several for kind in kinds if "_" not in kind)
 
-    @staticmethod
-    def parameters_in(words: list[Tree]) -> list[str]:
-        return [name for name, _ in typed(words[0] if len(words) == 1 and type(words[0]) is list else words)]
+    def parameters_in(self, words: list[Tree]) -> list[str]:
+        listed = typed(words[0] if len(words) == 1 and type(words[0]) is list else words, "?", "number")
+        need(all(kinds == ["number"] for _, kinds in listed), "found parameters that are no numbers")
+        names = [name for name, _ in listed]
+        need(len({"?duration", *names, *self.synth}) == 1 + len(names) + len(self.synth), "found a parameter twice")
+        return names
 
     def action(self, kind: str, rest: list[Tree]) -> None:
-        need(rest and type(rest[0]) is str and rest[0] not in self.actions, "found an action without a name of its own")
+        need(rest and is_word(rest[0]) and rest[0] not in self.actions, "found an action without a name of its own")
         name, parts, keyword = rest[0], dict[str, list[Tree]](), ""
         for item in rest[1:]:
-            section = item[:1] == [":synth-parameters"]
-            if section or (type(item) is str and item[0] == ":"):
-                keyword = item[0] if section else item
-                need(keyword in PARTS[kind] and keyword not in parts, f"found {keyword} in {name}, or twice")
-                parts[keyword] = item[1:] if section else []
+            head, *inside = item if item[:1] == [":synth-parameters"] else [item]
+            if is_word(head, ":"):
+                need(head in PARTS[kind] | COMMON and head not in parts, f"found {head} in {name}, or twice")
+                keyword, parts[head] = head, inside
             else:
                 need(keyword, f"found {item!r} in {name}")
                 parts[keyword].append(item)
         synth = self.parameters_in(parts.pop(":synth-parameters", []))
         need(all(len(part) == 1 and type(part[0]) is list for part in parts.values()), f"found {name} malformed")
-        parameters = typed(parts.get(":parameters", [[]])[0])
-        every = ["?duration", *(variable for variable, _ in parameters), *synth, *self.synth]
-        need(len({*every}) == len(every), f"found a parameter of {name} twice")
-        need(all(each[0] == "?" for each in every), f"found a parameter of {name} without '?'")
         need(kind == ":action" or ":duration" in parts, f"found no :duration in {name}")
         texts = {keyword: part[0] for keyword, part in parts.items()}
-        self.actions[name] = Action(kind == ":durative-action", parameters, synth, texts)
+        parameters = self.variables(texts.get(":parameters", []))
+        self.actions[name] = action = Action(kind == ":durative-action", parameters, synth, texts)
+        scope = Scope({}, {**self.synth, **{each: each for each in synth}}, action.durative, lifted=True)
+        for inner in self.bindings(texts.get(":parameters", []), scope):
+            Ground(self).act(name, action, inner)
 
     def fact(self, fact: Tree) -> None:
         words = words_of(fact)
-        if words[0] == "at" and len(words) == 3 and type(words[2]) is list:
-            time = number(words[1])
-            target, value = self.stated(words[2])
-            need(time >= 0, "found a timed initial literal before zero")
-            need(self.timed.setdefault((time, target), value) == value, f"found two values of {target} at {time}")
+        timed = words[0] == "at" and len(words) == 3 and type(words[2]) is list
+        target, value = self.stated(words[2] if timed else fact)
+        if timed:
+            time = number(str(words[1]))
+            self.written.add(target.strip("()").split()[0])
+            known = self.timed.setdefault((time, target), value)
+            need(time >= 0 and known == value, f"found two values of {target} at {time}, or one before zero")
         else:
-            target, value = self.stated(fact)
             need(self.initial.setdefault(target, value) == value, f"found two initial values of {target}")
 
     def stated(self, fact: Tree) -> tuple[str, bool | Fraction]:
         words = words_of(fact)
         if words[0] == "=":
             words_of(fact, 2, 2)
-            return self.ground(words[1], {}, self.functions), number(words[2])
+            return self.ground(words[1], LIFTED, self.functions), number(words[2])
         if words[0] == "not":
-            return self.ground(words_of(fact, 1, 1)[1], {}, self.predicates), False
-        return self.ground(fact, {}, self.predicates), True
+            return self.ground(words_of(fact, 1, 1)[1], LIFTED, self.predicates), False
+        return self.ground(fact, LIFTED, self.predicates), True
 
-    def ground(self, term: Tree, bound: Mapping[str, str], table: Mapping[str, int]) -> str:
+    def ground(self, term: Tree, scope: Scope, table: Signatures) -> str:
         """A ground atom or fluent, as text."""
         name, *arguments = words_of([term] if type(term) is str and table is self.functions else term)
         if name not in table and name in self.split:
             self.guessed.add(f"{name} as {self.split[name]}")
             name = self.split[name]
-        need(table.get(name) == len(arguments), f"found {name!r}, unknown or with other arguments")
-        objects = [bound.get(each, each) for each in arguments if type(each) is str]
-        need(len(objects) == len(arguments) and {*objects} <= self.objects.keys(), f"found no object in {term!r}")
+        need(name in table and len(table[name]) == len(arguments), f"found {name!r}, unknown or with other arguments")
+        objects = [scope.bound.get(each, each) for each in arguments if type(each) is str]
+        need(len(objects) == len(arguments) and {*objects} <= self.kinds.keys(), f"found no object in {term!r}")
+        need(not scope.lifted or all(map(self.may_fit, objects, table[name])), f"found another type in {term!r}")
         return f"({' '.join([name, *objects])})"
 
+    def may_fit(self, given: str, kinds: list[str]) -> bool:
+        """Whether some type is below one of an object, or of what a variable stands for, and below one of these."""
+        below = (above for above in self.types_above.values() if not above.isdisjoint(kinds))
+        return "object" in kinds or any(not above.isdisjoint(self.kinds[given]) for above in below)
+
     def bindings(self, variables: Tree, scope: Scope) -> Iterator[Scope]:
-        """Every choice of objects for variables."""
+        """Every choice of objects for variables, or of one thing of its types for each."""
         need(type(variables) is list, "found a quantifier without variables")
-        listed = typed(variables)
+        listed = self.variables(variables)
         names = [name for name, _ in listed]
-        taken = {"?duration", *scope.synth}
-        need(len({*names}) == len(names) and not taken & {*names}, "found a variable twice")
-        need(all(kind in self.parents and name[0] == "?" for name, kinds in listed for kind in kinds), "unknown type")
-        for chosen in product(*([one for one in self.objects if self.fits(one, kinds)] for _, kinds in listed)):
-            yield Scope({**scope.bound, **dict(zip(names, chosen))}, scope.synth, scope.durative)
+        need(not scope.synth.keys() & {*names}, "found a variable twice")
+        choices = [[f"{name} of {kinds}"] for name, kinds in listed]
+        if scope.lifted:
+            self.kinds |= {each: kinds for [each], (_, kinds) in zip(choices, listed)}
+        else:
+            choices = [[one for one in self.objects if self.fits(one, kinds)] for _, kinds in listed]
+        for chosen in product(*choices):
+            yield replace(scope, bound={**scope.bound, **dict(zip(names, chosen))})
 
     def fits(self, one: str, kinds: list[str]) -> bool:
-        return not self.objects[one].isdisjoint(kinds)
+        return not self.objects.get(one, set()).isdisjoint(kinds)
 
     def condition(self, tree: Tree, scope: Scope) -> Tree:
         if not tree:
@@ -257,35 +318,44 @@ class Model:
             return (head, *(self.condition(each, scope) for each in rest))
         if head == "not":
             return ("not", self.condition(words_of(tree, 1, 1)[1], scope))
-        if head == "imply":
+        if head in ("imply", "forall", "exists", *COMPARISONS):
             words_of(tree, 2, 2)
+        if head == "imply":
             return ("or", ("not", self.condition(rest[0], scope)), self.condition(rest[1], scope))
         if head in ("forall", "exists"):
-            words_of(tree, 2, 2)
             parts = [self.condition(rest[1], inner) for inner in self.bindings(rest[0], scope)]
             return ("and" if head == "forall" else "or", *parts)
         if head in COMPARISONS:
-            words_of(tree, 2, 2)
             names = [scope.bound.get(each, each) for each in rest if type(each) is str]
-            if head == "=" and len(names) == 2 and {*names} <= self.objects.keys():
+            if head == "=" and len(names) == 2 and {*names} <= self.kinds.keys():
                 return names[0] == names[1]
             return (head, self.expression(rest[0], scope), self.expression(rest[1], scope))
-        return ("atom", self.ground(tree, scope.bound, self.predicates))
+        return ("atom", self.ground(tree, scope, self.predicates))
 
     def expression(self, tree: Tree, scope: Scope) -> Tree:
         if type(tree) is str and tree not in self.functions:
-            if tree == "?duration":
-                need(scope.durative, "found ?duration outside of a durative action")
+            if tree == "?duration" and scope.durative:
                 return ("duration",)
             if tree in scope.synth:
                 return ("parameter", scope.synth[tree])
-            need("/" not in tree, "found a fraction, expected (/ a b)")
             return ("number", number(tree))
         if type(tree) is list and tree and tree[0] in ("+", "-", "*", "/"):
-            least, most = {"-": (1, 2), "/": (2, 2)}.get(tree[0], (1, None))
-            words_of(tree, least, most)
-            return (tree[0], *(self.expression(each, scope) for each in tree[1:]))
-        return ("fluent", self.ground(tree, scope.bound, self.functions))
+            words_of(tree, *{"-": (1, 2), "/": (2, 2)}.get(tree[0], (1, None)))
+            parts = [self.expression(each, scope) for each in tree[1:]]
+            return self.quotient(parts[0], parts[1], scope) if tree[0] == "/" else (tree[0], *parts)
+        return ("fluent", self.ground(tree, scope, self.functions))
+
+    def quotient(self, dividend: Tree, divisor: Tree, scope: Scope) -> Tree:
+        need(divisor != ("number", 0), "found a division by zero")
+        need(scope.lifted or not self.varies(divisor), "found a division by what may change")
+        return ("/", dividend, divisor)
+
+    def varies(self, tree: Tree) -> bool:
+        """Whether the value of an expression may be another one at another time, or for other parameters."""
+        kind, *rest = tree
+        if kind == "fluent":
+            return rest[0].strip("()").split()[0] in self.written
+        return kind in ("parameter", "duration") or (kind != "number" and any(map(self.varies, rest)))
 
 
 def decided(tree: Tree) -> bool | None:
@@ -347,6 +417,7 @@ class Ground:
     """The plan: time points by number (0 is zero), the network, what has to hold, and what happens.
 
     `edges` are (a, b, w): t_b - t_a >= w, with w linear in the parameters. `flows` are (start, end, fluent, rate).
+    `varied` are the parameters of ("duration", instance) and ("fluent", f).
     """
 
     model: Model
@@ -358,9 +429,7 @@ class Ground:
     effects: list[list[Effect]] = field(default_factory=list)
     flows: list[tuple[int, int, str, Tree]] = field(default_factory=list)
     timed: set[int] = field(default_factory=set)
-    varied: dict[tuple[str, str], str] = field(
-        default_factory=dict
-    )  # ("duration", instance) or ("fluent", f): parameter
+    varied: dict[tuple[str, str], str] = field(default_factory=dict)
     instead: dict[str, list[str]] = field(default_factory=dict)  # of these instances, the durations in the domain
 
     def point(self, name: str) -> int:
@@ -372,12 +441,14 @@ class Ground:
 
     def beside(self, text: str) -> None:
         """The TOML file beside a plan: which of its parameters are durations of actions, or initial values."""
-        for name, table in tomllib.loads(text).get("parameters", {}).items():
-            need(type(table) is dict and len(table) == 1, f"found parameter {name} beside the plan with attributes")
+        document = tomllib.loads(text)
+        need(document.keys() <= {"parameters"} or "parameters" not in document, "found other tables than parameters")
+        for name, table in document.get("parameters", {}).items():
+            need(type(table) is dict and len(table) == 1, f"found parameter {name!r} beside the plan with attributes")
             [(kind, subject)] = table.items()
             known = type(subject) is str if kind == "duration" else type(self.model.initial.get(subject)) is Fraction
-            need(kind in ("duration", "fluent") and known, f"found parameter {name} of something unknown")
-            need(self.varied.setdefault((kind, subject), name) == name, f"found two parameters for {subject}")
+            need(kind in ("duration", "fluent") and known, f"found parameter {name!r} of something unknown")
+            need(self.varied.setdefault((kind, subject), name) == name, f"found two parameters for {subject!r}")
 
     def read(self, plan: str) -> None:
         """The plan's statements, then timed initial literals and the goal."""
@@ -397,10 +468,13 @@ class Ground:
             else:
                 self.constraint(match["target"], match["source"], match["low"], match["high"])
         need(len(self.points) > 1, "found no action in the plan")
+        used |= {name for _, _, length in self.edges for name in length if name}
+        initial = [name for (kind, _), name in self.varied.items() if kind == "fluent"]
+        need(not used & {*initial}, "found parameters for initial values that have other uses")
         used.update(self.varied.values())
         for name in (name for kind, name in self.varied if kind == "duration"):
-            self.varied_duration(name, ("=", ("duration",), ("parameter", self.varied["duration", name])))
-        need(used <= self.parameters.keys(), f"found no declaration of {used - self.parameters.keys()} in the plan")
+            self.varied_duration(name, self.varied["duration", name])
+        need(used == self.parameters.keys(), f"found {used ^ self.parameters.keys()} not declared, or not used")
         for time in sorted({time for time, _ in self.model.timed}):
             self.timed_literals(time)
         self.edges += [(0, point, {}) for point in range(1, len(self.points))]
@@ -408,16 +482,15 @@ class Ground:
         for index, part in enumerate(conjuncts(goal)):
             self.duties.append(Duty(f"goal {index + 1}", part))
 
-    def varied_duration(self, name: str, condition: Tree) -> None:
+    def varied_duration(self, name: str, parameter: str) -> None:
         """The network, too, gives the instance this duration, and nothing else."""
         ends = self.number.get(f"{name}.start"), self.number.get(f"{name}.end")
-        length = {condition[2][1]: Fraction(1)}
-        between = [(a, b, w) for a, b, w in self.edges if {a, b} == {*ends}]
-        both = [(*ends, length), (*ends[::-1], {condition[2][1]: Fraction(-1)})]
+        both = [(*ends, {parameter: Fraction(1)}), (*ends[::-1], {parameter: Fraction(-1)})]
+        between = [edge for edge in self.edges if {*edge[:2]} == {*ends}]
         need(between == both, f"expected the duration of {name} in the network to be its parameter")
-        need(
-            any(duty.owner == ends and duty.condition == condition for duty in self.duties), f"{name}: no (= ?duration)"
-        )
+        condition = ("=", ("duration",), ("parameter", parameter))
+        said = any(each.owner == ends and each.condition == condition for each in self.duties)
+        need(said, f"{name}: no (= ?duration)")
 
     def timed_literals(self, time: Fraction) -> None:
         point = self.point(f"@{time}")
@@ -430,18 +503,20 @@ class Ground:
 
     def parameter(self, name: str, words: list[str]) -> None:
         values = dict(zip(words[::2], words[1::2]))
-        need(values.keys() <= {"weight", "default", "lb", "ub"} and len(values) * 2 == len(words), f"parameter {name}")
-        need(not {name, name.lower()} & {*self.parameters, "inf", "infinity", "nan", "zero"}, f"parameter {name}")
-        low, high, nominal = values.get("lb", "-inf"), values.get("ub", "inf"), values.get("default")
-        self.parameters[name] = Parameter(
-            None if nominal is None else number(nominal),
-            None if low == "-inf" else number(low),
-            None if high in ("inf", "+inf") else number(high),
-        )
+        known = values.keys() <= {"weight", "default", "lb", "ub"} and len(values) * 2 == len(words)
+        reserved = name in self.parameters or name.lower() in ("inf", "infinity", "nan", "zero")
+        need(known and not reserved, f"found parameter {name} twice, reserved, or with other attributes")
+        texts = values.get("lb", "-inf"), values.get("default", ""), values.get("ub", "inf").removeprefix("+")
+        given = [None if text == none else number(text) for text, none in zip(texts, ("-inf", "", "inf"))]
+        self.parameters[name] = Parameter(given[1], given[0], given[2])
+        ordered = [each for each in given if each is not None]
+        need(ordered == sorted(ordered) and number(values.get("weight", "1")) > 0, f"found {name} out of its bounds")
 
     def constraint(self, target: str, source: str, low: str, high: str) -> None:
         need({target, source} <= self.number.keys(), f"found {target} - {source}, expected declared time points")
         b, a = self.number[target], self.number[source]
+        ends = [number(each) for each in (low, "0" if a == b else low, high) if NUMBER.fullmatch(each)]
+        need(ends == sorted(ends), f"found an interval [{low}, {high}] without values")
         if low != "-inf":
             self.edges.append((a, b, self.bound(low)))
         if high not in ("inf", "+inf"):
@@ -457,13 +532,17 @@ class Ground:
         """Ground one action; the parameters that it has of its own."""
         need(call and call[0] in self.model.actions, f"found an unknown action in {name}")
         action = self.model.actions[call[0]]
+        need(not {name, f"{name}.start"} & self.number.keys(), f"found instance {name} twice")
         need(action.durative is durative and len(call) == len(action.parameters) + 1, f"{name} does not fit its action")
-        for given, (_, kinds) in zip(call[1:], action.parameters):
-            need(given in self.model.objects and self.model.fits(given, kinds), f"{given} does not fit action {name}")
+        need(all(map(self.model.fits, call[1:], (kinds for _, kinds in action.parameters))), f"{name}: of other types")
         bound = {variable: given for given, (variable, _) in zip(call[1:], action.parameters)}
         own = {each: f"{name}.{each[1:]}" for each in action.synth}
-        scope = Scope(bound, {**self.model.synth, **own}, durative)
-        if durative:
+        self.act(name, action, Scope(bound, {**self.model.synth, **own}, durative))
+        return set(own.values())
+
+    def act(self, name: str, action: Action, scope: Scope) -> None:
+        """The time points, conditions and effects of an action."""
+        if action.durative:
             ends = (self.point(f"{name}.start"), self.point(f"{name}.end"))
             length = (">=", ("duration",), ("number", Fraction(0)))
             self.duties.append(Duty(f"{name}: non-negative duration", length, ends[0], owner=ends))
@@ -475,7 +554,6 @@ class Ground:
             condition = self.model.condition(action.parts.get(":precondition", []), scope)
             self.state(f"{name}: condition", condition, ends, ends[0])
             self.add_effects(action.parts.get(":effect", []), scope, ends, True, ends[0])
-        return set(own.values())
 
     def state(self, label: str, condition: Tree, ends: tuple[int, int], first: int, last: int | None = None) -> None:
         self.duties += [Duty(label, part, first, last, ends) for part in conjuncts(condition)]
@@ -500,7 +578,8 @@ class Ground:
                 need(len(rest) == 2 and rest[0] in ("start", "end"), f"{name}: a duration's time")
                 self.durations(name, rest[1], inner, ends, ends[rest[0] == "end"])
             else:
-                need(rest[:1] == ["?duration"], f"found a malformed duration in {name}")
+                one = head in COMPARISONS and rest[:1] == ["?duration"] and inner is scope
+                need(one, f"found a malformed duration in {name}")
                 condition = self.model.condition([head, *rest], inner)
                 if head == "=" and ("duration", name) in self.varied:
                     self.instead.setdefault(name, []).append(written(rest[1], inner.bound))
@@ -526,32 +605,37 @@ class Ground:
                     at, time, condition = words_of(condition, 2, 2)
                     need(at == "at" and effect[:2] == [at, time], "found an effect between two times")
                 guard = ("and", when, self.model.condition(condition, inner))
-                if decided(guard) is not False:
+                if inner.lifted or decided(guard) is not False:
                     self.add_effects(effect, inner, ends, guard, point)
             elif point is not None:
                 self.effects[point].append(Effect(*self.effect([head, *rest], inner), when, ends))
             else:
                 rate = words_of([head, *rest], 2, 2)[2]
-                need(head in ("increase", "decrease"), "found an effect without a time")
-                need(len(rate) == 3 and rate[0] == "*" and rate.count("#t") == 1, "a rate")
-                slope = self.model.expression(rate[2] if rate[1] == "#t" else rate[1], Scope(inner.bound, inner.synth))
+                known = head in ("increase", "decrease") and len(rate) == 3 and rate[0] == "*" and rate.count("#t") == 1
+                need(known, "found an effect without a time, or another rate than (* #t RATE)")
+                slope = self.model.expression(rate[2] if rate[1] == "#t" else rate[1], replace(inner, durative=False))
                 slope = slope if head == "increase" else ("-", slope)
-                self.flows.append((*ends, self.model.ground(rest[0], inner.bound, self.model.functions), slope))
+                self.flows.append((*ends, self.changed(rest[0], inner), slope))
+
+    def changed(self, tree: Tree, scope: Scope) -> str:
+        fluent = self.model.ground(tree, scope, self.model.functions)
+        self.model.written.add(fluent.strip("()").split()[0])
+        return fluent
 
     def effect(self, tree: Tree, scope: Scope) -> tuple[str, str, Tree]:
         head, *rest = words_of(tree)
         if head == "not":
-            return "delete", self.model.ground(words_of(tree, 1, 1)[1], scope.bound, self.model.predicates), None
+            return "delete", self.model.ground(words_of(tree, 1, 1)[1], scope, self.model.predicates), None
         if head not in ("assign", "increase", "decrease", "scale-up", "scale-down"):
-            return "add", self.model.ground(tree, scope.bound, self.model.predicates), None
+            return "add", self.model.ground(tree, scope, self.model.predicates), None
         words_of(tree, 2, 2)
-        fluent = self.model.ground(rest[0], scope.bound, self.model.functions)
+        fluent = self.changed(rest[0], scope)
         amount = self.model.expression(rest[1], scope)
-        if head in ("scale-up", "scale-down"):
-            return "assign", fluent, ("*" if head == "scale-up" else "/", ("fluent", fluent), amount)
-        if head == "decrease":
-            return "increase", fluent, ("-", amount)
-        return head, fluent, amount
+        if head == "scale-down":
+            return "assign", fluent, self.model.quotient(("fluent", fluent), amount, scope)
+        if head == "scale-up":
+            return "assign", fluent, ("*", ("fluent", fluent), amount)
+        return ("increase", fluent, ("-", amount)) if head == "decrease" else (head, fluent, amount)
 
 
 def written(tree: Tree, bound: Mapping[str, str]) -> str:

@@ -163,7 +163,7 @@ VARIED = Texts(
     " :duration (and (= ?duration (f)) (<= ?duration 9)) :condition () :effect (at end (p))))",
     "(define (problem x) (:domain d) (:init (= (f) 2)) (:goal (p)))",
     "parameter x default 2; parameter y default 3;\n"
-    "durative-action instance i : (a); c: i.end - i.start in [x, x]; c: .zero - i.start in [y, y];\n"
+    "durative-action instance i : (a); c: i.end - i.start in [x, x]; c: .zero - i.start in [-inf, 0];\n"
     "durative-action instance j : (a); c: j.end - j.start in [2, 2];",
 )
 BESIDE = '[parameters.x]\nduration = "i"\n[parameters.y]\nfluent = "(f)"\n'
@@ -181,6 +181,7 @@ OTHERS = (
 """The parameter is how long another action takes, and nothing that the action says."""
 
 WRONG_BESIDE = (
+    f"{BESIDE}[other]\na = 1",
     '[parameters.x]\nduration = "j"', '[parameters.x]\nduration = "k"', '[parameters.z]\nduration = "i"',
     '[parameters.z]\nfluent = "(f)"', '[parameters.x]\nfluent = "(g)"', '[parameters.x]\nfluent = "(p)"',
     '[parameters.x]\nfluent = 1', '[parameters.x]\nduration = 1', '[parameters.x]\natom = "(f)"', "[parameters.x]",
@@ -256,6 +257,15 @@ SAME: Changes = {
 """Other ways to say the same."""
 
 WRONG: Changes = {
+    "c: .zero - m2 in [-7/2, +inf];": ["c: .zero - m2 in [-7/2, +inf]; c: m2 - m2 in [1, inf];"],
+    "(:domain RICH) (:requirements :typing)": [
+        "(:domain RICH) (:requirements :typing :magic)",
+        "(:domain RICH) (:requirements :typing) (:requirements :typing)",
+    ],
+    "(:objects t1 - truck": [
+        "(:objects t1 -truck", "(:objects ?y - truck t1 - truck", "(:objects 5 - truck t1 - truck",
+        "(:objects t1 - ship t1 - truck",
+    ],
     "(define (domain Rich)": [
         "(define (domain Rich))", "(define", "(define domain", "(define (domain)", "(define (domain Rich x)",
         "(define (domain poor)", "(defined (domain Rich)",
@@ -268,9 +278,14 @@ WRONG: Changes = {
     "(define (problem one)": ["(define (problem)", "(define (domain Rich)", "((problem one)"],
     "(:metric": ["() (:metric", "((:metric)) (:metric", ":metric", "(:constraints (sometime (busy))) (:metric"],
     "(:constants": ["(:axioms)\n (:constants"],
-    "(:constants Depot - place)": ["(:constants Depot - place) (:constants Depot - place)"],
-    "(:metric minimize (total-time))": ["(:init (busy))", "(:goal (and))", "(:domain rich)", "(:constants hall)"],
+    "(:constants Depot - place)": [
+        "(:constants Depot - place) (:goal (and))", "(:constants Depot - place) (:init)",
+        "(:constants Depot - place) (:constants Depot - place)"],
+    "(:metric minimize (total-time))": [
+        "(:metric minimise (total-time))", "(:metric minimize (toll))", "(:metric minimize)",
+        "(:init (busy))", "(:goal (and))", "(:domain rich)", "(:constants hall)"],
     "(:synth-parameters ?limit)": [
+        "(:synth-parameters ?limit ?limit)", "(:synth-parameters ?limit - object)",
         "(:synth-parameters ?limit) (:synth-parameters ?limit)", "(:synth-parameters (?limit) ?x)",
         "(:synth-parameters limit ?limit)",
     ],
@@ -279,6 +294,7 @@ WRONG: Changes = {
     "(:init": ["(:start", "(:length"],
     "(:goal": ["(:length"],
     "object box - crate": [
+        "object box - crate truck - truck", "object box - crate vehicle - truck",
         "object box - crate object - crate", "object box -", "object box - (crate)", "object box - (either)",
         "object box - (or crate)",
         "object box - (either crate (crate))", "object box - (either (either crate))", "object (box) - crate",
@@ -290,9 +306,14 @@ WRONG: Changes = {
         "(busy) ((x)) (big ?c)",
     ],
     "(level) (rate) - number": [
-        "(level) (rate) - object", "(level) (level) (rate)", "level (rate)", "(level) (rate) (busy)",
+        "(level) (5) (rate) - number", "(level) (?duration) (rate) - number", "(level) (rate) number",
+        "(level) (rate) - object", "(level) (level) (rate)", "level (rate)", "f (level) (rate) - number",
+        "(level) (rate) - num ber", "(level) (rate) (busy)",
     ],
     "(:action mark": [
+        "(:action mar\u212a", "(:action idle :effect (zz))\n (:action mark",
+        "(:action idle :precondition (at depot depot))\n (:action mark",
+        "(:action idle :effect (in c1 depot))\n (:action mark",
         "(:action move", "(:action", "(:action (mark)", "(:action mark mark", "(:action) (:action mark",
         "(:action mark :effect ()) (:action mark",
         "(:durative-action mark", "(:event mark",
@@ -326,12 +347,14 @@ WRONG: Changes = {
     ":duration (and": [":durations (and"],
     "  :duration (and (>= ?duration ?slack)": ["  :duration (>= ?duration ?slack) (and"],
     "(>= ?duration ?slack)": [
+        "(forall () (>= ?duration ?slack))",
         "(at middle (>= ?duration ?slack))", "(at start)",
         "(>= ?slack ?duration)", "(>= ?duration)", "(>= ?duration ?slack 1)", "(not (< ?duration ?slack))",
         "(/= ?duration ?slack)", "?slack", "(over all (>= ?duration ?slack))", "(>= ?duration 1/2)",
         "(at start (>= ?duration ?slack) (busy))", "(or (busy))", "(>= ?duration ?v)", "(>= ?duration ?fast)",
     ],
     "(at start (at ?v ?from))": [
+        "(at start (at ?from ?v))", "(at start (at \u017f1 ?from))",
         "(at ?v ?from)", "(over start (at ?v ?from))", "(at all (at ?v ?from))", "(at start (at ?v ?from) (busy))",
         "(at start)", "(at start busy)", "(at (start) (at ?v ?from))", "(or (at start (busy)))",
         "(at start (at end (at ?v ?from)))", "(at start (at ?v))", "(at start (at ?v ?from ?to))",
@@ -351,6 +374,7 @@ WRONG: Changes = {
         "(forall (?c - crate) (busy) (at end (imply", "(exists (?c - crate) (at end (imply",
     ],
     "(+ (rate) 2 ?limit)": [
+        "(/ 2 0)", "(/ 2 (rate))", "(/ 2 ?limit)",
         "(+)", "(-)", "(- 1 2 3)", "(/ 4)", "(/ 4 2 2)", "(*)", "()", "(^ 2 2)", "1e", "(fuel)", "fuel", "(fuel ?v ?v)",
         "(busy)", "((rate))", "(+ 1 ?to)", "nan", "1_0", "0x1", "1e1000", ".", "+-1", "3/2", "#t", "(fuel (rate))",
     ],
@@ -382,6 +406,7 @@ WRONG: Changes = {
     "(decrease level (/ 1 3))": ["(decrease level ?duration)"],
     "(not (busy)) (scale-up": ["(at end (not (busy))) (scale-up"],
     "(at 2.5 (busy))": [
+        "(at (- -2.5) (busy))",
         "(at -1 (busy))", "(at (- 1) (busy))", "(at 2.5 busy)", "(at 2.5 (busy) (busy))", "(at 2.5)",
         "(at soon (busy))", "(at 2.5 (busy)) (at 2.5 (not (busy)))", "(at 2.5 (at 3 (busy)))", "(at 2.5 (= (rate) 4))",
         "(at 2.5 (or (busy)))",
@@ -395,15 +420,22 @@ WRONG: Changes = {
         "(at (+ 1) (z))", "(= (fuel oz) 1)",
     ],
     "parameter limit weight 2": [
+        "parameter limit weight 0", "parameter limit weight two",
         "parameter limit weight", "parameter limit weight 2 weight 2", "parameter limit wait 2",
         "parameter limited weight 2", "parameter weight 2",
     ],
     "default 1/2 lb": ["default 1/0 lb", "default inf lb"],
-    "lb -inf ub +inf": ["lb inf ub +inf", "lb -inf ub -inf", "lb -inf ub top", "lb low ub +inf"],
+    "lb -inf ub +inf": [
+        "lb 3 ub +inf", "lb -inf ub 0", "lb +-inf ub 1",
+        "lb inf ub +inf", "lb -inf ub -inf", "lb -inf ub top", "lb low ub +inf"],
     "parameter k.x default": ["parameter k.x default 3; parameter k.x default"],
-    "# A plan; of everything.": ["A plan; of everything.", ";", "parameter K default 1; parameter K default 1;"],
+    "# A plan; of everything.": [
+        "parameter unused default 1;",
+        "A plan; of everything.", ";", "parameter K default 1; parameter K default 1;"],
     "instance go-1 :": ["instance go--1 :", "instance go-1"],
-    "instance m2 :": ["instance go-1 :"],
+    "instance m2 :": [
+        "instance go-1 : (mark b1 b1); action instance m2 :",
+        "instance go-1 :"],
     "durative-action instance go-1": ["durative-action go-1", "action instance go-1", "instance go-1"],
     "action instance m2": ["durative-action instance m2"],
     "action instance r": ["durative-action instance r"],
@@ -418,6 +450,7 @@ WRONG: Changes = {
         "c : go-1.start + .zero", "c : m2.start - .zero",
     ],
     "[ 0.25 , inf ]": [
+        "[ 0.25 , 0.2 ]",
         "[inf, inf]", "[+inf, inf]", "[-inf, -inf]", "[0.25]", "0.25, inf", "[0.25, inf] and", "[0.25, y]", "[y, inf]",
         "[0.25, 1/0]", "[0,25, inf]",
     ],
@@ -515,7 +548,7 @@ def _says(by: Checker) -> bool:
 
 def _says_plainly(by: Checker) -> bool:
     ground = by.reader.ground(*PLAIN)
-    unknown = by.reader.ground(PLAIN.domain, PLAIN.problem, f"parameter k lb 0; {PLAIN.plan}")
+    unknown = by.reader.ground(*PLAIN[:2], f"parameter k lb 0; {PLAIN.plan} c: i - .zero in [k, inf];")
     late = [("add", "(p a)", ("number", True), True, None)]
     one, nine = Fraction(1), Fraction(9)
     timed = [(0, 2, {"": one}), (2, 0, {"": -one}), (0, 3, {"": nine}), (3, 0, {"": -nine})]
@@ -530,8 +563,8 @@ def _says_plainly(by: Checker) -> bool:
 
 
 def _says_beside(by: Checker) -> bool:
-    ground = by.reader.ground(*VARIED, f"{BESIDE}[other]\na = 1")
-    plain = by.reader.ground(*VARIED)
+    ground = by.reader.ground(*VARIED, BESIDE)
+    plain = by.reader.ground(*VARIED[:2], VARIED.plan.replace("parameter y default 3;", ""))
     durations: list[Any] = [duty.condition for duty in ground.duties if duty.label.endswith(": duration")]
     others = [duty.condition for duty in plain.duties if duty.label.endswith(": duration")]
     read, most = ("=", DURATION, ("fluent", "(f)")), ("<=", DURATION, _number(9))

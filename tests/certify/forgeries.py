@@ -312,5 +312,6 @@ def two_actions(effects: list[str], goal: str) -> Texts:
     )
 
 
-BESIDE = two_actions(["(at end (increase (f) (+ 1)))"], "(>= (f) 3)"), '[parameters.x]\nfluent = "(f)"\n'
+_COUNTED = two_actions(["(at end (increase (f) (+ 1)))"], "(>= (f) 3)")
+BESIDE = _COUNTED._replace(plan=_COUNTED.plan.replace("[-inf, x]", "[-inf, 9]")), '[parameters.x]\nfluent = "(f)"\n'
 """The initial value of f is the parameter x: 1 is enough."""

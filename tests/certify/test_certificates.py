@@ -132,7 +132,7 @@ def test_small_plans(condition, plan, box, solver) -> None:
 
 def test_schedules_that_move_with_the_parameters() -> None:
     """No constant times suit the box, affine ones do; a corner without any is said."""
-    texts = Texts(SMALL.format("()"), PROBLEM, TWO.replace("[k, n]", "[k, k]"))
+    texts = Texts(SMALL.format("()"), PROBLEM, TWO.replace("[k, n]", "[k, k]") + "c: .zero - i.end in [-inf, n];")
     formulas = Formulas(reader.ground(*texts), tools.EPSILON)
     ranges = {"k": (Fraction(0), Fraction(5)), "n": (Fraction(2), Fraction(2))}
     box = Box({name: Interval(*ends) for name, ends in ranges.items()})

@@ -10,9 +10,11 @@ from tests.certify import elaborate, tools
 from tests.certify.test_reader import compare
 
 ONLY_HERE = {
+    "(:objects t1 -truck", "(:objects t1 - ship t1 - truck",
     "(at start (exists (?slack) (busy)))", "(at start (exists (?limit) (busy)))",
     "(when (at start (busy)) (and (at start (busy))))", "(decrease (fuel ?v) (* #t))", "(decrease (fuel ?v) #t)",
     "(decrease (fuel ?v) (* #t (rate) (rate)))", "(?limit ?y)",
+    "  :synth-parameters ?much ?limit",
 }  # fmt: skip
 """What this package understands, and the checker need not."""
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from random import Random
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 OBJECTS = {"a": "t1", "b": "t1", "c": "t2"}
 SUBTYPES = {"t0": ("a", "b", "c"), "t1": ("a", "b"), "t2": ("c",), "object": ("a", "b", "c")}
@@ -274,3 +276,177 @@ def tangled_texts(seed: int) -> Texts:
         f"(define (problem x) (:domain d) (:init {' '.join(facts)}) (:goal {condition()}))\n",
         "\n".join(["parameter k default 2 lb 1 ub 4;", *lines]) + "\n",
     )
+
+
+# -- changes that make texts wrong, or mean something else -------------------------------------------------------------
+
+Forms = Any
+"""Words, and lists of forms."""
+ODD = """5 -5 .5 1e2 1e999 1/2 ?duration ?y ? : :goal :init :and #t - -t1 + = >= and or not at start end all over when 0
+forall exists either define preference object number total-time a-b a--b a- _ 5a x.y k \u212a \u017f \u0130 \u0663 nan
+inf increase assign f q a t1 t0 (q) (f) () (and) (or) (at start (q)) (= (f) 1) (not (q)) (?v - t1) (p ?v) (* #t 1)
+(/ 1 0) (/ 1 (f)) (- 3) (:synth-parameters ?z) (* #t ?duration) (assign (f) ?duration) (:types) (when (q) (q))
+(either t1 t2)"""
+"""Words and forms that stand where they have no meaning, or another one."""
+SECTIONS = """(:types a - b b - a)|(:types t1 - t2)|(:goal (and))|(:init)|(:requirements :typing :magic)
+(:length (:serial 3))|(:requirements :typing)|(:metric minimize (f))|(:metric minimize (fuel))
+(:metric minimise (f))|(:metric maximize (/ 1 0))|(:constants)|(:objects)|(:objects a - t2)|(:constants b)
+(:functions (f))|(:predicates (p))|(:synth-parameters ?n - number)|(:constraints (and))|(:derived (q) (p a))
+(:action u :parameters (?x - t1) :precondition (p ?x) :effect (q))|(:domain d)
+(:action u :parameters (?x - t9) :effect ())|(:action u :precondition (p) :effect ())|(:action u :effect (p ?x))
+(:action u :effect (assign (f) (q)))|(:durative-action u :effect ())|(:action u :precondition (>= (f) (/ 1 0)))
+(:durative-action u :duration (= ?duration (g)) :effect ())|(:action u :effect (when (= a c) (zz)))
+(:types t1 t1 - t0)|(:action u :precondition (forall (?x - t9) (q)))
+(:action u :precondition (exists (?x - t1) (r ?x)))|(:action u)|(:action u :parameters (?x ?x) :effect ())
+(:action u :effect (assign (h) 2))|(:action u :effect (increase (f) (* #t 1)))"""
+STATEMENTS = """parameter z;|parameter k0 default 9 ub 1;|parameter z weight 0; c: i0 - .zero in [z, inf];
+c: i0 - i0 in [1, 2];|c: .zero - .zero in [0, 0];|c: .zero - .zero in [1, inf];|c: i0.start - .zero in [5, 2];
+action instance i0 : (act0);|durative-action instance i0 : (act0 a);
+parameter z lb 3 ub 1; c: .zero - .zero in [-inf, z];|c: .zero - .zero in [0, 1e999];
+parameter weight weight w default 1;|c: .zero - .zero in [-1e-400, 0];
+parameter z default 2; c: .zero - .zero in [0, z];"""
+BESIDE = """[parameters.k0]|duration = "i0"|duration = "act0"|fluent = "(f)"|fluent = "(F)"|fluent = "(h)"
+start = "i0"|other = 1|[parameters.z]|[parameters]|weight = 2|default = 3|fluent = "(p a)"|[other]|lower = 1
+k0 = "i0"|fluent = "(g a)"|duration = 1"""
+BOUNDS = """5 -5 1/2 1/0 -inf +inf inf +-inf 1e400 .zero k0 k1 i0 i0.start zero nan a c act0 + . , lb ub 0 01 \u212a
+weight default # @1"""
+LETTERS = {
+    "k": "\u212a", "s": "\u017f", "i": "\u0130\u0131", "a": "\u0430", "1": "\u0661\u00b9", "2": "\u00b2",
+    " ": "\u00a0\u2003\x1c\x85\x0b\u200b\ufeff", "\n": "\x0c\r\u2028",
+    "-": "\u2013\u2212", "(": "\uff08", ".": "\u2024", ";": "\u037e",
+}  # fmt: skip
+"""What looks or sorts like a character, or becomes it in lower case."""
+
+
+def forms(text: str) -> Forms:
+    """The forms of a text without comments."""
+    stack: list[Forms] = [[]]
+    for word in re.findall(r";[^\n]*|[()]|[^\s();]+", text):
+        if word == "(":
+            stack.append([])
+        elif word == ")" and len(stack) > 1:
+            done = stack.pop()
+            stack[-1].append(done)
+        elif word[0] not in ";)":
+            stack[-1].append(word)
+    return stack[0]
+
+
+def printed(form: Forms) -> str:
+    return form if isinstance(form, str) else f"({' '.join(map(printed, form))})"
+
+
+def changed(texts: Sequence[str], random: Random) -> tuple[str, list[str]]:
+    """The name of a change, and domain, problem, plan, and the parameters beside it, with one such change."""
+    ways: list[Callable[[Sequence[str], Random], list[str]]]
+    ways = [_renamed, _lettered, _joined, _cut, _section, _plan, _plan, _beside, *[_form] * 7]
+    way = random.choice(ways)
+    return way.__name__[1:], way(texts, random)
+
+
+def _instead(texts: Sequence[str], place: int, text: str) -> list[str]:
+    return [text if number == place else each for number, each in enumerate(texts)]
+
+
+def _renamed(texts: Sequence[str], random: Random) -> list[str]:
+    """Something is called by another name, everywhere."""
+    old, new = random.choice(re.findall(r"\??[A-Za-z]\w*", texts[random.randrange(3)])), random.choice(ODD.split())
+    return [re.sub(rf"(?<![\w?:#-]){re.escape(old)}(?![\w-])", lambda _: new, text) for text in texts]
+
+
+def _lettered(texts: Sequence[str], random: Random) -> list[str]:
+    """One character, or all of a kind in one file, are others."""
+    place, old = random.choice([0, 0, 1, 2]), random.choice([*LETTERS])
+    new, text = random.choice(LETTERS[old]), texts[place]
+    where = [match.start() for match in re.finditer(re.escape(old), text)]
+    if not where or random.random() < 0.3:
+        return _instead(texts, place, text.replace(old, new))
+    at = random.choice(where)
+    return _instead(texts, place, text[:at] + new + text[at + random.randrange(2) :])
+
+
+def _joined(texts: Sequence[str], random: Random) -> list[str]:
+    """Words without the blank between them, or parts of a word with one."""
+    place = random.choice([0, 0, 1, 2])
+    old, new = random.choice([("- ", "-"), (" -", "-"), (" ", ""), ("-", "- "), ("?", "? "), ("(", " (( "), (")", "")])
+    where = [match.start() for match in re.finditer(re.escape(old), texts[place])] or [0]
+    at = random.choice(where)
+    return _instead(texts, place, texts[place][:at] + new + texts[place][at + len(old) :])
+
+
+def _cut(texts: Sequence[str], random: Random) -> list[str]:
+    """Some characters are missing, or something is said after the end."""
+    place, text = random.choice([0, 0, 1, 2]), random.choice(ODD.split())
+    at = random.randrange(len(texts[place]) + 1)
+    more = texts[place][at + random.randint(1, 5) :] if random.random() < 0.8 else f"{texts[place][at:]} {text}"
+    return _instead(texts, place, texts[place][:at] + more)
+
+
+def _section(texts: Sequence[str], random: Random) -> list[str]:
+    """A section more, one twice, or one in the other file."""
+    place = random.randrange(2)
+    top = forms(texts[place]) or [[]]
+    others = [form for form in forms(texts[random.randrange(2)]) if isinstance(form, list)] or [[[]]]
+    new = random.choice([forms(random.choice(SECTIONS.replace("\n", "|").split("|"))), random.choice(others)])
+    if isinstance(top[0], list):
+        top[0].insert(random.randint(2, max(2, len(top[0]))), random.choice(new or [[]]))
+    return _instead(texts, place, "\n".join(map(printed, top)))
+
+
+def _form(texts: Sequence[str], random: Random) -> list[str]:
+    """A form or word is missing, twice, elsewhere, another one, inside something, or what is inside of it."""
+    place = random.choice([0, 0, 1])
+    top, other = forms(texts[place]), forms(texts[random.randrange(2)])
+    inner = random.choice(_parents(top))
+    if not inner:
+        return list(texts)
+    at = random.randrange(len(inner))
+    new = random.choice(forms(ODD) if random.random() < 0.5 else random.choice(_parents(other)) or [[]])
+    word = inner[at]
+    if isinstance(word, str) and random.random() < 0.4:  # another word of its class
+        words = [each for form in _parents(top) for each in form if isinstance(each, str)]
+        new = random.choice(
+            [each for each in words if each[0].isalpha() == word[0].isalpha() and each[0] != ":"] or [word]
+        )
+    way = random.randrange(8)
+    if way < 3:
+        inner[at] = new
+    elif way == 3:
+        inner.insert(at, new)
+    elif way == 4:
+        inner.insert(random.randint(0, len(inner)), word)
+    elif way == 5:
+        del inner[at]
+    elif way == 6:
+        wraps = "(and X)|(not X)|(or X X)|(at start X)|(at end X)|(over all X)|(forall (?n - t1) X)|(X)|(imply X X)"
+        inner[at : at + 1] = forms(random.choice(wraps.split("|")).replace("X", printed(word)))
+    else:
+        inner[at : at + 1] = word if isinstance(word, list) else [word[::-1]]
+    return _instead(texts, place, "\n".join(map(printed, top)))
+
+
+def _parents(form: Forms) -> list[Forms]:
+    return [form, *(each for inner in form if isinstance(inner, list) for each in _parents(inner))]
+
+
+def _plan(texts: Sequence[str], random: Random) -> list[str]:
+    """A word of the plan is missing, twice or another one, or a statement is, or there is another one."""
+    if random.random() < 0.4:
+        statements = [each for each in texts[2].split(";") if each.strip()] or [""]
+        more = random.choice("|".join(STATEMENTS.split("\n")).split("|")).rstrip(";")
+        at = random.randrange(len(statements))
+        statements[at : at + random.randrange(2)] = [random.choice([more, random.choice(statements)])]
+        return _instead(texts, 2, "".join(f"{each};\n" for each in statements))
+    words = re.findall(r"\s+|[\w.-]+|[^\w.\s-]", texts[2]) or [""]
+    at = random.randrange(len(words))
+    words[at : at + random.randrange(2)] = [random.choice([random.choice(BOUNDS.split()), random.choice(words), ""])]
+    return _instead(texts, 2, "".join(words))
+
+
+def _beside(texts: Sequence[str], random: Random) -> list[str]:
+    """Other parameters beside the plan."""
+    lines = BESIDE.replace("\n", "|").split("|")
+    return [
+        *texts[:3],
+        "\n".join([random.choice(lines[:1] * 3 + lines), *random.choices(lines, k=random.randint(0, 3))]),
+    ]

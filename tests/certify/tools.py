@@ -19,6 +19,7 @@ from robust.certify.produce import PlanCertificate
 from robust.certify.tape import write
 from robust.plan.load import assemble, load_plan
 from robust.plan.model import ParametrizedPlan
+from robust.plan.parameters import parse_parameter_file, toml_document
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import parse_stn
 from robust.qe.box import Box
@@ -67,10 +68,11 @@ def written(texts: Texts, directory: Path) -> tuple[Path, ...]:
     return paths
 
 
-def assembled(texts: Texts) -> ParametrizedPlan:
-    """What this package reads in the texts."""
-    domain = parse_domain(texts.domain)
-    return assemble(domain, parse_problem(texts.problem, domain), parse_stn(texts.plan))
+def assembled(texts: Sequence[str]) -> ParametrizedPlan:
+    """What this package reads in domain, problem, plan, and perhaps the file of parameters beside it."""
+    domain = parse_domain(texts[0])
+    specs = parse_parameter_file(texts[3]) if "parameters" in toml_document("".join(texts[3:]), "beside") else ()
+    return assemble(domain, parse_problem(texts[1], domain), parse_stn(texts[2]), specs, nominal_needed=False)
 
 
 def grounded(files: Iterable[Path]) -> reader.Ground:
