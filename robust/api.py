@@ -217,23 +217,11 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Sear
 
     if options.from_nominal:
         require_nominal_values(plan.parameters)
-    order = tuple(options.order or ())
     beta = options.precision
     known = distributions_of(plan, options) if options.method == "risk" else {}
 
     def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> Search[EnvelopeResult]:
         conduct: Conduct = {"deadline": deadline, "on_step": options.on_step}
-        if beta is not None:
-            from robust.irr.containment import Containment
-            from robust.irr.irr import IncrementalRobustification
-
-            return IncrementalRobustification(
-                Containment(formulas, solver=options.solver, exporter=exporter),
-                beta=beta,
-                doubling=options.doubling,
-                order=order,
-                **conduct,
-            )
         if options.method == "risk":
             from robust.probability.greatest import GreatestBox
 
@@ -245,17 +233,12 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Sear
                 exporter=exporter,
                 **conduct,
             )
-        from robust.irr.exact import ExactSearch
+        from robust.irr.methods import BoxMethod
 
-        return ExactSearch(
-            formulas,
-            method=options.method,
-            order=order,
-            contain_nominal=options.contain_nominal,
-            solver=options.solver,
-            exporter=exporter,
-            **conduct,
+        asked = BoxMethod(
+            options.method, beta or Fraction(1), options.doubling, tuple(options.order or ()), options.contain_nominal
         )
+        return asked.search(formulas, solver=options.solver, exporter=exporter, **conduct)
 
     def nothing(timed_out: bool, seconds: float) -> EnvelopeResult:
         return EnvelopeResult(
@@ -336,6 +319,7 @@ def searching_compare(plan: ParametrizedPlan, options: CompareOptions) -> Search
     return Comparing(
         plan,
         beta=Fraction(options.beta),
+        doubling=options.doubling,
         epsilon=options.separation,
         encoding=options.encoding,
         solver=options.solver,

@@ -238,6 +238,7 @@ def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
     from robust.execute.planners.registry import create_planner
     from robust.execute.replan import Mission, Options
     from robust.execute.worlds import Rules, read_rules
+    from robust.irr.methods import BoxMethod
     from robust.plan.parameters import specifications
     from robust.plan.pddl.reader import read_domain, read_problem
 
@@ -247,7 +248,7 @@ def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
     settings = Options(
         executor=parse_executor(options.executor),
         specs=specs,
-        method=options.method,
+        method=BoxMethod(options.method, options.precision or Fraction(1), doubling=options.doubling),
         epsilon=options.separation,
         solver=options.solver,
         timeout=run.remaining,

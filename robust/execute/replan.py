@@ -27,9 +27,7 @@ from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
 from robust.execute.slices import Left
 from robust.execute.worlds import Executed, Luck, Outcome, Rules, SimulatedWorld, condition_with
-from robust.irr.containment import Containment
-from robust.irr.exact import ExactSearch
-from robust.irr.irr import IncrementalRobustification
+from robust.irr.methods import BoxMethod
 from robust.irr.search import Status
 from robust.numbers import format_number
 from robust.plan import model
@@ -136,14 +134,14 @@ def remaining_problem(problem: Problem, state: State, origin: Fraction) -> Probl
 class Options:
     """How plans are made ready: which executor, which parameters, how the box is computed, and how long that may take.
 
-    `method` is `widen`, `irr` (with β = 1) or `optimal` (of the boxes that contain the nominal point).
+    `method` finds the box, around the nominal point.
     `timeout` limits conversion and box, each, in seconds; out of time, a box is as large as it has become.
     `controllability` is `dynamic` or `strong` if the box is to be shrunk to its part that is so; None leaves it.
     """
 
     executor: Executor = field(default_factory=Dreex)
     specs: tuple[ParameterSpec, ...] = ()
-    method: str = "widen"
+    method: BoxMethod = field(default_factory=BoxMethod)
     epsilon: Fraction = EPSILON
     solver: str = "z3"
     timeout: float | None = None
@@ -241,13 +239,7 @@ def computed_box(plan: model.ParametrizedPlan, options: Options) -> Box:
     """The box of a plan; errors as for :func:`prepare_plan`."""
     deadline = Deadline.after(options.timeout)
     formulas = create_encoding("relational", plan, options.epsilon, deadline)
-    if options.method == "irr":
-        containment = Containment(formulas, solver=options.solver)
-        found = IncrementalRobustification(containment, deadline=deadline).run()
-    else:
-        found = ExactSearch(
-            formulas, method=options.method, contain_nominal=True, solver=options.solver, deadline=deadline
-        ).run()
+    found = options.method.search(formulas, solver=options.solver, deadline=deadline).run()
     if found.status is Status.INVALID:
         raise RefutedError(f"invalid plan: {found.reason}")
     if not found.verified:

@@ -12,9 +12,7 @@ from operator import itemgetter
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding
 from robust.irr.check import Answer, Checker
-from robust.irr.containment import Containment
-from robust.irr.exact import ExactSearch
-from robust.irr.irr import IncrementalRobustification
+from robust.irr.methods import BoxMethod
 from robust.irr.search import DECIDED, EnvelopeResult, Status
 from robust.irr.widen import faces_of, least_stretch
 from robust.plan.model import ParametrizedPlan
@@ -129,6 +127,7 @@ class Comparing:
     Args:
         plan: the plan.
         beta: the precision of IRR.
+        doubling: whether IRR doubles its steps, as in its published runs.
         epsilon: the separation of mutex time points.
         encoding: `relational` or `positions`.
         solver: `z3` or `cvc5`.
@@ -140,6 +139,7 @@ class Comparing:
     plan: ParametrizedPlan
     _: KW_ONLY
     beta: Fraction = Fraction(1)
+    doubling: bool = False
     epsilon: Fraction = EPSILON
     encoding: str = "relational"
     solver: str = "z3"
@@ -224,13 +224,9 @@ class Comparing:
     def _search(self, method: str, limit: float | None) -> EnvelopeResult:
         deadline = Deadline.after(limit)
         encoding = create_encoding(self.encoding, self.plan, self.epsilon, deadline)
-        if method == "irr":
-            containment = Containment(encoding, solver=self.solver)
-            return IncrementalRobustification(containment, beta=self.beta, deadline=deadline).run()
-        kind, _, around = method.partition("-")
-        return ExactSearch(
-            encoding, method=kind, contain_nominal=bool(around), solver=self.solver, deadline=deadline
-        ).run()
+        name, _, around = method.partition("-")
+        asked = BoxMethod(name, self.beta, doubling=self.doubling, contain_nominal=bool(around))
+        return asked.search(encoding, solver=self.solver, deadline=deadline).run()
 
     # -- measures ----------------------------------------------------------------------------------------------------
 

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from fractions import Fraction
 from pathlib import Path
 
 from robust.backends import OFFERED
 from robust.errors import InputError, Location
 from robust.numbers import Number
-from robust.options.declare import argument, option, ordinal, place_of, positive, seconds, writable
+from robust.options.declare import argument, option, ordinal, place_of, positive, seconds, typed, writable
 from robust.options.shared import (
     DRAWING,
     LIMIT,
     SOLVING,
+    AnyBoxOptions,
+    BoxOptions,
+    Encoded,
     Output,
     PlanningOutput,
     PlanParameters,
     Separation,
-    beta_option,
-    doubling_option,
-    encoding_option,
-    method_option,
-    solver_option,
+    Solver,
 )
+from robust.options.verbs import Elimination
 
 Question = tuple[str, str, tuple[str, ...]]
 """Its name, and what is typed: the verb, and options."""
@@ -39,11 +38,9 @@ def _file(path: str | Path, _: Location) -> Path:
     return Path(path)
 
 
-class BatchOptions(Separation, PlanningOutput, PlanParameters):
+class BatchOptions(Separation, PlanningOutput, PlanParameters, Encoded, Solver):
     """What all questions about many plans have in common; those of single plans have the same meaning there."""
 
-    solver: str = solver_option()
-    encoding: str = encoding_option()
     jobs: int = option(
         1, "processes at a time on this machine; more than 1 disturbs timings", metavar="N", read=ordinal, rank=PLACES
     )
@@ -84,50 +81,32 @@ class BatchOptions(Separation, PlanningOutput, PlanParameters):
             raise InputError("found it with a cluster, expected one of the two", place_of("jobs"))
 
     @property
-    def common(self) -> list[str]:
-        """What is typed for each plan, whatever is asked."""
-        texts = [f"--epsilon={self.epsilon}", f"--solver={self.solver}", f"--encoding={self.encoding}"]
-        texts += [f"--parameter={spec}" for spec in self.parameter]
-        texts += [] if self.plan_number is None else [f"--plan-number={self.plan_number}"]
-        texts += [] if self.tolerance is None else [f"--tolerance={self.tolerance}"]
-        return texts
-
-    @property
     def asked(self) -> tuple[Question, ...]:
         """What is asked about each plan."""
-        return (self._one("check"),)
+        return (self._ask("check"),)
 
-    def _one(self, verb: str, *more: str, name: str | None = None) -> Question:
-        return name or verb, verb, (*self.common, *more)
+    def _ask(self, verb: str, *words: str, name: str | None = None) -> Question:
+        return name or verb, verb, (*typed(self, Separation, Solver, Encoded, PlanningOutput, PlanParameters), *words)
 
 
 class BatchCheckOptions(BatchOptions):
     """Of `robust.batch("check", ...)`."""
 
 
-class BatchEnvelopeOptions(BatchOptions):
+class BatchEnvelopeOptions(BatchOptions, AnyBoxOptions):
     """Of `robust.batch("envelope", ...)`."""
 
-    method: str = method_option()
-    beta: Number | None = beta_option()
-    doubling: bool = doubling_option()
-
     @property
     def asked(self) -> tuple[Question, ...]:
-        more = [f"--method={self.method}"]
-        more += [] if self.beta is None else [f"--beta={Fraction(self.beta)}"]
-        more += ["--doubling"] if self.doubling else []
-        return (self._one("envelope", *more),)
+        return (self._ask("envelope", *typed(self, AnyBoxOptions)),)
 
 
-class BatchRegionOptions(BatchOptions):
+class BatchRegionOptions(BatchOptions, Elimination):
     """Of `robust.batch("region", ...)`."""
 
-    backend: str = option("project", "who eliminates time points", choices=OFFERED)
-
     @property
     def asked(self) -> tuple[Question, ...]:
-        return (self._one("region", f"--backend={self.backend}"),)
+        return (self._ask("region", *typed(self, Elimination)),)
 
 
 class BatchCompareOptions(BatchOptions):
@@ -137,18 +116,18 @@ class BatchCompareOptions(BatchOptions):
     doubling: bool = option(True, "whether steps of IRR double until the first failure, as in its published runs")
     region: str | None = option(
         None,
-        "also compute the exact region of each plan, with which CCMMZ begins: who eliminates time points",
+        "also compute the exact region of each plan, with which CCMMZ begins: the quantifier-elimination back end",
         choices=OFFERED,
     )
 
     @property
     def asked(self) -> tuple[Question, ...]:
-        doubling = ["--doubling"] if self.doubling else []
-        found = [
-            self._one("envelope", "--method=irr", f"--beta={Fraction(self.beta or 1)}", *doubling, name="irr"),
-            self._one("envelope", "--method=optimal", name="ccmmz"),
-        ]
-        return (*found, self._one("region", f"--backend={self.region}")) if self.region else tuple(found)
+        irr = BoxOptions(method="irr", beta=self.beta, doubling=self.doubling)
+        found = (
+            self._ask("envelope", *typed(irr, BoxOptions), name="irr"),
+            self._ask("envelope", "--method=optimal", name="ccmmz"),
+        )
+        return found if self.region is None else (*found, self._ask("region", f"--backend={self.region}"))
 
 
 class AnyBatchOptions(BatchEnvelopeOptions, BatchRegionOptions, BatchCompareOptions):

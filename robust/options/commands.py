@@ -23,7 +23,7 @@ from robust.options.declare import (
 )
 from robust.options.shared import (
     LIMIT,
-    METHODS,
+    BoxOptions,
     Colored,
     Force,
     Json,
@@ -86,7 +86,7 @@ class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solv
             raise InputError("found it without --stnu, expected it only together", place_of("box"))
 
 
-class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, Plot, Planning, Output):
+class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, BoxOptions, Plot, Planning, Output):
     """Of `robust execute`."""
 
     plan: Path | None = argument(
@@ -104,7 +104,6 @@ class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, Plot, 
     world: Path | None = option(None, "what nature draws, in a TOML file", metavar="FILE", path=True)
     seed: int = option(0, "of the first run; the next ones count up", metavar="N")
     runs: int = option(1, "how many runs", metavar="N")
-    method: str = option("widen", "how the box is computed", choices=METHODS)
     controllability: str | None = option(
         None, "use the part of the box that is controllable so", choices=("dynamic", "strong")
     )

@@ -116,6 +116,27 @@ def names_of(name: str, declaration: Option) -> tuple[str, ...]:
     return (f"--{plain}/--no-{plain}" if declaration.default is True else f"--{plain}",)
 
 
+def typed(options: Options, *kinds: type[Options]) -> tuple[str, ...]:
+    """What one types on a command line for the options of these kinds that are not as by default; files aside."""
+    return tuple(
+        word
+        for kind in kinds
+        for name, one in declared(kind).items()
+        if not one.path and (value := getattr(options, name)) != one.default
+        for word in _words(names_of(name, one)[0], one, value)
+    )
+
+
+def _words(spelling: str, one: Option, value: Any) -> Iterator[str]:
+    positive, _, negative = spelling.partition("/")
+    if one.flag:
+        yield positive if value else negative
+    elif one.many:
+        yield from (f"{spelling}={each}" for each in value)
+    else:
+        yield f"{spelling}={','.join(value) if isinstance(value, tuple) else value}"
+
+
 # -- how options are called in messages --------------------------------------------------------------------------------
 
 _typed: ContextVar[frozenset[str] | None] = ContextVar("typed", default=None)

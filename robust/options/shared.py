@@ -22,7 +22,6 @@ from robust.options.declare import (
     seconds,
 )
 
-METHODS = ("widen", "irr", "optimal")
 PARAMETERS, EPSILON, ENCODING, SOLVING, LIMIT, DRAWING, EXPORT, OUTPUT = range(1, 9)
 """Ranks."""
 
@@ -82,20 +81,25 @@ class Limited(Options):
         return None if self.timeout is None else float(self.timeout)
 
 
-def solver_option() -> Any:
-    """Whom to ask."""
-    return option("z3", "the solver that is asked", choices=SOLVERS, rank=SOLVING)
+class Solver(Options):
+    """Which solver."""
+
+    solver: str = option("z3", "the solver that is asked", choices=SOLVERS, rank=SOLVING)
 
 
-class Solving(Limited):
-    """Whom to ask, and for how long."""
-
-    solver: str = solver_option()
+class Solving(Solver, Limited):
+    """Which solver, and for how long."""
 
 
 def encoding_option(rank: int = ENCODING) -> Any:
     """How the plan becomes formulas."""
     return option("relational", "how the plan becomes formulas", choices=ENCODINGS, rank=rank)
+
+
+class Encoded(Options):
+    """Which encoding."""
+
+    encoding: str = encoding_option()
 
 
 def method_option(**others: str) -> Any:
@@ -109,28 +113,52 @@ def method_option(**others: str) -> Any:
     return option("widen", "; ".join(f"{name}: {what}" for name, what in known.items()), choices=known)
 
 
-def beta_option() -> Any:
-    """β of one box."""
-    return option(
+_FOR_IRR = ("method", ("irr",))
+
+
+class BoxOptions(Options):
+    """How a box around the nominal values is found."""
+
+    method: str = method_option()
+    beta: Number | None = option(
         None,
         "for irr: no end of a complete box can move outwards by B; 1 if not given",
         metavar="B",
         read=positive,
-        needs=("method", ("irr",)),
+        needs=_FOR_IRR,
+    )
+    doubling: bool = option(
+        False, "for irr: steps double until the first failure; ends are up to 2 B away", needs=_FOR_IRR
     )
 
+    @property
+    def precision(self) -> Fraction | None:
+        """β, for methods that have one."""
+        return Fraction(self.beta or 1) if self.method == "irr" else None
 
-def doubling_option() -> Any:
-    """Whether steps of one box double."""
-    return option(
-        False, "for irr: steps double until the first failure; ends are up to 2 B away", needs=("method", ("irr",))
+
+class AnyBoxOptions(BoxOptions):
+    """How a box of a plan is found, wherever it lies."""
+
+    contain_nominal: bool = option(
+        False, "for optimal: only boxes around the nominal values", needs=("method", ("optimal",))
+    )
+    order: str | Sequence[str] | None = option(
+        None,
+        "parameters in the order in which they take turns (irr), or are widened one after the other (widen)",
+        metavar="A,B,C",
+        read=names,
+        needs=("method", ("widen", "irr")),
     )
 
+    @property
+    def from_nominal(self) -> bool:
+        """Whether the box is to be around the nominal values."""
+        return self.method != "optimal" or self.contain_nominal
 
-class Search(Separation, Solving):
+
+class Search(Separation, Encoded, Solving):
     """What every question about a plan takes."""
-
-    encoding: str = encoding_option()
 
 
 class Force(Options):

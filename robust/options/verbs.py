@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +21,6 @@ from robust.options.declare import (
     Options,
     Settings,
     argument,
-    names,
     option,
     ordinal,
     place_of,
@@ -32,6 +30,7 @@ from robust.options.declare import (
 )
 from robust.options.shared import (
     DRAWING,
+    AnyBoxOptions,
     AskCommand,
     Export,
     Output,
@@ -41,8 +40,6 @@ from robust.options.shared import (
     Separation,
     Slice,
     Solving,
-    beta_option,
-    doubling_option,
     encoding_option,
     method_option,
 )
@@ -94,7 +91,7 @@ def world_file(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
 _FOR_RISK = ("method", ("risk",))
 
 
-class EnvelopeOptions(Separation, Solving, Export):
+class EnvelopeOptions(Separation, Solving, Export, AnyBoxOptions):
     """Of :func:`robust.envelope`."""
 
     method: str = method_option(risk="the most probable box")
@@ -107,32 +104,10 @@ class EnvelopeOptions(Separation, Solving, Export):
         read=positive,
         needs=_FOR_RISK,
     )
-    beta: Number | None = beta_option()
-    doubling: bool = doubling_option()
-    contain_nominal: bool = option(
-        False, "for optimal: only boxes around the nominal values", needs=("method", ("optimal",))
-    )
     encoding: str = encoding_option(rank=0)
-    order: str | Sequence[str] | None = option(
-        None,
-        "parameters in the order in which they take turns (irr), or are widened one after the other (widen)",
-        metavar="A,B,C",
-        read=names,
-        needs=("method", ("widen", "irr")),
-    )
     on_step: Callable[[Step], None] | None = option(
         None, "called after each step with the best box so far", shown=False
     )
-
-    @property
-    def precision(self) -> Fraction | None:
-        """β, for methods that have one."""
-        return Fraction(self.beta or 1) if self.method == "irr" else None
-
-    @property
-    def from_nominal(self) -> bool:
-        """Whether the box is to be around the nominal values."""
-        return self.method != "optimal" or self.contain_nominal
 
 
 EXPORTS = ("plansys2", "csv", "yaml")
@@ -177,8 +152,8 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
             raise InputError(f"found it with --method optimal, expected {expected}", place_of("export"))
 
 
-class RegionOptions(Search):
-    """Of :func:`robust.region`."""
+class Elimination(Options):
+    """How an exact region is computed."""
 
     backend: str = option(
         "project",
@@ -192,6 +167,11 @@ class RegionOptions(Search):
         choices=SPLITTINGS,
     )
     learning: bool = option(True, "tell later problems what earlier ones have excluded")
+
+
+class RegionOptions(Elimination, Search):
+    """Of :func:`robust.region`."""
+
     on_piece: Callable[[Polyhedron], None] | None = option(
         None, "called with each polyhedron of bad parameter values when it is found", shown=False
     )
@@ -219,6 +199,7 @@ class CompareOptions(Search):
     """Of :func:`robust.compare`."""
 
     beta: Number = option("1", "the precision of irr", metavar="B", read=positive)
+    doubling: bool = option(False, "steps of irr double until the first failure; ends are up to 2 B away")
     on_stage: Callable[[str], None] | None = option(None, "called with the name of each stage", shown=False)
 
 
