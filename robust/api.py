@@ -6,19 +6,17 @@ What is not asked for is not imported.
 
 from __future__ import annotations
 
-import inspect
 import os
-import textwrap
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from fractions import Fraction
-from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar
 
 from robust.errors import InputError, did_you_mean
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
-from robust.options.declare import Option, Options, place_of, settings, texts
+from robust.options.declare import Options, place_of, settings, texts
+from robust.options.functions import Verb
 from robust.options.verbs import (
     CheckOptions,
     CompareOptions,
@@ -26,7 +24,6 @@ from robust.options.verbs import (
     RegionOptions,
     RepairOptions,
     RiskOptions,
-    RiskSettings,
 )
 from robust.reading import Plan, plan_of
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
@@ -45,7 +42,6 @@ if TYPE_CHECKING:
     from robust.sweeps.batch import Batch
 
 Given = ParamSpec("Given")
-Taken = TypeVar("Taken", bound=Options)
 Result = TypeVar("Result")
 Found_co = TypeVar("Found_co", covariant=True)
 
@@ -71,47 +67,11 @@ class Search(Protocol[Found_co]):
         """What is known if the search is given up now, out of time or else interrupted; None: nothing."""
 
 
-def verb(
-    options: Callable[Given, Taken],
-) -> Callable[[Callable[[ParametrizedPlan, Taken], Result]], Callable[Concatenate[Plan, Given], Result]]:
-    """Make a function of a plan and options one of a plan and the fields of the options, as keyword arguments."""
-
-    def decorate(
-        function: Callable[[ParametrizedPlan, Taken], Result],
-    ) -> Callable[Concatenate[Plan, Given], Result]:
-        @wraps(function)
-        def called(plan: Plan, *args: Given.args, **given: Given.kwargs) -> Result:
-            chosen = options(*args, **given)
-            with noticing_interrupts():
-                return function(plan_of(plan, getattr(chosen, "separation", "1/1000")), chosen)
-
-        taken = cast("type[Options]", options)
-        plan = inspect.Parameter("plan", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation="Plan")
-        types = {name: kind for base in reversed(taken.__mro__) for name, kind in inspect.get_annotations(base).items()}
-        given = [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=types[name])
-            for name, one in _in_order(taken)
-        ]
-        found = inspect.Signature([plan, *given], return_annotation=function.__annotations__["return"])
-        called.__signature__ = found  # type: ignore[attr-defined]
-        called.__doc__ = _with_arguments(inspect.getdoc(function) or "", taken)
-        return cast("Callable[Concatenate[Plan, Given], Result]", called)
-
-    return decorate
+def _read(plan: Plan, options: Options) -> ParametrizedPlan:
+    return plan_of(plan, getattr(options, "separation", "1/1000"))
 
 
-def _in_order(options: type[Options]) -> list[tuple[str, Option]]:
-    """As in help texts, callbacks last."""
-    return sorted(options.declarations.items(), key=lambda each: (not each[1].shown, each[1].rank))
-
-
-def _with_arguments(text: str, options: type[Options]) -> str:
-    """A docstring with the help of each option as the description of an argument."""
-    helps = [f"{name}: {one.help}." for name, one in _in_order(options)]
-    lines = ["plan: what :func:`load_plan` returns, or the paths of a domain, a problem and a plan.", *helps]
-    wrapped = [textwrap.fill(line, 110, initial_indent="    ", subsequent_indent="        ") for line in lines]
-    summary, _, rest = text.partition("\n\n")
-    return "\n".join([summary, "", "Args:", *wrapped, "", rest])
+verb = Verb(_read, "what :func:`load_plan` returns, or the paths of a domain, a problem and a plan")
 
 
 class _Encoded(Generic[Result]):
@@ -348,7 +308,7 @@ def distributions_of(plan: ParametrizedPlan, options: RiskOptions | EnvelopeOpti
     from robust.execute.worlds import read_rules
 
     rules = None if options.world is None else read_rules(options.world)
-    given = options.distribution
+    given = options.distributions if isinstance(options, RiskOptions) else options.distribution
     known = given if isinstance(given, Mapping) else texts(given, place_of("distribution"))
     return randomness.distributions_of(plan, known, rules, place_of)
 
@@ -371,32 +331,9 @@ def searching_risk(plan: ParametrizedPlan, options: RiskOptions) -> Search[RiskR
     )
 
 
-class Risking(Protocol[Given]):
-    """What :func:`risk` takes, for type checkers."""
-
-    def __call__(
-        self,
-        plan: Plan,
-        distributions: Mapping[str, str | Distribution] | Sequence[str] = (),
-        *args: Given.args,
-        **given: Given.kwargs,
-    ) -> RiskResult: ...
-
-
-def _risking(_options: Callable[Given, RiskSettings]) -> Callable[[Callable[..., RiskResult]], Risking[Given]]:
-    return lambda function: function
-
-
-@_risking(RiskSettings)
-def risk(plan: Plan, distributions: Mapping[str, str | Distribution] | Sequence[str] = (), **given: Any) -> RiskResult:
+@verb.with_first(RiskOptions, "distributions")
+def risk(plan: ParametrizedPlan, options: RiskOptions) -> RiskResult:
     """The probability that a plan succeeds when its parameters are random and independent, as certified bounds.
-
-    Args:
-        plan: what :func:`load_plan` returns, or the paths of a domain, a problem and a plan.
-        distributions: of each parameter, such as `{"a": "normal:30:5", "b": "uniform:10:20"}`, see
-            :mod:`robust.probability.distributions`.
-        given: other options, the fields of :class:`robust.options.verbs.RiskOptions`: `world`, `within`, `draws`,
-            `epsilon`, `encoding`, `solver`, `timeout`, `on_bounds`, `on_stage`.
 
     Returns:
         Bounds that hold whatever ended the search; which obligations take the rest; and how probable boxes are.
@@ -405,9 +342,7 @@ def risk(plan: Plan, distributions: Mapping[str, str | Distribution] | Sequence[
         InputError: wrong options, or a parameter without a distribution.
         UnsupportedError: an expression that is not linear.
     """
-    options = RiskOptions(distribution=distributions, **given)
-    with noticing_interrupts():
-        return searching_risk(plan_of(plan, options.separation), options).run()
+    return searching_risk(plan, options).run()
 
 
 # -- repair ------------------------------------------------------------------------------------------------------------

@@ -17,16 +17,31 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
-from robust.backends import DRAKE, REASONERS, SMT, deciding
-from robust.errors import InputError, did_you_mean
+from robust.backends import DRAKE
+from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.execute.drive import WallClock, drive, run_in_world
 from robust.numbers import Number, exact, shorten
-from robust.options.declare import named_values, names, not_negative, ordinal, place_of, seconds, texts
+from robust.options.declare import Options, named_values, not_negative, ordinal, place_of, setting, spelled, texts
+from robust.options.functions import Verb
+from robust.options.pike import (
+    Assumptions,
+    CrossOptions,
+    KnowledgeBaseOptions,
+    MomentsOptions,
+    ParametricOptions,
+    PikeCheckOptions,
+    PikeCompileOptions,
+    PikeEnvelopeOptions,
+    PikeRegionOptions,
+    PikeRunOptions,
+    RandomCrossOptions,
+    StoryOptions,
+)
 from robust.pike_bridge.action_model import Instance, load_team_plan
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
 from robust.pike_bridge.compile import (
@@ -41,7 +56,7 @@ from robust.pike_bridge.compile import (
     checked_assumptions,
 )
 from robust.pike_bridge.cross_check import CrossCheck, Crossed, Crossing, Disagreement
-from robust.pike_bridge.cross_random import SHAPES, RandomCrossed, RandomCrossing
+from robust.pike_bridge.cross_random import RandomCrossed, RandomCrossing
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize, specifications
 from robust.pike_bridge.envelopes.search import LabeledRegion, LabeledRegionSearch, TeamEnvelope, TeamEnvelopeSearch
 from robust.pike_bridge.files import read_tpnu, write_tpnu
@@ -67,7 +82,7 @@ from robust.pike_bridge.online.world import (
 )
 from robust.pike_bridge.random_plans import random_plan
 from robust.pike_bridge.semantics import Execution, Oracle
-from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
+from robust.smt.limits import Deadline, OutOfTimeError
 
 __all__ = [
     "EPSILON",
@@ -143,8 +158,6 @@ __all__ = [
 
 Plan: TypeAlias = TeamPlan | Instance | str | os.PathLike[str]
 """A plan with choices, one of a builder or generator, or the path of a `.tpnu.json` file."""
-Assumed: TypeAlias = Mapping[str, str] | str | Sequence[str]
-"""Values of choices that are made already, by name or as texts `NAME=VALUE`."""
 
 
 def load(path: str | os.PathLike[str], *, epsilon: Number = EPSILON) -> TeamPlan:
@@ -161,7 +174,7 @@ def load(path: str | os.PathLike[str], *, epsilon: Number = EPSILON) -> TeamPlan
     return load_team_plan(path, epsilon=not_negative(epsilon, place_of("epsilon")))
 
 
-def _plan(plan: Plan) -> TeamPlan:
+def _team_plan(plan: Plan, _: Options) -> TeamPlan:
     if isinstance(plan, Instance):
         return plan.plan()
     if isinstance(plan, str | os.PathLike):
@@ -172,47 +185,38 @@ def _plan(plan: Plan) -> TeamPlan:
     return plan
 
 
-def _assumed(plan: TeamPlan, assume: Assumed) -> Guard:
-    return checked_assumptions(plan, named_values(assume, "assume"))
+_verb = Verb(_team_plan, "what :func:`load` returns, an :class:`Instance`, or the path of a `.tpnu.json` file")
 
 
-def _deadline(timeout: Number | None) -> Deadline:
-    return Deadline.after(None if timeout is None else seconds(timeout, place_of("timeout")))
+def assumed(plan: TeamPlan, given: Assumptions) -> Guard:
+    """Values of choices that are made already, each at most once.
 
-
-def _one_of(name: str, found: str, known: Sequence[str]) -> str:
-    if found not in known:
-        raise InputError(f"unknown {name} {found!r}{did_you_mean(str(found), known)}", place_of(name))
-    return found
-
-
-def _temporal(name: str) -> Temporal:
-    return Temporal(_one_of("temporal", name, [one.value for one in Temporal]))
+    Raises:
+        InputError: for an unknown choice or value, and for two different values of one choice.
+    """
+    return checked_assumptions(plan, named_values(given, "assume"))
 
 
 # -- questions ---------------------------------------------------------------------------------------------------------
 
 
-def check(
-    plan: Plan,
-    *,
-    backend: str = "oracle",
-    assume: Assumed = (),
-    all_scenarios: bool = False,
-    temporal: str = "lazy",
-    solver: str = "z3",
-    timeout: Number | None = None,
-) -> PikeCheck:
-    """Whether a correct execution of the plan exists, given some of the choices [PIKE].
+def searching_check(plan: TeamPlan, options: PikeCheckOptions) -> Checking:
+    """What :func:`check` runs."""
+    return Checking(
+        plan,
+        backend=options.backend,
+        assume=assumed(plan, options.assume),
+        all_scenarios=options.all_scenarios,
+        temporal=Temporal(options.temporal),
+        solver=options.solver,
+        deadline=Deadline.after(options.limit),
+        on_stage=options.on_stage,
+    )
 
-    Args:
-        plan: the plan.
-        backend: `oracle`, which asks a solver about the semantics themselves, or one of :func:`knowledge_bases`.
-        assume: choices that are made already.
-        all_scenarios: find every team scenario that admits a correct execution.
-        temporal: how knowledge bases come to temporal conflicts: `lazy`, or `apsp` as in the paper.
-        solver: `z3` or `cvc5`.
-        timeout: seconds after which what is known is returned.
+
+@_verb(PikeCheckOptions)
+def check(plan: TeamPlan, options: PikeCheckOptions) -> PikeCheck:
+    """Whether a correct execution of the plan exists, given some of the choices [PIKE].
 
     Returns:
         PROVED with an execution, which a referee has confirmed, REFUTED or UNKNOWN.
@@ -221,70 +225,47 @@ def check(
         InputError: if a choice, a value, a back end or a file is unknown or wrong.
         SolverError: if the solver is not installed, or an answer is not confirmed.
     """
-    known = _plan(plan)
-    checking = Checking(
-        known,
-        backend=_one_of("backend", backend, ("oracle", *knowledge_bases())),
-        assume=_assumed(known, assume),
-        all_scenarios=all_scenarios,
-        temporal=_temporal(temporal),
-        solver=solver,
-        deadline=_deadline(timeout),
+    return searching_check(plan, options).run()
+
+
+def searching_sizes(plan: TeamPlan, options: PikeCompileOptions) -> Measuring:
+    """What :func:`compile` runs.
+
+    Raises:
+        UnsupportedError: if prime implicants are wanted of a back end that has none.
+    """
+    able = [name for name, registration in knowledge_bases().items() if registration.knows_implicants]
+    if options.implicants and options.backend not in able:
+        expected = setting("backend", *able)
+        raise UnsupportedError(
+            f"{spelled('implicants')}: back end {options.backend} has no prime implicants; expected {expected}"
+        )
+    return Measuring(
+        plan,
+        options.backend,
+        temporal=Temporal(options.temporal),
+        shortcut=options.shortcut,
+        implicants=options.implicants,
+        models=options.models,
+        solver=options.solver,
+        deadline=Deadline.after(options.limit),
+        on_stage=options.on_stage,
     )
-    with noticing_interrupts():
-        return checking.run()
 
 
-def compile(
-    plan: Plan,
-    backend: str = "pitms",
-    *,
-    temporal: str = "lazy",
-    shortcut: bool = True,
-    implicants: bool = False,
-    models: bool = True,
-    solver: str = "z3",
-    timeout: Number | None = None,
-) -> Sizes:
+@_verb.with_first(PikeCompileOptions, "backend")
+def compile(plan: TeamPlan, options: PikeCompileOptions) -> Sizes:
     """Compile a knowledge base of all correct executions, and measure it; :func:`knowledge_base` returns it.
-
-    Args:
-        plan: the plan.
-        backend: one of :func:`knowledge_bases`.
-        temporal: `lazy`, or `apsp` as in the paper.
-        shortcut: whether a solver may find that there is no correct execution at all.
-        implicants: list the prime implicants (`pitms` and `bdd`).
-        models: count models.
-        solver: `z3` or `cvc5`.
-        timeout: seconds after which what is known is returned.
 
     Raises:
         InputError: if a back end or a file is unknown or wrong.
-        UnsupportedError: more prime implicants are to be listed than anybody can read.
+        UnsupportedError: more prime implicants are to be listed than anybody can read, or of a back end without any.
     """
-    measuring = Measuring(
-        _plan(plan),
-        _one_of("backend", backend, tuple(knowledge_bases())),
-        temporal=_temporal(temporal),
-        shortcut=shortcut,
-        implicants=implicants,
-        models=models,
-        solver=solver,
-        deadline=_deadline(timeout),
-    )
-    with noticing_interrupts():
-        return measuring.run()
+    return searching_sizes(plan, options).run()
 
 
-def knowledge_base(
-    plan: Plan,
-    backend: str = "pitms",
-    *,
-    temporal: str = "lazy",
-    shortcut: bool = True,
-    solver: str = "z3",
-    timeout: Number | None = None,
-) -> Compilation:
+@_verb.with_first(KnowledgeBaseOptions, "backend")
+def knowledge_base(plan: TeamPlan, options: KnowledgeBaseOptions) -> Compilation:
     """The knowledge base of all correct executions, with what it was compiled from: labeled links and conflicts.
 
     Its `knowledge` answers whether one could still commit to choices, orders and times, and commits to them.
@@ -293,128 +274,141 @@ def knowledge_base(
         InputError: if a back end or a file is unknown or wrong.
         OutOfTimeError: if the time is over before it is there.
     """
-    compiling = Compiling(
-        _plan(plan),
-        _one_of("backend", backend, tuple(knowledge_bases())),
-        temporal=_temporal(temporal),
-        shortcut=shortcut,
-        solver=solver,
-        deadline=_deadline(timeout),
-    )
-    with noticing_interrupts():
-        return compiling.compile()
+    return Compiling(
+        plan,
+        options.backend,
+        temporal=Temporal(options.temporal),
+        shortcut=options.shortcut,
+        solver=options.solver,
+        deadline=Deadline.after(options.limit),
+        on_stage=options.on_stage,
+    ).compile()
 
 
-def moments(plan: Plan, *, assume: Assumed = (), solver: str = "z3", timeout: Number | None = None) -> Moments:
+def searching_moments(plan: TeamPlan, options: MomentsOptions) -> LatestMoments:
+    """What :func:`moments` runs."""
+    deadline = Deadline.after(options.limit)
+    return LatestMoments(plan, assumed(plan, options.assume), options.solver, deadline=deadline)
+
+
+@_verb(MomentsOptions)
+def moments(plan: TeamPlan, options: MomentsOptions) -> Moments:
     """Until when people can make each choice, with each value, if all else suits it.
 
     Raises:
         InputError: if a choice, a value or a file is unknown or wrong.
         SolverError: if the solver is unknown or not installed.
     """
-    known = _plan(plan)
-    with noticing_interrupts():
-        return LatestMoments(known, _assumed(known, assume), solver, deadline=_deadline(timeout)).run()
+    return searching_moments(plan, options).run()
+
+
+def searching_differences(plan: TeamPlan, options: CrossOptions) -> Crossing:
+    """What :func:`cross_check` runs."""
+    witness, deadline = options.witness, Deadline.after(options.limit)
+    directory = None if witness is None else Path(witness)
+    return Crossing(plan, directory, options.seed, options.solver, deadline, options.on_stage)
+
+
+@_verb(CrossOptions)
+def cross_check(plan: TeamPlan, options: CrossOptions) -> Crossed:
+    """Ask all knowledge bases and the oracle the same questions about a plan, and compare.
+
+    Raises:
+        InputError: if a file is wrong.
+    """
+    return searching_differences(plan, options).run()
+
+
+def searching_random_differences(number: int, options: RandomCrossOptions) -> RandomCrossing:
+    """What :func:`cross_check_random` runs."""
+    return RandomCrossing(
+        number,
+        options.seed,
+        options.sizes,
+        witness=None if options.witness is None else Path(options.witness),
+        epsilon=options.separation,
+        solver=options.solver,
+        deadline=Deadline.after(options.limit),
+        on_stage=options.on_stage,
+    )
+
+
+def _whole(number: int, _: Options) -> int:
+    return ordinal(number, place_of("number"))
+
+
+@Verb(_whole, "how many plans", "int")(RandomCrossOptions)
+def cross_check_random(plan: int, options: RandomCrossOptions) -> RandomCrossed:
+    """Ask all knowledge bases and the oracle the same questions about so many random plans, and compare.
+
+    Raises:
+        InputError: if an argument is wrong.
+    """
+    return searching_random_differences(plan, options).run()
 
 
 # -- executions --------------------------------------------------------------------------------------------------------
 
-_NEGATION = re.compile(r"\(\s*not\s*(\(.*\))\s*\)", re.IGNORECASE)
+
+def searching_execution(plan: TeamPlan, options: PikeRunOptions) -> Rehearsal:
+    """What :func:`run` runs."""
+    return Rehearsal(
+        plan,
+        _story(plan, options),
+        seed=options.seed,
+        infer=options.infer,
+        explain=options.explain,
+        solver=options.solver,
+        backend=options.deciding,
+        drake=options.reasoner == DRAKE,
+        patience=options.margin,
+        deadline=Deadline.after(options.limit),
+        on_step=options.on_step,
+    )
 
 
-def run(
-    plan: Plan,
-    *,
-    human: str = "rational",
-    pace: str = "cooperative",
-    outcome: Mapping[str, str | tuple[str, Number]] | str | Sequence[str] = (),
-    disturb: str | Sequence[str | Disturbance] = (),
-    delay: Number = 0,
-    seed: int = 0,
-    reasoner: str | None = None,
-    backend: str | None = None,
-    patience: Number | None = 0,
-    infer: bool = True,
-    explain: bool = False,
-    solver: str = "z3",
-    timeout: Number | None = None,
-    on_step: Callable[[ExecutionStep], None] | None = None,
-) -> ExecutionRecord:
+@_verb(PikeRunOptions)
+def run(plan: TeamPlan, options: PikeRunOptions) -> ExecutionRecord:
     """Carry a plan out with a simulated team: dispatch, recognise intent, adapt, notice what goes wrong.
 
-    Args:
-        plan: the plan.
-        human: how uncontrollable choices are made: `rational`, among what remains correct, or `careless`.
-        pace: how long activities take: `cooperative`, `least` or `random`.
-        outcome: what is chosen and when it is known: a value, or a value and a time, by choice; or texts
-            `NAME=VALUE[@TIME]`.
-        disturb: what goes wrong: texts `(not (atom))@TIME`, or :class:`Disturbance`.
-        delay: humans hesitate this long at most.
-        seed: decides what is left open.
-        reasoner: who decides: `smt`, `windows` (labeled execution windows and a knowledge base, as in the paper) or
-            `drake` (the same without what activities need and do).
-        backend: the knowledge base of the latter two; `pitms` if not given.
-        patience: how long before the last moment to stop waiting for what people may still choose; None: do not wait.
-        infer: find out which values open choices may still have.
-        explain: find out the reasons of each step.
-        solver: `z3` or `cvc5`.
-        timeout: seconds after which what has happened is returned.
-        on_step: called after each step.
+    In Python an outcome may also be a value, or a value and a time, by choice, and a disturbance a
+    :class:`Disturbance`; `patience=None` does not wait.
 
     Raises:
         InputError: if a choice, a value, an atom, a time, a back end or a file is unknown or wrong.
         OutOfTimeError: if the time is over before the first step.
         SolverError: if an execution that ended well is not correct.
     """
-    known = _plan(plan)
-    if reasoner is not None:
-        _one_of("reasoner", reasoner, REASONERS)
-    name = _one_of("backend", deciding(reasoner, backend), reasoner_names())
-    if reasoner is not None and (reasoner == SMT) != (name == SMT):
-        raise InputError(f"found {name} with reasoner {reasoner!r}, expected one that fits", place_of("backend"))
-    rehearsal = Rehearsal(
-        known,
-        story(known, human=human, pace=pace, outcome=outcome, disturb=disturb, delay=delay),
-        seed=seed,
-        infer=infer,
-        explain=explain,
-        solver=solver,
-        backend=name,
-        drake=reasoner == DRAKE,
-        patience=None if patience is None else not_negative(patience, place_of("patience")),
-        deadline=_deadline(timeout),
-        on_step=on_step,
-    )
-    with noticing_interrupts():
-        return rehearsal.run()
+    return searching_execution(plan, options).run()
 
 
-def story(
-    plan: TeamPlan,
-    *,
-    human: str = "rational",
-    pace: str = "cooperative",
-    outcome: Mapping[str, str | tuple[str, Number]] | str | Sequence[str] = (),
-    disturb: str | Sequence[str | Disturbance] = (),
-    delay: Number = 0,
-) -> Story:
+@_verb(StoryOptions)
+def story(plan: TeamPlan, options: StoryOptions) -> Story:
     """What is known beforehand of a simulated execution; the arguments are those of :func:`run`.
 
     Raises:
         InputError: if a choice, a value, an atom or a time is not what it should be.
     """
+    return _story(plan, options)
+
+
+def _story(plan: TeamPlan, options: StoryOptions) -> Story:
+    outcome, disturb = options.outcome, options.disturb
     if isinstance(outcome, Mapping):
         outcomes = dict(_outcome(plan, name, value) for name, value in outcome.items())
     else:
         outcomes = dict(_told_outcome(plan, text) for text in texts(outcome, place_of("outcome")))
     wrong = [disturb] if isinstance(disturb, str | Disturbance) else disturb
     return Story(
-        human=Human(_one_of("human", human, [one.value for one in Human])),
-        pace=Pace(_one_of("pace", pace, [one.value for one in Pace])),
+        human=Human(options.human),
+        pace=Pace(options.pace),
         outcomes=outcomes,
         disturbances=tuple(one if isinstance(one, Disturbance) else _disturbance(plan, one) for one in wrong),
-        delay=not_negative(delay, place_of("delay")),
+        delay=Fraction(options.delay),
     )
+
+
+_NEGATION = re.compile(r"\(\s*not\s*(\(.*\))\s*\)", re.IGNORECASE)
 
 
 def _told_outcome(plan: TeamPlan, text: str) -> tuple[str, tuple[str, Fraction | None]]:
@@ -464,151 +458,63 @@ def _time(value: Number, text: str, option: str) -> Fraction:
     return time
 
 
-# -- cross-checks ------------------------------------------------------------------------------------------------------
-
-
-def cross_check(
-    plan: Plan,
-    *,
-    witness: str | os.PathLike[str] | None = None,
-    seed: int = 0,
-    solver: str = "z3",
-    timeout: Number | None = None,
-) -> Crossed:
-    """Ask all knowledge bases and the oracle the same questions about a plan, and compare.
-
-    Args:
-        plan: the plan.
-        witness: the directory to write a small plan to on which they differ, if they do.
-        seed: which sets of choices are tried.
-        solver: `z3` or `cvc5`.
-        timeout: seconds after which what is known is returned.
-
-    Raises:
-        InputError: if a file is wrong.
-    """
-    crossing = Crossing(_plan(plan), None if witness is None else Path(witness), seed, solver, _deadline(timeout))
-    with noticing_interrupts():
-        return crossing.run()
-
-
-def cross_check_random(
-    number: int,
-    *,
-    sizes: str = "small",
-    seed: int = 0,
-    witness: str | os.PathLike[str] | None = None,
-    epsilon: Number = EPSILON,
-    solver: str = "z3",
-    timeout: Number | None = None,
-) -> RandomCrossed:
-    """The same on so many random plans.
-
-    Args:
-        number: how many plans.
-        sizes: how large they are: `small`, `medium` or `paper`.
-        seed: which plans they are.
-        witness: the directory to write a small plan to on which the first back end that differs still does.
-        epsilon: how much earlier is "before".
-        solver: `z3` or `cvc5`.
-        timeout: seconds after which what is known is returned.
-
-    Raises:
-        InputError: if an argument is wrong.
-    """
-    crossing = RandomCrossing(
-        ordinal(number, place_of("number")),
-        seed,
-        _one_of("sizes", sizes, tuple(SHAPES)),
-        witness=None if witness is None else Path(witness),
-        epsilon=not_negative(epsilon, place_of("epsilon")),
-        solver=solver,
-        deadline=_deadline(timeout),
-    )
-    with noticing_interrupts():
-        return crossing.run()
-
-
 # -- envelopes ---------------------------------------------------------------------------------------------------------
 
 
-def region(
-    plan: Plan | ParametricPlan,
-    parameters: str | Sequence[str] = (),
-    *,
-    parameter_file: str | os.PathLike[str] | None = None,
-    choices: str | Sequence[str] | None = None,
-    assume: Assumed = (),
-    solver: str = "z3",
-    timeout: Number | None = None,
-) -> LabeledRegion:
+def _parametric(plan: Plan | ParametricPlan, options: Options) -> ParametricPlan:
+    """A plan with its parameters: its own, in a file, those of a file, and of options."""
+    if isinstance(plan, ParametricPlan) or not isinstance(options, ParametricOptions):
+        return cast("ParametricPlan", plan)
+    own = read_tpnu(plan).parameters if isinstance(plan, str | os.PathLike) else ()
+    specs = specifications(texts(options.parameters, place_of("parameters")), options.parameter_file, own)
+    return parametrize(_team_plan(plan, options), specs)
+
+
+_parametric_verb = Verb(_parametric, "as of :func:`check`; one that has parameters already is taken as it is")
+
+
+def searching_region(plan: ParametricPlan, options: PikeRegionOptions) -> LabeledRegionSearch:
+    """What :func:`region` runs."""
+    return LabeledRegionSearch(
+        plan,
+        None if options.choices is None else tuple(options.choices),
+        assume=assumed(plan.plan, options.assume),
+        solver=options.solver,
+        deadline=Deadline.after(options.limit),
+        on_piece=options.on_piece,
+    )
+
+
+@_parametric_verb.with_first(PikeRegionOptions, "parameters")
+def region(plan: ParametricPlan, options: PikeRegionOptions) -> LabeledRegion:
     """For which parameter values which choices lead to a correct execution.
 
-    Args:
-        plan: the plan; one that has parameters already is taken as it is.
-        parameters: what is a parameter, as :mod:`robust.pike_bridge.envelopes.parameters` describes it.
-        parameter_file: more of them, in a TOML file.
-        choices: those that are told apart; those of people and nature, if not given.
-        assume: values of choices that are made already.
-        solver: `z3` or `cvc5`.
-        timeout: seconds after which what is known is returned.
-
     Raises:
         InputError: if a parameter, a choice or a value is unknown or wrong.
         SolverError: if the solver is unknown, not installed, or fails.
     """
-    varied = _parametric(plan, parameters, parameter_file)
-    search = LabeledRegionSearch(
-        varied,
-        None if choices is None else names(choices, place_of("choices")),
-        assume=_assumed(varied.plan, assume),
-        solver=solver,
-        deadline=_deadline(timeout),
+    return searching_region(plan, options).run()
+
+
+def searching_envelope(plan: ParametricPlan, options: PikeEnvelopeOptions) -> TeamEnvelopeSearch:
+    """What :func:`envelope` runs."""
+    return TeamEnvelopeSearch(
+        plan,
+        assume=assumed(plan.plan, options.assume),
+        for_all=options.for_all,
+        waiting=options.patience,
+        solver=options.solver,
+        deadline=Deadline.after(options.limit),
+        on_stage=options.on_stage,
     )
-    with noticing_interrupts():
-        return search.run()
 
 
-def envelope(
-    plan: Plan | ParametricPlan,
-    parameters: str | Sequence[str] = (),
-    *,
-    parameter_file: str | os.PathLike[str] | None = None,
-    assume: Assumed = (),
-    for_all: str | Sequence[str] = (),
-    patience: bool = False,
-    solver: str = "z3",
-    timeout: Number | None = None,
-) -> TeamEnvelope:
+@_parametric_verb.with_first(PikeEnvelopeOptions, "parameters")
+def envelope(plan: ParametricPlan, options: PikeEnvelopeOptions) -> TeamEnvelope:
     """A box of parameter values around the nominal ones that no other such box contains.
 
-    Args:
-        plan, parameters, parameter_file, assume, solver, timeout: as of :func:`region`.
-        for_all: choices of which every combination of values must lead to a correct execution.
-        patience: with `for_all`: what is chosen becomes known only then, and the team waits for it.
-
     Raises:
         InputError: if a parameter, a choice or a value is unknown or wrong.
         SolverError: if the solver is unknown, not installed, or fails.
     """
-    varied = _parametric(plan, parameters, parameter_file)
-    search = TeamEnvelopeSearch(
-        varied,
-        assume=_assumed(varied.plan, assume),
-        for_all=names(for_all, place_of("for_all")) if for_all else (),
-        waiting=patience,
-        solver=solver,
-        deadline=_deadline(timeout),
-    )
-    with noticing_interrupts():
-        return search.run()
-
-
-def _parametric(
-    plan: Plan | ParametricPlan, parameters: str | Sequence[str], file: str | os.PathLike[str] | None
-) -> ParametricPlan:
-    if isinstance(plan, ParametricPlan):
-        return plan
-    own = read_tpnu(plan).parameters if isinstance(plan, str | os.PathLike) else ()
-    specs = specifications(texts(parameters, place_of("parameters")), file, own)
-    return parametrize(_plan(plan), specs)
+    return searching_envelope(plan, options).run()

@@ -419,7 +419,7 @@ class Run:
 
 def carry_out(guard: Guard, asked: Action[Any], given: Mapping[str, Any]) -> int:
     """Run an action with the options that were given; its exit code."""
-    with as_typed(given):
+    with as_typed(given, asked.options):
         options = asked.options(**given)
         if getattr(options, "verbose", False):
             _log_to_stderr()

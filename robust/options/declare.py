@@ -139,13 +139,13 @@ def _words(spelling: str, one: Option, value: Any) -> Iterator[str]:
 
 # -- how options are called in messages --------------------------------------------------------------------------------
 
-_typed: ContextVar[frozenset[str] | None] = ContextVar("typed", default=None)
+_typed: ContextVar[tuple[frozenset[str], Mapping[str, Option]] | None] = ContextVar("typed", default=None)
 
 
 @contextmanager
-def as_typed(names: Iterable[str]) -> Iterator[None]:
-    """Within it, messages name options as on the command line, on which these fields were given."""
-    token = _typed.set(frozenset(names))
+def as_typed(names: Iterable[str], options: type[Options] | None = None) -> Iterator[None]:
+    """Within it, messages name options as on the command line, on which these fields of the options were given."""
+    token = _typed.set((frozenset(names), {} if options is None else options.declarations))
     try:
         yield
     finally:
@@ -154,7 +154,11 @@ def as_typed(names: Iterable[str]) -> Iterator[None]:
 
 def spelled(name: str) -> str:
     """An option as whoever gave it calls it."""
-    return name if _typed.get() is None else f"--{name.replace('_', '-')}"
+    if (typed := _typed.get()) is None:
+        return name
+    declaration = typed[1].get(name)
+    known = f"--{name.replace('_', '-')}" if declaration is None else names_of(name, declaration)[0]
+    return known.partition("/")[0]
 
 
 def place_of(name: str, text: str | None = None) -> Location:
@@ -162,7 +166,8 @@ def place_of(name: str, text: str | None = None) -> Location:
     return Location(spelled(name) if text is None else f"{spelled(name)} {shorten(text)}")
 
 
-def _setting(name: str, *values: str) -> str:
+def setting(name: str, *values: str) -> str:
+    """An option with a value, or one of several, as whoever gives it writes it."""
     if _typed.get() is None:
         return f"{name}={' or '.join(map(repr, values))}"
     return f"{spelled(name)} {' or '.join(values)}"
@@ -207,7 +212,7 @@ class Options:
     def _check(self) -> None:
         typed = _typed.get()
         given = {name for name, one in self.declarations.items() if getattr(self, name) != one.default}
-        self._check_combinations(given if typed is None else typed)
+        self._check_combinations(given if typed is None else typed[0])
         for name, one in self.declarations.items():
             value = getattr(self, name)
             if value is None:
@@ -248,8 +253,7 @@ class Options:
             other, values = one.needs
             if (found := getattr(self, other)) not in values:
                 raise InputError(
-                    f"found it with {_setting(other, found)}, expected {_setting(other, *values)}, or no "
-                    f"{spelled(name)}",
+                    f"found it with {setting(other, found)}, expected {setting(other, *values)}, or no {spelled(name)}",
                     place_of(name),
                 )
         self.check_combinations(given)

@@ -64,13 +64,14 @@ class CheckCommand(CheckOptions, AskCommand):
     """Of `robust check`."""
 
 
-def distributions(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
+def distributions_option(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
     """How parameters are distributed."""
     return option(
         (),
         "how a parameter is distributed: NAME=normal:MEAN:DEVIATION, truncated-normal:MEAN:DEVIATION:MINIMUM:MAXIMUM, "
         "half-normal:ORIGIN:DEVIATION, uniform:LOWER:UPPER, triangular:LOWER:MODE:UPPER, exponential:MEAN or "
         "constant:VALUE; an empty mean, mode, origin or value is the planned one; may be repeated",
+        "--distribution",
         metavar="NAME=KIND:...",
         many=True,
         needs=needs,
@@ -95,7 +96,7 @@ class EnvelopeOptions(Separation, Solving, Export, AnyBoxOptions):
     """Of :func:`robust.envelope`."""
 
     method: str = method_option(risk="the most probable box")
-    distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions(_FOR_RISK)
+    distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions_option(_FOR_RISK)
     world: str | Path | None = world_file(_FOR_RISK)
     within: Number = option(
         "0.005",
@@ -216,15 +217,10 @@ class CompareCommand(CompareOptions, Slice, AskCommand):
     )
 
 
-class Distributed(Options):
-    """How parameters are distributed."""
+class RiskOptions(Search):
+    """Of :func:`robust.risk`."""
 
-    distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions()
-
-
-class RiskSettings(Search):
-    """Of :func:`robust.risk`, beside distributions."""
-
+    distributions: Mapping[str, str | Distribution] | Sequence[str] = distributions_option()
     world: str | Path | None = world_file()
     within: Number = option("0.001", "how close the bounds of the probability are to be", metavar="W", read=positive)
     draws: int | None = option(
@@ -237,15 +233,11 @@ class RiskSettings(Search):
     on_stage: Callable[[str], None] | None = option(None, "called with the name of each stage", shown=False)
 
 
-class RiskOptions(RiskSettings, Distributed):
-    """Of :func:`robust.risk`."""
-
-
 class RiskCommand(RiskOptions, Plot, AskCommand):
     """Of `robust risk`."""
 
     def check_combinations(self, given: Collection[str]) -> None:
-        if not self.distribution and self.world is None:
+        if not self.distributions and self.world is None:
             raise InputError("found neither --distribution nor --world, expected how parameters are distributed")
 
 
