@@ -261,7 +261,7 @@ def run_batch(
     known |= {failure.task: PlanRun("error", UNDECIDED, message=failure.reason) for failure in sweep.failures}
     rows = []
     for one in suite.instances:
-        found = {each.name: troubles.get(one.name) or known.get(_label(one, each, asked)) for each in asked}
+        found = {each.name: troubles.get(one.name, known.get(_label(one, each, asked))) for each in asked}
         runs = {name: run for name, run in found.items() if run is not None}
         if runs:
             rows.append(BatchRow(one, runs))
