@@ -69,12 +69,12 @@ class Existence(Protocol):
     """enc_valid: for which parameter values some schedule exists."""
 
     def broken_facet(
-        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline, *, of_network: bool = False
+        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline
     ) -> Facet | Verdict | None:
-        """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time.
+        """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time."""
 
-        With `of_network`, obligations are passed over.
-        """
+    def known_facet(self, box: Grid) -> Facet | None:
+        """A facet of the network alone that some point of the box breaks, of those that a search has met."""
 
     def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""

@@ -175,15 +175,14 @@ class Validity:
                     self.facets.append(Facet(expression, (rule.name,), rule.name))
 
     def broken_facet(
-        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline, *, of_network: bool = False
+        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline
     ) -> Facet | Verdict | None:
         """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time.
 
-        `make_session` opens a solver session over the same terms, only if it comes to that. With `of_network`,
-        obligations are passed over.
+        `make_session` opens a solver session over the same terms, only if it comes to that.
         """
         for facet in self.facets:
-            if not (of_network and facet.obligation) and facet.breaks_in(box):
+            if facet.breaks_in(box):
                 return facet
         cycle = self._cycles.suspicious(box)
         if cycle is None:
@@ -193,6 +192,10 @@ class Validity:
             self.facets.append(facet)
             return facet
         return self._broken_by_some_circulation(box, make_session(), deadline)
+
+    def known_facet(self, box: Grid) -> Facet | None:
+        """A facet of the network alone that some point of the box breaks, of those that a search has met."""
+        return next((facet for facet in self.facets if facet.obligation is None and facet.breaks_in(box)), None)
 
     def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""

@@ -154,12 +154,9 @@ class Questions(ABC, Generic[Found]):
         return found
 
     def _no_schedule(self, box: Box, deadline: Deadline) -> Facet | None:
-        """A facet of the network alone that some point of the box breaks."""
+        """A facet of the network alone that some point of the box breaks; whatever ended a search has been met."""
         deadline.enforce()
-        found = self.encoding.validity.broken_facet(box.grid, self.open_session, deadline, of_network=True)
-        if isinstance(found, Verdict):
-            raise OutOfTimeError(self.statistics.failure)
-        return found
+        return self.encoding.validity.known_facet(box.grid)
 
     def _unschedulable(self, box: Box, deadline: Deadline) -> dict[str, Fraction]:
         """A point without a schedule of a box that has some: one value after the other, in the middle or at an end."""

@@ -354,7 +354,8 @@ def _step_answer(step: ExecutionStep) -> dict[str, Any]:
         "time": str(step.time),
         "messages": [str(message) for message in step.messages],
         "decisions": [
-            dict(zip(("what", "text"), _told(decision), strict=True)) | ({"why": reason.as_dict()} if reason is not None else {})
+            dict(zip(("what", "text"), _told(decision), strict=True))
+            | ({"why": reason.as_dict()} if reason is not None else {})
             for decision, reason in _with_reasons(step)
         ],
         "possible": {choice: list(values) for choice, values in step.inferred.items()},

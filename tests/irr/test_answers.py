@@ -19,10 +19,10 @@ from robust.irr.check import Answer, Checker, CheckResult, Counterexample
 from robust.irr.containment import Containment, Refutation
 from robust.irr.search import EnvelopeResult, Status
 from robust.options.declare import settings
-from robust.options.shared import METHODS
 from robust.pike_bridge.envelopes.search import TeamEnvelope
 from robust.plan.model import ZERO, ParametrizedPlan, TemporalConstraint
 from robust.plan.simulate import simulate
+from robust.probability.risk import METHODS
 from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline

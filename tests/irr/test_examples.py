@@ -15,8 +15,8 @@ from robust.errors import InputError, UnsupportedError
 from robust.irr.check import Answer
 from robust.irr.containment import Containment
 from robust.irr.search import Status
-from robust.options.shared import METHODS
 from robust.plan.model import ZERO, Or
+from robust.probability.risk import METHODS
 from robust.qe.box import Box, Interval, Side
 from robust.smt.limits import Deadline
 from tests.irr.building import fail_at_query, lasts, parameter, shipped, timed

@@ -37,16 +37,14 @@ class Projection:
                 self._edges.append(inequality.as_difference())
 
     def broken_facet(
-        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline, *, of_network: bool = False
+        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline
     ) -> Facet | Verdict | None:
         """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time.
 
-        `make_session` opens a solver session over the same terms, only if it comes to that. With `of_network`,
-        obligations are passed over.
+        `make_session` opens a solver session over the same terms, only if it comes to that.
         """
-        for facet in self.facets:
-            if not (of_network and facet.obligation) and facet.breaks_in(box):
-                return facet
+        if (known := self.known_facet(box)) is not None:
+            return known
         try:
             broken = _Elimination(self._edges, box, self._terms, make_session, deadline).broken_loop()
         except OutOfTimeError:
@@ -54,6 +52,10 @@ class Projection:
         if broken is not None:
             self.facets.append(broken)
         return broken
+
+    def known_facet(self, box: Grid) -> Facet | None:
+        """A facet that some point of the box breaks, of those that a search has met."""
+        return next((facet for facet in self.facets if facet.breaks_in(box)), None)
 
     def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
