@@ -49,7 +49,7 @@ docs:
 
 # the pictures of the documentation, also that of a page, for which chromium, chromedriver and selenium are needed
 pictures:
-    {{python}} -m tests.show.pictures
+    {{python}} -m tests.draw.pictures
 
 # links of the documentation to other places
 links:

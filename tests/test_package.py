@@ -157,7 +157,7 @@ def test_the_simulator_shares_no_code_with_the_relational_encoding():
 
 @pytest.mark.parametrize(
     ("name", "heavy"),
-    [("plan", HEAVY), ("smt", HEAVY), ("irr", HEAVY), ("show.region_plot", ("matplotlib", "sympy"))],
+    [("plan", HEAVY), ("smt", HEAVY), ("irr", HEAVY), ("draw.plane", ("matplotlib", "sympy"))],
 )
 def test_importing_loads_nothing_heavy(name, heavy):
     code = f"import json, sys, robust.{name}; print(json.dumps(sorted(sys.modules)))"

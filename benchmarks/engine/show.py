@@ -12,9 +12,9 @@ from statistics import median
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from robust.draw.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 from robust.files import atomic_write
 from robust.options.declare import place_of
-from robust.show.drawing import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from robust.show.drawing import BLACK, VERMILION
+from robust.draw.style import BLACK, VERMILION
 
 from ..catalogue import Figure5Options
 from ..engine.experiment import Report, Task

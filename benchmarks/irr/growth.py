@@ -17,7 +17,7 @@ from textwrap import fill
 from typing import Any, ClassVar
 
 from robust.codec import plain
-from robust.show.drawing import BLUE, VERMILION
+from robust.draw.style import BLUE, VERMILION
 from robust.sweeps.sweep import restored
 
 from ..catalogue import BackendsOptions, EncodingsOptions, ScalingOptions, WideningOptions

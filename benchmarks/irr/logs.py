@@ -20,12 +20,12 @@ from typing import Annotated, Any, ClassVar, Literal
 from msgspec import Meta
 
 from robust.codec import Count, Rational, Seconds, from_json
+from robust.draw.style import BLUE, GREEN, VERMILION
 from robust.errors import InputError, Location, RobustError
 from robust.numbers import format_number
 from robust.plan.pddl.forms import read_text
 from robust.plan.timed import TimedPlan, read_timed_plan, write_timed_plan
 from robust.processes import Ended
-from robust.show.drawing import BLUE, GREEN, VERMILION
 from robust.sweeps.measure import COMMAND, complaint, measured
 
 from ..catalogue import LogsOptions

@@ -18,6 +18,7 @@ from typing import Any
 
 import robust
 from robust.codec import plain
+from robust.draw.style import BLUE, VERMILION
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
 from robust.execute.randomness import distributions_of
@@ -25,7 +26,6 @@ from robust.irr.containment import Containment
 from robust.plan.model import ParametrizedPlan
 from robust.probability.packing import Estimate
 from robust.qe.box import Box
-from robust.show.drawing import BLUE, VERMILION
 from robust.smt.limits import NEVER
 
 from ..catalogue import RiskOptions

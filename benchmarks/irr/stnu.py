@@ -16,8 +16,8 @@ from typing import Any
 
 from robust import stnu
 from robust.codec import plain
+from robust.draw.style import BLUE, ORANGE, VERMILION
 from robust.errors import InputError
-from robust.show.drawing import BLUE, ORANGE, VERMILION
 
 from ..catalogue import StnuOptions
 from ..engine.experiment import Experiment, Report, Task

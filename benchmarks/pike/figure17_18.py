@@ -16,13 +16,13 @@ from statistics import fmean
 from typing import Any, ClassVar
 
 from robust.codec import plain
+from robust.draw.style import BLACK, BLUE, VERMILION
 from robust.errors import InputError
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.k_intents import random_k_intents
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.progress import Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner
-from robust.show.drawing import BLACK, BLUE, VERMILION
 from robust.smt.limits import Deadline, OutOfTimeError
 
 from ..catalogue import Figure17Options, Figure18Options

@@ -19,12 +19,12 @@ from statistics import mean, median
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar, TypeVar
 
+from robust.draw.style import BLACK, BLUE
 from robust.errors import UNDECIDED, InputError
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.random_plans import DEFAULT, FEASIBLE, random_plan
 from robust.pike_bridge.scenarios import candidate_subplans
 from robust.pike_bridge.semantics import Existence, Oracle
-from robust.show.drawing import BLACK, BLUE
 from robust.sweeps.measure import COMMAND, complaint, measured
 
 from ..catalogue import Figure20aOptions, Figure21Options

@@ -37,7 +37,7 @@ def _parametric(options: PikeRegionCommand | PikeEnvelopeCommand) -> ParametricP
         )
     found = parametrize(plan, specs)
     if options.plot is not None:
-        from robust.show.pike_envelope_plots import plotted
+        from robust.draw.team_plane import plotted
 
         plotted(found, tuple(options.axes or ()))
     return found
@@ -72,7 +72,7 @@ def region(options: PikeRegionCommand, run: Run) -> int:
         cells = run.also("cutting", lambda: _cells(found, run))
     answer(found)
     if options.plot is not None:
-        from robust.show.pike_envelope_plots import plot_cells
+        from robust.draw.team_plane import plot_cells
 
         run.write(partial(plot_cells, found, cells, options.plot, drawn))
     if found.cut_short:

@@ -280,8 +280,8 @@ def compare(options: CompareCommand, run: Run) -> int:
 
 def _write_page(options: CompareCommand, run: Run, result: Comparison) -> None:
     """The interactive page; it names what breaks as far as that is found in the time that is left."""
+    from robust.draw.interactive import comparison_page, shown_region
     from robust.qe.broken import what_breaks
-    from robust.show.interactive import comparison_page, shown_region
 
     breaks = None
     if shown_region(result)[0] is not None and options.html is not None:

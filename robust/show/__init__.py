@@ -1,1 +1,1 @@
-"""Results as text, JSON, pictures and pages: what renders imports what is rendered, never back."""
+"""Results as text and JSON: what renders imports what is rendered, never back."""

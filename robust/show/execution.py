@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from robust.draw.gantt import Bar, Chart, Lane, Mark, draw_chart
 from robust.execute.controllability import ADVERBS, ControllabilityReport, Widest
 from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
 from robust.execute.dispatchable import Guarantee
@@ -25,7 +26,6 @@ from robust.numbers import end, format_number, interval_text, plural, readable
 from robust.plan.model import ActionInstance
 from robust.qe.box import Side
 from robust.show.console import colour_of, show_table, table
-from robust.show.gantt import Bar, Chart, Lane, Mark, draw_chart
 from robust.show.made import summary
 from robust.show.text import percentages, print_advice
 

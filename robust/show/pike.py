@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.text import Text
 
 from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.draw.gantt import Bar, Chart, Lane, Mark, draw_chart
 from robust.numbers import duration, format_number, plural, readable
 from robust.pike_bridge.compile import PikeCheck, Sizes
 from robust.pike_bridge.cross_check import CrossCheck, Crossed
@@ -25,7 +26,6 @@ from robust.pike_bridge.online.world import ExecutionRecord, ExecutionStep
 from robust.pike_bridge.semantics import Execution
 from robust.show.console import colour_of
 from robust.show.documents import Document, Ended, Rationals, Verdict, document
-from robust.show.gantt import Bar, Chart, Lane, Mark, draw_chart
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

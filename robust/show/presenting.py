@@ -66,14 +66,14 @@ _RESULTS: Mapping[str, Shown] = {
         "parameters",
         named="parameter",
         numbers=_SIDES,
-        figure="plots:plot_envelope",
+        figure="draw.plots:plot_envelope",
     ),
     "qe.compute:RegionResult": Shown(
         "a region",
         "region_documents:formed_region",
         "regions:print_formed",
         "region_documents:constraint_rows",
-        figure="regions:plot_region",
+        figure="show.regions:plot_region",
     ),
     "irr.compare:Comparison": Shown(
         "a comparison",
@@ -81,7 +81,7 @@ _RESULTS: Mapping[str, Shown] = {
         "regions:print_comparison",
         "boxes",
         numbers=_ENDS,
-        figure="regions:plot_comparison",
+        figure="show.regions:plot_comparison",
     ),
     "irr.repair:Repair": Shown(
         "a repair", "repairs:repair_document", "repairs:print_repair", "changes", numbers=_CHANGE
@@ -92,7 +92,7 @@ _RESULTS: Mapping[str, Shown] = {
         "risk:print_risk",
         "by_obligation",
         numbers=_ENDS,
-        figure="risk_plot:plot_risk",
+        figure="draw.risk_plot:plot_risk",
     ),
     "execute.validate:Verdict": Shown(
         "a verdict", "validation:one", "validation:print_one", "plans/0/violations", numbers=("time", "amount")
@@ -124,14 +124,14 @@ _RESULTS: Mapping[str, Shown] = {
         "what people may choose", "pike:patience_document", "pike:print_patience", "moments", numbers=("latest",)
     ),
     "pike_bridge.online.world:ExecutionRecord": Shown(
-        "an execution", "pike:run_document", "pike:print_run", "steps", numbers=("time",), figure="pike:plot_run"
+        "an execution", "pike:run_document", "pike:print_run", "steps", numbers=("time",), figure="show.pike:plot_run"
     ),
     "pike_bridge.envelopes.search:LabeledRegion": Shown(
         "a region",
         "pike_envelopes:whole_region_document",
         "pike_envelopes:print_region",
         "pike_envelopes:possible_rows",
-        figure="pike_envelope_plots:plot_region",
+        figure="draw.team_plane:plot_region",
     ),
     "pike_bridge.envelopes.search:TeamEnvelope": Shown(
         "a box",
@@ -140,7 +140,7 @@ _RESULTS: Mapping[str, Shown] = {
         "parameters",
         named="parameter",
         numbers=_SIDES,
-        figure="pike_envelope_plots:plot_envelope",
+        figure="draw.team_plane:plot_envelope",
     ),
 }
 """By where the result is declared."""
@@ -151,9 +151,9 @@ def _shown(result: object) -> Shown:
     return next(_RESULTS[name] for name in names if name in _RESULTS)
 
 
-def _function(name: str) -> Any:
+def _function(name: str, package: str = "robust.show") -> Any:
     module, function = name.split(":")
-    return getattr(import_module(f"robust.show.{module}"), function)
+    return getattr(import_module(f"{package}.{module}"), function)
 
 
 def print_result(out: Console, result: object, *, quiet: bool = False) -> None:
@@ -226,5 +226,5 @@ def figure(result: Presented, path: str | os.PathLike[str] | None, axes: str | S
         drawn = sorted({one.noun for one in _RESULTS.values() if one.figure is not None})
         raise InputError(f"found {shown.noun}, expected something to draw: {', '.join(drawn)}", place_of("plot"))
     written = None if path is None else plot_file(Path(path), place_of("path"))
-    found: Figure = _function(shown.figure)(result, written, names(axes, place_of("axes")) if axes else ())
+    found: Figure = _function(shown.figure, "robust")(result, written, names(axes, place_of("axes")) if axes else ())
     return found

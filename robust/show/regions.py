@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
+from robust.draw.style import save
 from robust.errors import InputError, did_you_mean
 from robust.irr.compare import Comparison, Entry, FaceGap, Share
 from robust.irr.search import Status
@@ -27,7 +28,6 @@ from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
 from robust.show.console import show_table, table
-from robust.show.drawing import save
 from robust.show.text import percentage, print_advice, stopped
 from robust.show.words import Words
 
@@ -256,7 +256,7 @@ def plot_slice(
     exact: bool = True,
 ) -> Figure:
     """Draw one or two parameters, the others at their nominal values; also an inner bound, if there is one."""
-    from robust.show.region_plot import draw_region  # noqa: PLC0415 - late, as all that leads to matplotlib
+    from robust.draw.plane import draw_region  # noqa: PLC0415 - late, as all that leads to matplotlib
 
     shown = shown_axes(plan, axes)
     nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}

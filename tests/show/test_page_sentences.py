@@ -18,6 +18,8 @@ from random import Random
 
 import pytest
 from hypothesis import HealthCheck, given, settings
+from robust.show.interactive import comparison_data
+from robust.show.pages import part
 
 from robust.api import check, compare
 from robust.errors import InputError, UnsupportedError
@@ -26,8 +28,6 @@ from robust.numbers import format_number
 from robust.qe.broken import Breaks, what_breaks
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.reading import load_plan
-from robust.show.interactive import comparison_data
-from robust.show.pages import part
 from robust.show.regions import METHOD_NAMES
 from robust.show.words import Words
 from tests.cli import inputs

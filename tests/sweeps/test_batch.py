@@ -19,11 +19,11 @@ import pytest
 import robust
 from benchmarks.generators.delivery import scaling_instance
 from benchmarks.generators.sizes import unordered_instance
+from robust.draw.batch_page import batch_page
 from robust.errors import InputError, UnsupportedError
 from robust.qe.box import Box, Interval
 from robust.show.batch import batch as document
 from robust.show.batch import csv_text, exact_box, print_batch
-from robust.show.batch_page import batch_page
 from robust.show.console import console
 from robust.show.schemas import schema
 from robust.sweeps import batch as batches
@@ -31,7 +31,7 @@ from robust.sweeps.batch import Asked, Batch, BatchRow, PlanRun, run_batch, volu
 from robust.sweeps.measure import box_of
 from robust.sweeps.suites import Instance
 from tests.children import eventually, is_running
-from tests.show.browser import browser
+from tests.draw.browser import browser
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "robust" / "examples"

@@ -9,7 +9,7 @@ from importlib.resources import files
 from string import Template
 from typing import Any
 
-from robust.show.drawing import LIGHT, STRONG
+from robust.draw.style import LIGHT, STRONG
 
 
 def self_contained(title: str, body: str, *, scripts: Sequence[str] = (), data: Mapping[str, Any] | None = None) -> str:
@@ -18,7 +18,7 @@ def self_contained(title: str, body: str, *, scripts: Sequence[str] = (), data: 
     Args:
         title: as text.
         body: as HTML, in which names from files are escaped.
-        scripts: files of `robust/show/web`, in the order in which they are run.
+        scripts: files of `robust/draw/web`, in the order in which they are run.
         data: what the scripts read from the element `data`, as JSON.
     """
     parts = [] if data is None else [f'<script type="application/json" id="data">{_json(data)}</script>']
@@ -29,8 +29,8 @@ def self_contained(title: str, body: str, *, scripts: Sequence[str] = (), data: 
 
 
 def part(name: str) -> str:
-    """A file of `robust/show/web`."""
-    return files("robust.show.web").joinpath(name).read_text(encoding="utf-8")
+    """A file of `robust/draw/web`."""
+    return files("robust.draw.web").joinpath(name).read_text(encoding="utf-8")
 
 
 def _json(data: Mapping[str, Any]) -> str:

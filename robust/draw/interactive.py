@@ -12,6 +12,7 @@ from html import escape
 from math import ceil
 from typing import Any
 
+from robust.draw.pages import part, self_contained
 from robust.irr.compare import Comparison
 from robust.plan.model import ZERO, Bound, Parameter, ParameterReference, ParametrizedPlan
 from robust.qe.box import Box
@@ -19,7 +20,6 @@ from robust.qe.broken import Breaks
 from robust.qe.compute import RegionStatus
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
-from robust.show.pages import part, self_contained
 from robust.show.regions import METHOD_NAMES, comparison_details, in_form
 from robust.show.words import Words
 

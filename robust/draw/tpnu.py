@@ -29,10 +29,10 @@ from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Rectangl
 from matplotlib.path import Path as Curve
 from matplotlib.transforms import Affine2D
 
+from robust.draw.style import BLUE, DARK_GREY, GREEN, LIGHT, PALE, SHADE, cut, save
 from robust.errors import InputError
 from robust.numbers import format_number, shorten
 from robust.pike_bridge.model import EPSILON, Activity, Choice, Constraint, Tpnu, contradicts, guard_text
-from robust.show.drawing import BLUE, DARK_GREY, GREEN, LIGHT, PALE, SHADE, cut, save
 
 _TIP: Final[dict[str, Any]] = {"arrowstyle": "-|>", "mutation_scale": 8}
 _DOTTED: Final[dict[str, Any]] = {"linestyle": ":", "linewidth": 1.2}

@@ -11,6 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robust.draw.gantt import Bar, Chart, Lane, Mark, _Drawing, draw_chart
+from robust.draw.plane import draw_region
+from robust.draw.plots import plot_envelope
+from robust.draw.style import EDGE, REMOVED, save
+from robust.draw.tpnu import layered, plot_network
 from robust.errors import InputError
 from robust.irr.search import EnvelopeResult, Status, Step
 from robust.pike_bridge.model import Choice, Constraint, Event, Tpnu
@@ -18,11 +23,6 @@ from robust.plan.model import Parameter
 from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
-from robust.show.drawing import EDGE, REMOVED, save
-from robust.show.gantt import Bar, Chart, Lane, Mark, _Drawing, draw_chart
-from robust.show.network import layered, plot_network
-from robust.show.plots import plot_envelope
-from robust.show.region_plot import draw_region
 from tests.cli.running import command, example
 from tests.pike_bridge.kitchen import kitchen
 from tests.qe.polyhedra import NAMES, cube, eq, le, lt, polygon, rectangle

@@ -1,6 +1,6 @@
 """The page of a comparison: its decisions against Python's, and the page itself in a browser.
 
-Decisions are made by `robust/show/web/exact.js`, which node runs here; without node, or without a browser, the tests
+Decisions are made by `robust/draw/web/exact.js`, which node runs here; without node, or without a browser, the tests
 that need one are skipped.
 """
 
@@ -18,6 +18,8 @@ from types import SimpleNamespace
 import pytest
 
 from robust.api import compare
+from robust.draw import pages
+from robust.draw.interactive import comparison_data, comparison_page, shown_region
 from robust.encode import create_encoding
 from robust.numbers import format_number, parse_number
 from robust.qe.box import Box, Interval
@@ -26,12 +28,10 @@ from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.reading import load_plan
-from robust.show import pages
-from robust.show.interactive import comparison_data, comparison_page, shown_region
 from robust.show.words import Words
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, command, example
-from tests.show.browser import browser, press, settle
+from tests.draw.browser import browser, press, settle
 
 NAMES = ("navigation", "generator", "delivery")
 FOLDERS = {"navigation": "two_sample_navigation", "generator": "generator", "delivery": "delivery"}
@@ -59,7 +59,7 @@ def node(expression, **values):
     """What an expression of JavaScript is, of values and of `Exact`; fractions come back as texts."""
     if shutil.which("node") is None:
         pytest.skip("no node on this machine, which runs the page's decisions")
-    script = Path(__file__).parents[2] / "robust" / "show" / "web" / "exact.js"
+    script = Path(__file__).parents[2] / "robust" / "draw" / "web" / "exact.js"
     code = f"""
     const Exact = require({json.dumps(str(script))});
     const given = JSON.parse(require("fs").readFileSync(0, "utf-8"));

@@ -13,8 +13,8 @@ from fractions import Fraction
 from math import ceil
 from typing import TYPE_CHECKING, Any, Final
 
+from robust.draw.style import DARK_GREY, GRID, HATCHES, LIGHT, STRONG, cut, save, without_frame, wrapped
 from robust.errors import InputError
-from robust.show.drawing import DARK_GREY, GRID, HATCHES, LIGHT, STRONG, cut, save, without_frame, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,12 +11,7 @@ from itertools import pairwise
 from math import atan2
 from typing import TYPE_CHECKING, Any
 
-from robust.numbers import readable
-from robust.qe.box import Box
-from robust.qe.constraint import LinearConstraint, Sense
-from robust.qe.polyhedron import Point, Polyhedron
-from robust.qe.region import Region
-from robust.show.drawing import (
+from robust.draw.style import (
     BLACK,
     BOX_LINES,
     EDGE,
@@ -29,6 +24,11 @@ from robust.show.drawing import (
     hatch_outside,
     wrapped,
 )
+from robust.numbers import readable
+from robust.qe.box import Box
+from robust.qe.constraint import LinearConstraint, Sense
+from robust.qe.polyhedron import Point, Polyhedron
+from robust.qe.region import Region
 from robust.show.words import named
 
 if TYPE_CHECKING:

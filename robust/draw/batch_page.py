@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from html import escape
 
+from robust.draw.pages import self_contained
 from robust.show.batch import NAMES, answer_lines, ratio, summary_lines
 from robust.show.console import colour_of
-from robust.show.pages import self_contained
 from robust.sweeps.batch import Batch, BatchRow, PlanRun
 
 

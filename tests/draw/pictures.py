@@ -1,4 +1,4 @@
-"""The pictures of the documentation: `python -m tests.show.pictures` makes them in docs/images anew."""
+"""The pictures of the documentation: `python -m tests.draw.pictures` makes them in docs/images anew."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from tests.cli.running import EXAMPLES, REPOSITORY, command, example
-from tests.show.browser import browser, settle
+from tests.draw.browser import browser, settle
 
 IMAGES = REPOSITORY / "docs" / "images"
 KITCHEN = EXAMPLES / "kitchen" / "kitchen.tpnu.json"

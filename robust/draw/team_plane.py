@@ -7,6 +7,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robust.draw.plane import clip_to, corners_of
+from robust.draw.style import DARK_GREY, HATCHES, LIGHT, NOMINAL, box_line, cut, entries, hatch_outside, save, wrapped
 from robust.errors import InputError, did_you_mean
 from robust.numbers import plural, readable
 from robust.options.declare import place_of
@@ -15,9 +17,7 @@ from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope
 from robust.pike_bridge.model import guard_text
 from robust.qe.box import Box
 from robust.qe.region import Region
-from robust.show.drawing import DARK_GREY, HATCHES, LIGHT, NOMINAL, box_line, cut, entries, hatch_outside, save, wrapped
 from robust.show.pike_envelopes import Cells, cells_of, promise
-from robust.show.region_plot import clip_to, corners_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

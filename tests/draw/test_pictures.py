@@ -11,6 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from robust.api import compare, risk
+from robust.draw import gantt, plane, plots, risk_plot, team_plane, tpnu
+from robust.draw.gantt import Bar, Chart, Lane, Mark
+from robust.draw.style import BOX_LINES, HATCHES, LIGHT, STRONG
 from robust.irr.search import EnvelopeResult, Status, Step
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.causal import augment
@@ -20,13 +23,11 @@ from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.reading import load_plan
-from robust.show import execution, gantt, network, pike_envelope_plots, plots, region_plot, regions, risk_plot
-from robust.show.drawing import BOX_LINES, HATCHES, LIGHT, STRONG
-from robust.show.gantt import Bar, Chart, Lane, Mark
+from robust.show import execution, regions
 from robust.show.words import Words, named
 from tests.cli.running import EXAMPLES, command, example
+from tests.draw.pictures import DAY
 from tests.qe.polyhedra import eq, le, lt, polygon, rectangle
-from tests.show.pictures import DAY
 
 LONG = "transport the very long-named container_number_17 from warehouse_north_west_2 to warehouse_south_east_4"
 
@@ -143,15 +144,15 @@ NOMINAL = {"nominal values": {"x": Fraction(3), "y": Fraction(5)}}
 def test_regions(region, long):
     boxes = {"IRR": BOX, "widening": OPEN, "optimal": POINT, "optimal around the nominal values": POINT}
     words = {name: f"{LONG} for {name}" if long else f"move {name}" for name in region.parameters}
-    figure = region_plot.draw_region(region, region.parameters, boxes=boxes, points=NOMINAL, words=words)
+    figure = plane.draw_region(region, region.parameters, boxes=boxes, points=NOMINAL, words=words)
     same = "box: optimal around the nominal values (the same as optimal)"
     assert_readable(figure, "Values for which the plan is valid", same, *words.values())
 
 
 def test_an_empty_region_says_so():
-    nothing = region_plot.draw_region(Region.nothing(PLANE), PLANE, boxes={"IRR": BOX})
+    nothing = plane.draw_region(Region.nothing(PLANE), PLANE, boxes={"IRR": BOX})
     assert_readable(nothing, "none of them in this view")
-    something = region_plot.draw_region(Region.universe(PLANE), PLANE, boxes={"IRR": BOX})
+    something = plane.draw_region(Region.universe(PLANE), PLANE, boxes={"IRR": BOX})
     assert not any("none of them" in text for text, _ in texts_of(something))
 
 
@@ -160,7 +161,7 @@ def test_fixed_parameters_are_named_with_their_values():
     region = Region.universe(names)
     words = {name: f"move container_{name} from here to there" for name in names}
     at = {name: Fraction(index, 3) for index, name in enumerate(names[2:])}
-    figure = region_plot.draw_region(region, names[:2], at=at, words=words)
+    figure = plane.draw_region(region, names[:2], at=at, words=words)
     assert_readable(figure, "move container_p3 from here to there = 1/3", "move container_p11 from here to there = 3")
 
 
@@ -176,7 +177,7 @@ def test_boxes_are_told_apart_without_colours():
 def test_what_is_outside_of_a_difference_has_no_edge():
     """The corner of the base that is cut away is not drawn, as nothing of the region is near."""
     region = Region.difference(rectangle(0, 10, 0, 10), [polygon(le(-5, x=-1), le(-5, y=-1))])
-    figure = region_plot.draw_region(region, PLANE)
+    figure = plane.draw_region(region, PLANE)
     strokes = [line.get_xydata().tolist() for line in figure.axes[0].get_lines() if len(line.get_xydata()) == 2]
     assert not any(min(x + y for x, y in stroke) > 15 + 1e-9 for stroke in strokes)
     assert not any([10.0, 10.0] in stroke for stroke in strokes)
@@ -186,7 +187,7 @@ def test_a_slice_says_which_boxes_do_not_hold_its_values():
     solid = Region.universe(("x", "y", "z"))
     boxes = {"in": Box({**BOX.intervals, "z": Interval(Fraction(0), Fraction(1))}),
              "out": Box({**BOX.intervals, "z": Interval(Fraction(2), Fraction(3))})}  # fmt: skip
-    figure = region_plot.draw_region(solid, PLANE, at={"z": Fraction(1)}, boxes=boxes)
+    figure = plane.draw_region(solid, PLANE, at={"z": Fraction(1)}, boxes=boxes)
     said = [text for text, _ in texts_of(figure)]
     assert "box: in" in said
     assert "box: out (not in this slice)" in said
@@ -240,8 +241,8 @@ def test_charts(label):
 def test_plans_with_their_links(name):
     plan = load_team_plan(EXAMPLES / name / f"{name}.tpnu.json")
     links = augment(plan, StructuralPrecedence(plan.network, epsilon=plan.separation)).links
-    arrows = [network.Link(one.producer.event, one.consumer.first, str(one.consumer.literal)) for one in links]
-    drawing = network._Drawing(plan.network, plan.separation, arrows)
+    arrows = [tpnu.Link(one.producer.event, one.consumer.first, str(one.consumer.literal)) for one in links]
+    drawing = tpnu._Drawing(plan.network, plan.separation, arrows)
     figure = drawing.figure()
     assert_readable(figure, "causal link", "choice of others", *{one.label for one in arrows})
     # No wire is behind a node: they stay between the columns.
@@ -266,7 +267,7 @@ def test_plans_with_their_links(name):
 
 def test_choices_by_parameters(tmp_path, monkeypatch):
     figures = []
-    monkeypatch.setattr(pike_envelope_plots, "save", lambda draw, _path: figures.append(draw()))
+    monkeypatch.setattr(team_plane, "save", lambda draw, _path: figures.append(draw()))
     kitchen = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
     specifications = ("coffee=duration:make-coffee", "limit=at-most:e1:e44", "cup=duration:(get human mug)")
     asked = [kitchen, *(f"--parameter={text}" for text in specifications), "-q"]

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Literal
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
+from robust.draw.style import BLACK, EDGE, GREY, GRID, NOMINAL, VALID, entries, save, without_frame, wrapped
 from robust.errors import InputError
 from robust.irr.search import EnvelopeResult, Status
 from robust.numbers import approximate, end, readable
 from robust.options.declare import place_of
 from robust.qe.box import Box
-from robust.show.drawing import BLACK, EDGE, GREY, GRID, NOMINAL, VALID, entries, save, without_frame, wrapped
 from robust.show.words import Words
 
 if TYPE_CHECKING:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
 
+from robust.draw.plane import draw_plane
+from robust.draw.style import HATCHES, LIGHT, VERMILION, entries, save, without_frame, wrapped
 from robust.numbers import readable
 from robust.probability.blame import Share
 from robust.probability.risk import RiskResult
 from robust.qe.region import Region
-from robust.show.drawing import HATCHES, LIGHT, VERMILION, entries, save, without_frame, wrapped
 from robust.show.probabilities import bounds_text, places_for
-from robust.show.region_plot import draw_plane
 from robust.show.words import Words
 
 if TYPE_CHECKING:

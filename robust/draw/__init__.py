@@ -1,0 +1,1 @@
+"""Pictures and pages: the only folder that imports matplotlib or networkx."""
