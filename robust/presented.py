@@ -1,7 +1,8 @@
 """What every result of the package can do: show itself as text, in a notebook, as JSON, as a table and as a picture.
 
-Texts, documents and pictures are those of the command line; they are found in :mod:`robust.show` when they are asked
-for, so that a result costs nothing but itself. No answer is simply true or false: one that is refuted is an answer too.
+Texts, documents and pictures are those of the command line; they are found in :mod:`robust.show` and
+:mod:`robust.draw` when they are asked for, so that a result costs nothing but itself. No answer is simply true or
+false: one that is refuted is an answer too.
 """
 
 from __future__ import annotations
@@ -97,7 +98,7 @@ class Presented(NoTruthValue):
             UnsupportedError: if matplotlib is not installed.
         """
         try:
-            return cast("Figure", _presenting().figure(self, path, axes))
+            return cast("Figure", import_module("robust.draw.pictures").draw(self, path, axes))
         except ModuleNotFoundError as error:
             raise from_extra(error) or error from error
 

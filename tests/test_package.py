@@ -16,7 +16,8 @@ import robust
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "robust"
-HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "numpy", "joblib")
+HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "numpy")
+DRAWING = ("matplotlib", "networkx")
 
 
 def text(name: str) -> str:
@@ -83,8 +84,8 @@ def module_name(path: Path) -> str:
 MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
 
 
-def imported(path: Path) -> Iterator[tuple[str, str]]:
-    """Modules of the package that a file imports, anywhere in it but for type checkers, with each name taken."""
+def imported(path: Path, package: str = "robust") -> Iterator[tuple[str, str]]:
+    """Modules of a package (of any, if empty) that a file imports but for type checkers, with each name taken."""
     checked = ast.parse(path.read_text(encoding="utf-8"))
     only_types = [
         node for node in ast.walk(checked) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
@@ -94,10 +95,10 @@ def imported(path: Path) -> Iterator[tuple[str, str]]:
         if id(node) in skipped:
             continue
         if isinstance(node, ast.Import):
-            yield from ((alias.name, "") for alias in node.names if alias.name.split(".")[0] == "robust")
+            yield from ((alias.name, "") for alias in node.names if package in {alias.name.split(".")[0], ""})
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}:{node.lineno}: relative import; expected an absolute one"
-            for alias in node.names if (node.module or "").split(".")[0] == "robust" else ():
+            for alias in node.names if package in {(node.module or "").split(".")[0], ""} else ():
                 inner = f"{node.module}.{alias.name}"
                 home = robust._HOME.get(alias.name) if node.module == "robust" else None
                 yield (inner, "") if inner in MODULES else (home or node.module or "", alias.name)
@@ -152,12 +153,19 @@ def test_the_simulator_shares_no_code_with_the_relational_encoding():
             assert not simulator & {module for module, _ in imported(path)}, name
 
 
+def test_only_one_folder_draws():
+    """For all others, what a figure is called is a type at most."""
+    for name, path in MODULES.items():
+        loaded = {module.split(".")[0] for module, _ in imported(path, "")}
+        assert name.startswith("robust.draw.") or not loaded & set(DRAWING), name
+
+
 # -- importing is cheap ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("name", "heavy"),
-    [("plan", HEAVY), ("smt", HEAVY), ("irr", HEAVY), ("draw.plane", ("matplotlib", "sympy"))],
+    [("plan", HEAVY), ("smt", HEAVY), ("irr", HEAVY), ("show.presenting", DRAWING), ("draw.pages", DRAWING)],
 )
 def test_importing_loads_nothing_heavy(name, heavy):
     code = f"import json, sys, robust.{name}; print(json.dumps(sorted(sys.modules)))"

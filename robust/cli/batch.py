@@ -51,7 +51,7 @@ def _carry_out(verb: str, options: BatchCommand, run: Run) -> int:
     if (table := options.csv) is not None:
         run.write(lambda: atomic_write(table, shown.csv_text(found), place_of("csv")))
     if (page := options.html) is not None:
-        from robust.draw.batch_page import batch_page
+        from robust.draw.pages import batch_page
 
         run.write(lambda: atomic_write(page, batch_page(found), place_of("html")))
     return found.exit_code

@@ -206,7 +206,9 @@ def execute(options: ExecuteCommand, run: Run) -> int:
     from robust.show import execution, made
 
     if (picture := options.plot) is not None:
-        run.write(lambda: execution.plot_run(runs[0], options.executor, picture))
+        from robust.draw.gantt import plot_run
+
+        run.write(lambda: plot_run(runs[0], options.executor, picture))
 
     def tell(out: Console) -> None:
         if options.runs == 1 and runs:

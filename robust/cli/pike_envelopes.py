@@ -37,9 +37,9 @@ def _parametric(options: PikeRegionCommand | PikeEnvelopeCommand) -> ParametricP
         )
     found = parametrize(plan, specs)
     if options.plot is not None:
-        from robust.draw.team_plane import plotted
+        from robust.draw.plane import shown_team_axes
 
-        plotted(found, tuple(options.axes or ()))
+        shown_team_axes(found, tuple(options.axes or ()))
     return found
 
 
@@ -72,7 +72,7 @@ def region(options: PikeRegionCommand, run: Run) -> int:
         cells = run.also("cutting", lambda: _cells(found, run))
     answer(found)
     if options.plot is not None:
-        from robust.draw.team_plane import plot_cells
+        from robust.draw.plane import plot_cells
 
         run.write(partial(plot_cells, found, cells, options.plot, drawn))
     if found.cut_short:

@@ -228,7 +228,9 @@ def region(options: RegionCommand, run: Run) -> int:
         nonlocal search
         plan = load(options, run, nominal_needed=False)
         if options.plot is not None:
-            regions.shown_axes(plan, options.axes or ())
+            from robust.draw.plane import shown_axes
+
+            shown_axes(plan, options.axes or ())
         run.display.say("encoding")
         callbacks = {"on_piece": lambda _: progress("bad"), "on_cell": lambda _: progress("good")}
         search = searching_region(plan, options.changed(timeout=run.remaining, **callbacks))
@@ -262,12 +264,13 @@ def compare(options: CompareCommand, run: Run) -> int:
     point. Many plans, CCMMZ against IRR: robust batch compare.
     """
     from robust.api import searching_compare
-    from robust.show import regions
 
     def begin() -> Search[Comparison]:
         plan = load(options, run)
         if options.plot is not None:
-            regions.shown_axes(plan, options.axes or ())
+            from robust.draw.plane import shown_axes
+
+            shown_axes(plan, options.axes or ())
         return searching_compare(plan, options.changed(timeout=run.remaining, on_stage=run.display.say))
 
     result = run.reply(begin)

@@ -1,24 +1,37 @@
 """Gantt charts of executions as SVG, PNG or PDF: who did what when, and what happened meanwhile.
 
-Pure data goes in. Within a lane, bars and marks are packed into as few rows as leave every label readable: what
-overlaps, labels included, goes to another row. Imports of matplotlib wait until something is drawn.
+A chart is pure data. Within a lane, bars and marks are packed into as few rows as leave every label readable: what
+overlaps, labels included, goes to another row. The charts of both kinds of executions follow.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import groupby
 from math import ceil
-from typing import TYPE_CHECKING, Any, Final
+from operator import itemgetter
+from pathlib import Path
+from typing import Any, Final
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from robust.draw.style import DARK_GREY, GRID, HATCHES, LIGHT, STRONG, cut, save, without_frame, wrapped
 from robust.errors import InputError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from robust.execute.dispatchable import Guarantee
+from robust.execute.replan import Run, Segment
+from robust.execute.worlds import Outcome
+from robust.numbers import format_number, plural, readable
+from robust.pike_bridge.online import progress
+from robust.pike_bridge.online.world import ExecutionRecord
+from robust.plan.model import ActionInstance
 
 _SHAPES: Final = ("D", "o", "^", "s", "v", "P", "X")
 
@@ -29,6 +42,12 @@ _LETTER = 0.063
 """Inches of a letter of a label, roughly, and of the space around it."""
 _SMALLEST = 0.04
 """Inches that a bar is drawn wide at least: actions of ε must not vanish."""
+_PARAMETERS = 12
+"""Parameters that a chart has lanes for; it has none if there are more."""
+_PROMISES = {
+    Guarantee.DYNAMIC: "values with which the plan succeeds",
+    Guarantee.WEAK: "values with which the plan may succeed",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +122,7 @@ class _Placed:
 class _Drawing:
     def __init__(self, chart: Chart) -> None:
         self._chart = chart
+        self._bar_kinds, self._mark_kinds = _numbered(chart.bars), _numbered(chart.marks)
         times = [float(mark.time) for mark in chart.marks]
         times += [float(bar.start) for bar in chart.bars]
         times += [float(bar.end) for bar in chart.bars if bar.end is not None]
@@ -189,25 +209,23 @@ class _Drawing:
     # -- drawing -----------------------------------------------------------------------------------------------------
 
     def figure(self) -> Figure:
-        from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-
         title = wrapped(self._chart.title, 130)
         header = 0.3 + 0.17 * (title.count("\n") + 1) + 0.2 * self._header_rows
         body = _ROW * self._count + 0.15 * len(self._chart.lanes)
-        footer = 0.65 + 0.2 * self._legend_rows
+        footer = 0.65 + 0.2 * ceil((len(self._bar_kinds) + len(self._mark_kinds)) / self._legend_columns)
         height = header + body + footer
         figure = Figure(figsize=(_WIDTH, height))
         place = (self._margin / _WIDTH, footer / height, self._room / _WIDTH, body / height)
         axes = figure.add_axes(place)
         self._draw_lanes(axes)
         for placed in self._placed:
-            match placed.item:
-                case Bar():
-                    self._draw_bar(axes, placed.item, placed)
-                case Mark():
-                    self._draw_mark(axes, placed.item, placed)
+            if isinstance(placed.item, Bar):
+                self._draw_bar(axes, placed.item, placed)
+            else:
+                self._draw_mark(axes, placed.item, placed)
         self._draw_header(axes)
         self._finish(axes)
+        self._legend(figure)
         figure.text(0.012, 1 - 0.12 / height, title, fontsize=10, ha="left", va="top")
         return figure
 
@@ -232,16 +250,9 @@ class _Drawing:
     def _draw_bar(self, axes: Axes, bar: Bar, placed: _Placed) -> None:
         left, right = self._ends(bar)
         middle = self._top(placed.row) + _ROW / 2
-        kind = self._kinds(self._chart.bars)[bar.kind]
-        axes.barh(
-            middle,
-            right - left,
-            left=left,
-            height=_ROW * 0.78,
-            **_bar_look(kind),
-            linestyle="--" if bar.end is None else "-",
-            zorder=2,
-        )
+        kind = self._bar_kinds[bar.kind]
+        dashes = "--" if bar.end is None else "-"
+        axes.barh(middle, right - left, _ROW * 0.78, left, linestyle=dashes, zorder=2, **_bar_look(kind))
         place = right + 0.04 if placed.outside else (left + right) / 2
         side = "left" if placed.outside else "center"
         ground = {"facecolor": LIGHT[kind % len(LIGHT)], "edgecolor": "none", "pad": 0.8}
@@ -249,25 +260,20 @@ class _Drawing:
         axes.text(place, middle, cut(bar.label), ha=side, va="center_baseline", fontsize=8, bbox=behind, zorder=4)
 
     def _draw_mark(self, axes: Axes, mark: Mark, placed: _Placed) -> None:
-        kind = self._kinds(self._chart.marks)[mark.kind]
+        kind = self._mark_kinds[mark.kind]
         middle, left = self._top(placed.row) + _ROW / 2, self._at(mark.time)
-        shape, colour = _SHAPES[kind % len(_SHAPES)], STRONG[kind % len(STRONG)]
-        axes.plot(
-            left, middle, marker=shape, color=colour, markersize=5, markeredgecolor="white", clip_on=False, zorder=5
-        )
+        look: dict[str, Any] = {"marker": _SHAPES[kind % len(_SHAPES)], "color": STRONG[kind % len(STRONG)]}
+        axes.plot(left, middle, markersize=5, markeredgecolor="white", clip_on=False, zorder=5, **look)
         axes.text(left + 0.07, middle, cut(mark.label), va="center_baseline", fontsize=7.5, color="0.2", zorder=4)
 
     def _draw_header(self, axes: Axes) -> None:
         for mark, row in self._header:
-            colour = STRONG[self._kinds(self._chart.marks)[mark.kind] % len(STRONG)]
+            colour = STRONG[self._mark_kinds[mark.kind] % len(STRONG)]
             axes.axvline(self._at(mark.time), color=colour, linewidth=1, linestyle=(0, (4, 2)), zorder=3)
             place = (self._left_of_header(mark), -0.05 - 0.2 * row)
             axes.text(*place, self._in_header(mark), ha="left", va="bottom", fontsize=7.5, color=colour, clip_on=False)
 
     def _finish(self, axes: Axes) -> None:
-        from matplotlib.patches import Patch  # noqa: PLC0415 - takes half a second
-        from matplotlib.ticker import MaxNLocator  # noqa: PLC0415 - likewise
-
         reach = self._first + self._room / self._inches
         ticks = [tick for tick in MaxNLocator(9).tick_values(self._first, reach) if self._first <= tick <= reach]
         axes.set_xticks([self._at(tick) for tick in ticks], [f"{tick:g}" for tick in ticks])
@@ -276,46 +282,27 @@ class _Drawing:
         axes.grid(axis="x", color=GRID, linewidth=0.7, zorder=1)
         axes.tick_params(labelsize=8.5)
         axes.tick_params(axis="y", length=0)
-        self._legend(axes, [Patch(label=kind, **_bar_look(i)) for kind, i in self._kinds(self._chart.bars).items()])
 
-    def _legend(self, axes: Axes, handles: Sequence[object]) -> None:
-        from matplotlib.lines import Line2D  # noqa: PLC0415 - takes half a second
-
+    def _legend(self, figure: Figure) -> None:
         in_lanes = {mark.kind for mark in self._chart.marks if mark.lane is not None}
-        lines = [
-            Line2D(
-                [],
-                [],
-                color=STRONG[i % len(STRONG)],
-                marker=_SHAPES[i % len(_SHAPES)] if kind in in_lanes else "",
-                linestyle="" if kind in in_lanes else "--",
-                linewidth=1,
-                markersize=5,
-                label=kind,
-            )
-            for kind, i in self._kinds(self._chart.marks).items()
-        ]
-        every = [*handles, *lines]
-        axes.figure.legend(handles=every, loc="lower left", ncols=self._legend_columns, fontsize=7.5, frameon=False)
-
-    @property
-    def _legend_texts(self) -> list[str]:
-        return [*self._kinds(self._chart.bars), *self._kinds(self._chart.marks)]
+        handles: list[Artist] = [Patch(label=kind, **_bar_look(number)) for kind, number in self._bar_kinds.items()]
+        for kind, number in self._mark_kinds.items():
+            look: dict[str, Any] = {"color": STRONG[number % len(STRONG)], "linewidth": 1, "markersize": 5}
+            if kind in in_lanes:
+                look |= {"marker": _SHAPES[number % len(_SHAPES)], "linestyle": ""}
+            handles.append(Line2D([], [], label=kind, **{"linestyle": "--", **look}))
+        figure.legend(handles=handles, loc="lower left", ncols=self._legend_columns, fontsize=7.5, frameon=False)
 
     @property
     def _legend_columns(self) -> int:
         """As many entries as are sure to fit beside one another."""
-        widest = max((_LETTER * len(text) for text in self._legend_texts), default=0.0)
+        widest = max((_LETTER * len(text) for text in (*self._bar_kinds, *self._mark_kinds)), default=0.0)
         return max(1, int((_WIDTH - 0.3) / (widest + 0.65)))
 
-    @property
-    def _legend_rows(self) -> int:
-        return ceil(len(self._legend_texts) / self._legend_columns)
 
-    @staticmethod
-    def _kinds(items: Iterable[Bar | Mark]) -> Mapping[str, int]:
-        """The kinds in order of appearance, numbered."""
-        return {kind: i for i, kind in enumerate(dict.fromkeys(item.kind for item in items))}
+def _numbered(items: Iterable[Bar | Mark]) -> Mapping[str, int]:
+    """The kinds in order of appearance."""
+    return {kind: number for number, kind in enumerate(dict.fromkeys(item.kind for item in items))}
 
 
 def _bar_look(kind: int) -> dict[str, Any]:
@@ -336,3 +323,103 @@ def _put(rows: list[list[tuple[float, float]]], left: float, right: float) -> in
 
 def _width(label: str) -> float:
     return _LETTER * (len(cut(label)) + 1)
+
+
+# -- executions of plans -----------------------------------------------------------------------------------------------
+
+
+def plot_run(run: Run, executor: str, path: Path) -> None:
+    """Draw an execution: a lane for each first argument of an action, which most domains give to who acts; below them
+    one for each parameter, with the values in which the plan succeeds and those that were observed.
+    """
+    executed = [one for segment in run.segments for one in segment.executed]
+    names = dict.fromkeys(one.name for segment in run.segments for one in segment.plan.parameters)
+    shown = names if len(names) <= _PARAMETERS else ()
+    lanes = [Lane(name) for name in dict.fromkeys(_lane(one.instance) for one in executed)]
+    lanes += [Lane(_parameter_lane(name), name) for name in shown]
+    kinds = {Outcome.DONE: "action", Outcome.RUNNING: "running"}
+    bars = [
+        Bar(
+            _lane(one.instance),
+            one.start,
+            one.end,
+            f"{one.instance.action} {' '.join(one.instance.arguments[1:])}".strip(),
+            kinds.get(one.outcome, one.outcome.value),
+        )
+        for one in executed
+    ]
+    marks = [*_marks(run)]
+    for segment in run.segments:
+        for name in (one.name for one in segment.plan.parameters if one.name in shown):
+            bars += _promises(segment, name)
+            marks += _observed(segment, name)
+    title = f"Execution: {run.status.value} with {plural(run.replans, 're-plan')} ({executor}, seed {run.seed})"
+    draw_chart(Chart(title, tuple(lanes), tuple(bars), tuple(marks)), path)
+
+
+def _lane(instance: ActionInstance) -> str:
+    return instance.arguments[0] if instance.arguments else instance.action
+
+
+def _parameter_lane(name: str) -> str:
+    """Not the name of an object."""
+    return f"parameter {name}"
+
+
+def _promises(segment: Segment, name: str) -> Iterator[Bar]:
+    """Within which values the plan goes on, from one observation to the next, until the value itself is known."""
+    changes = [(segment.start, segment.box, segment.guarantee)]
+    changes += [(one.time, one.box, segment.promised) for one in segment.left if one.box is not None]
+    seen = min((one.time for one in segment.observations if one.what == name), default=segment.end)
+    held = [(time, box[name], _PROMISES[worth]) for time, box, worth in changes if time < seen and worth in _PROMISES]
+    kept = [next(same) for _, same in groupby(held, key=itemgetter(1, 2))]
+    for (time, interval, worth), until in zip(kept, [*(time for time, *_ in kept[1:]), seen], strict=False):
+        yield Bar(_parameter_lane(name), time, until, interval.written(format_number), worth)
+
+
+def _observed(segment: Segment, name: str) -> Iterator[Mark]:
+    for one in segment.observations:
+        if one.what == name:
+            outside = "" if one.inside else ", outside"
+            yield Mark(one.time, _parameter_lane(name), f"{readable(one.value)}{outside}", "observed")
+
+
+def _marks(run: Run) -> Iterator[Mark]:
+    for number, segment in enumerate(run.segments, start=1):
+        if number > 1:
+            yield Mark(segment.start, None, f"plan {number}", "next plan")
+        if segment.given_up is not None:
+            yield Mark(segment.given_up, None, str(segment.ending), "given up")
+
+
+# -- executions of plans with choices ----------------------------------------------------------------------------------
+
+
+def plot_team_run(record: ExecutionRecord, path: Path | None) -> Figure:
+    """Draw who did what when, with choices, inferences and violations."""
+    bars: list[Bar] = []
+    marks: list[Mark] = []
+    for step in record.steps:
+        for decision in step.decisions:
+            match decision:
+                case progress.Dispatched(action, agent, time, end, _, _):
+                    bars.append(Bar(agent or "no agent", time, record.schedule.get(end), action, "activity"))
+                case progress.Chosen(choice, value, time, observed):
+                    kind = "observed choice" if observed else "choice of the executive"
+                    marks.append(Mark(time, "choices", f"{choice} = {value}", kind))
+                case progress.Excluded(_, time, lost, _, _):
+                    marks.append(Mark(time, "choices", f"not {' or '.join(lost)}", "exclusion"))
+                case progress.Violated(atom, _, _, _, time):
+                    marks.append(Mark(time, None, f"{atom} broken", "violation"))
+                case progress.Failed(time, _):
+                    marks.append(Mark(time, None, "failed", "failure"))
+                case _:
+                    pass  # events and messages are in the timeline
+        for choice, values in step.inferred.items():
+            if len(values) == 1:
+                marks.append(Mark(step.time, "choices", f"{choice} must be {values[0]}", "inference"))
+    names = {bar.lane for bar in bars} | {mark.lane for mark in marks if mark.lane is not None}
+    lanes = [Lane(name) for name in sorted(names, key=lambda name: (name == "choices", name))]
+    return draw_chart(
+        Chart(f"{record.plan.name}: {record.ending.value}", tuple(lanes), tuple(bars), tuple(marks)), path
+    )

@@ -1,39 +1,56 @@
-"""Drawings of regions with one or two parameters, and of slices and projections of others.
+"""Pictures of regions over one or two parameters, of slices and projections of others, and of boxes in them.
 
-This is the only place of the package where exact numbers become floats: for the eye, never for a verdict.
+Regions become polygons exactly; only what is handed to matplotlib are floats.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from math import atan2
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from robust.draw.style import (
     BLACK,
     BOX_LINES,
+    DARK_GREY,
     EDGE,
     GREEN,
+    HATCHES,
+    LIGHT,
     NOMINAL,
     REMOVED,
     VALID,
     box_line,
+    cut,
     entries,
     hatch_outside,
+    save,
     wrapped,
 )
-from robust.numbers import readable
+from robust.errors import InputError, did_you_mean
+from robust.irr.compare import Comparison
+from robust.numbers import plural, readable
+from robust.options.declare import place_of
+from robust.pike_bridge.envelopes.parameters import ParametricPlan, TeamParameter
+from robust.pike_bridge.envelopes.pieces import Combination
+from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope
+from robust.pike_bridge.model import guard_text
+from robust.plan.load import require_nominal_values
+from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box
+from robust.qe.compute import RegionResult
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
-from robust.show.words import named
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from robust.show.pike_envelopes import Cells, cells_of, promise
+from robust.show.regions import METHOD_NAMES
+from robust.show.words import Words, named
 
 Corner = tuple[Fraction, Fraction]
 Segment = tuple[Corner, Corner]
@@ -42,6 +59,77 @@ Rectangle = tuple[tuple[Fraction, Fraction], ...]
 
 THIN = Fraction(1, 150)
 """Slabs narrower than this share of the view are drawn as lines, so that they stay visible."""
+_NAMED = 4
+"""Combinations of choices that the legend names of an area."""
+
+
+# -- regions and comparisons -------------------------------------------------------------------------------------------
+
+
+def plot_region(result: RegionResult, path: Path | None, axes: Sequence[str]) -> Figure:
+    """Draw a region, and what is proved of one that is not complete."""
+    if result.plan is None:
+        raise InputError("found a region without its plan, expected one that a search has found", place_of("plot"))
+    inner, exact = (None, True) if result.is_exact else (result.inner, False)
+    return _plot(result.region, result.plan, path, axes, inner=inner, exact=exact)
+
+
+def plot_comparison(result: Comparison, path: Path | None, axes: Sequence[str]) -> Figure:
+    """Draw the region with all boxes in it.
+
+    Raises:
+        InputError: if there is no region, or nothing to draw of it.
+    """
+    if result.region is None:
+        raise InputError("found a comparison without a region, expected one to draw", place_of("plot"))
+    boxes = {METHOD_NAMES[entry.method]: entry.result.box for entry in result.entries if entry.result.verified}
+    return _plot(result.region.region, result.plan, path, axes, boxes=boxes, exact=result.region.is_exact)
+
+
+def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
+    """The one or two parameters that are drawn: those that were asked for, or the first two.
+
+    Raises:
+        InputError: if there is nothing to draw, the axes are none, or there is no nominal value for one not drawn.
+    """
+    known = [parameter.name for parameter in plan.parameters]
+    if not known:
+        raise InputError("found a plan without parameters, expected one or more to draw", place_of("plot"))
+    _require_known(axes, known)
+    if len(axes) > 2 or len(set(axes)) < len(axes):
+        raise InputError(f"found {','.join(axes)}, expected one or two different parameters", place_of("axes"))
+    shown = tuple(axes) or tuple(known[:2])
+    require_nominal_values(one for one in plan.parameters if one.name not in shown)
+    return shown
+
+
+def _require_known(axes: Sequence[str], known: Sequence[str]) -> None:
+    for name in axes:
+        if name not in known:
+            raise InputError(f"found unknown parameter {name!r}{did_you_mean(name, known)}", place_of("axes"))
+
+
+def _plot(
+    region: Region,
+    plan: ParametrizedPlan,
+    path: Path | None,
+    axes: Sequence[str],
+    *,
+    boxes: Mapping[str, Box] | None = None,
+    inner: Callable[[Point], Region] | None = None,
+    exact: bool = True,
+) -> Figure:
+    """Draw one or two parameters, the others at their nominal values; also an inner bound, if there is one."""
+    shown = shown_axes(plan, axes)
+    nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}
+    rest = {name: value for name, value in nominal.items() if name not in shown}
+    proved = None if inner is None else inner(rest)
+    words = Words(plan).parameters
+    points = {"nominal values": nominal} if plan.has_nominal else {}
+    return save(
+        lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points, inner=proved, words=words, exact=exact),
+        path,
+    )
 
 
 def draw_region(
@@ -67,25 +155,24 @@ def draw_region(
         words: what parameters are called; their names where they are not in it.
         exact: whether the region is the envelope itself, or an outer bound of it.
     """
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
     shown = _shown(region, tuple(axes), at or {})
     points = points or {}
     sliced = {label: box if _holds(box, at or {}) else None for label, box in (boxes or {}).items()}
     here = [box for box in sliced.values() if box is not None]
-    rectangle = tuple(_range(shown, name, here, list(points.values())) for name in shown.parameters)
+    rectangle = tuple(_range([shown], name, here, list(points.values())) for name in shown.parameters)
     flat = len(shown.parameters) == 1
     figure = Figure(figsize=(8.6, 2.0 + 0.35 * len(sliced) if flat else 5.0), layout="constrained")
     canvas = figure.add_subplot()
     (_draw_line if flat else draw_plane)(canvas, shown, rectangle, sliced, points, words=words, exact=exact)
     if inner is not None:
         _draw_inner(canvas, inner, shown.parameters, rectangle)
-    title = _title(at or {}, words, exact=exact)
-    view = Polyhedron(shown.parameters, tuple(clip_to(shown.parameters, rectangle)))
+    what = "Values for which the plan is valid" if exact else "Outer bound: outside the plan can fail, inside it may"
+    title = _title(what, (((words or {}).get(name, name), value) for name, value in (at or {}).items()))
+    view = Polyhedron(shown.parameters, tuple(_clip_to(shown.parameters, rectangle)))
     if shown.intersection(Region.union_of(shown.parameters, [view])).is_empty:
         title += "\nnone of them in this view"
     figure.suptitle(title, fontsize=10, x=0.01, ha="left")
-    legend(canvas)
+    _legend(canvas)
     return figure
 
 
@@ -94,14 +181,13 @@ def _holds(box: Box, at: Point) -> bool:
     return all(value in box[name] for name, value in at.items() if name in box.intervals)
 
 
-def _title(at: Point, words: Mapping[str, str] | None, *, exact: bool) -> str:
+def _title(what: str, fixed: Iterable[tuple[str, Fraction]]) -> str:
     """What is drawn, and the values of what is not."""
-    what = "Values for which the plan is valid" if exact else "Outer bound: outside the plan can fail, inside it may"
-    fixed = ", ".join(f"{(words or {}).get(name, name)} = {readable(value)}" for name, value in at.items())
-    return wrapped(f"{what}\nfixed: {fixed}" if fixed else what, 112)
+    values = ", ".join(f"{name} = {readable(value)}" for name, value in fixed)
+    return wrapped(f"{what}\nfixed: {values}" if values else what, 112)
 
 
-def legend(canvas: Axes) -> None:
+def _legend(canvas: Axes) -> None:
     """Everything with a label, beside the drawing."""
     shown = entries([canvas])
     texts = [wrapped(label, 34) for label in shown]
@@ -116,11 +202,14 @@ def _shown(region: Region, names: tuple[str, ...], at: Point) -> Region:
     return sliced.project(names)
 
 
-def _range(region: Region, name: str, boxes: Sequence[Box], points: Sequence[Point]) -> tuple[Fraction, Fraction]:
+def _range(
+    regions: Sequence[Region], name: str, boxes: Sequence[Box], points: Sequence[Point]
+) -> tuple[Fraction, Fraction]:
     """The values of a parameter that are shown, around everything finite."""
     overlays = [end for box in boxes for end in (box.intervals[name].lower, box.intervals[name].upper)]
     overlays += [point[name] for point in points]
-    values = [value for value in overlays if value is not None] + _landmarks(region, name)
+    values = [value for value in overlays if value is not None]
+    values += [value for region in regions for value in _landmarks(region, name)]
     low, high = min(values, default=Fraction(0)), max(values, default=Fraction(0))
     margin = (high - low) * Fraction(2, 25) or max(abs(low) / 4, Fraction(1))
     return low - margin, high + margin
@@ -135,7 +224,7 @@ def _landmarks(region: Region, name: str) -> list[Fraction]:
     return ends + [vertex[name] for base in bases for vertex in base.vertices()]
 
 
-def clip_to(names: Sequence[str], rectangle: Rectangle) -> list[LinearConstraint]:
+def _clip_to(names: Sequence[str], rectangle: Rectangle) -> list[LinearConstraint]:
     """The view as constraints."""
     clip = []
     for name, (lower, upper) in zip(names, rectangle, strict=True):
@@ -156,7 +245,7 @@ def draw_plane(
 ) -> None:
     """Pieces are filled without outline, so that no seam shows between them; only edges of the whole are drawn."""
     names = region.parameters
-    clip = clip_to(names, rectangle)
+    clip = _clip_to(names, rectangle)
     parts = [(base.restricted(clip), removed) for base, removed in region.parts()]
     cuts = [base.intersection(piece) for base, removed in parts for piece in removed]
     disjoint = [base for base, removed in parts if not removed]
@@ -168,9 +257,9 @@ def draw_plane(
         _fill(canvas, piece, area)
     for piece in [base for base, _ in parts]:
         _outline(canvas, piece, region, rectangle)
-    for cut in cuts:
-        _outline(canvas, cut, region, rectangle)
-        _mark_thin(canvas, cut, rectangle)
+    for slab in cuts:
+        _outline(canvas, slab, region, rectangle)
+        _mark_thin(canvas, slab, rectangle)
     for order, (label, box) in enumerate(_labelled(boxes)):
         shape = Polyhedron.nothing(names) if box is None else Polyhedron(names, _sides(names, box)).restricted(clip)
         _draw_box(canvas, shape, rectangle, {**box_line(order, len(boxes)), "zorder": 6 + order, "label": label})
@@ -185,8 +274,8 @@ def draw_plane(
 
 def _draw_box(canvas: Axes, shape: Polyhedron, rectangle: Rectangle, look: dict[str, Any]) -> None:
     """The outline of a box, but no side of the view; without any width in some direction, all there is of it."""
-    corners = corners_of(shape)
-    strokes = [corners] if 0 < len(corners) < 3 else [corners_of(side) for side, _ in _edges(shape, rectangle)]
+    corners = _corners_of(shape)
+    strokes = [corners] if 0 < len(corners) < 3 else [_corners_of(side) for side, _ in _edges(shape, rectangle)]
     marker = "s" if len(corners) == 1 else ""
     # A box that fills the view, or is far from it, has no side to be seen: its line stands in the legend alone.
     for stroke in strokes or [[]]:
@@ -197,10 +286,10 @@ def _draw_box(canvas: Axes, shape: Polyhedron, rectangle: Rectangle, look: dict[
 def _draw_inner(canvas: Axes, inner: Region, names: tuple[str, ...], rectangle: Rectangle) -> None:
     """What is proved, darker than what is not known to be bad."""
     label = "proved valid"
-    for piece in (Polyhedron(names, (*piece.constraints, *clip_to(names, rectangle))) for piece in inner.pieces):
+    for piece in (Polyhedron(names, (*piece.constraints, *_clip_to(names, rectangle))) for piece in inner.pieces):
         if len(names) == 1:
             _bar(canvas, piece, rectangle, 0, GREEN, label=label)
-        elif len(corners := [(float(x), float(y)) for x, y in corners_of(piece)]) > 2:
+        elif len(corners := [(float(x), float(y)) for x, y in _corners_of(piece)]) > 2:
             canvas.fill(
                 *zip(*corners, strict=True), facecolor=GREEN, edgecolor=GREEN, linewidth=0.4, zorder=2, label=label
             )
@@ -221,7 +310,7 @@ def _sides(names: Sequence[str], box: Box) -> tuple[LinearConstraint, ...]:
     return tuple(side for side in box.constraints() if side.parameters[0] in names)
 
 
-def corners_of(piece: Polyhedron) -> list[Corner]:
+def _corners_of(piece: Polyhedron) -> list[Corner]:
     """Vertices of a bounded polygon, a segment or a point, in circular order."""
     corners = [(vertex[piece.parameters[0]], vertex[piece.parameters[1]]) for vertex in piece.vertices()]
     if len(corners) < 3:
@@ -236,7 +325,7 @@ def corners_of(piece: Polyhedron) -> list[Corner]:
 
 def _fill(canvas: Axes, piece: Polyhedron, label: str) -> None:
     """Fill a polygon; what is lower-dimensional becomes a line or a dot."""
-    corners = [(float(x), float(y)) for x, y in corners_of(piece)]
+    corners = [(float(x), float(y)) for x, y in _corners_of(piece)]
     match len(corners):
         case 0:
             return
@@ -255,7 +344,7 @@ def _edges(piece: Polyhedron, rectangle: Rectangle) -> list[tuple[Polyhedron, bo
     form = piece.normal_form
     if form is None or len(form.free) < 2:
         return []
-    frame = set(clip_to(piece.parameters, rectangle))
+    frame = set(_clip_to(piece.parameters, rectangle))
     closure = piece.closure()
     return [
         (closure.restricted([side.with_relation(Sense.EQUAL)]), side.is_strict)
@@ -267,7 +356,7 @@ def _edges(piece: Polyhedron, rectangle: Rectangle) -> list[tuple[Polyhedron, bo
 def _outline(canvas: Axes, piece: Polyhedron, region: Region, rectangle: Rectangle) -> None:
     """Draw those parts of a polygon's sides that bound the region: solid if they belong to it, else dashed."""
     for side, _ in _edges(piece, rectangle):
-        corners = corners_of(side)
+        corners = _corners_of(side)
         if len(corners) == 2:
             for stroke, dashed in _boundary((corners[0], corners[1]), region):
                 xs, ys = zip(*((float(x), float(y)) for x, y in stroke), strict=True)
@@ -316,9 +405,9 @@ def _is_boundary(middle: Point, normal: Point, sides: Iterable[LinearConstraint]
     return len({place in region for place in near}) == 2
 
 
-def _mark_thin(canvas: Axes, cut: Polyhedron, rectangle: Rectangle) -> None:
+def _mark_thin(canvas: Axes, slab: Polyhedron, rectangle: Rectangle) -> None:
     """A removed slab too thin to be seen, or without any width, as a line of its own colour."""
-    corners = corners_of(cut)
+    corners = _corners_of(slab)
     if len(corners) < 2:
         return
     scaled = [
@@ -349,7 +438,7 @@ def _draw_line(
 ) -> None:
     """Intervals as bars: the region below, one row for each box; filled ends belong to the set, hollow ones do not."""
     (name,) = region.parameters
-    clip = clip_to(region.parameters, rectangle)
+    clip = _clip_to(region.parameters, rectangle)
     pieces = (
         Region.union_of((name,), (piece.restricted(clip) for piece in region.as_union().pieces)).simplified().pieces
     )
@@ -385,3 +474,112 @@ def _bar(
             canvas.plot(
                 [float(end)], [row], "o", color=colour, markersize=7, markerfacecolor=colour if closed else "white"
             )
+
+
+# -- regions of plans with choices -------------------------------------------------------------------------------------
+
+
+def shown_team_axes(plan: ParametricPlan, axes: Sequence[str]) -> tuple[TeamParameter, TeamParameter]:
+    """The two parameters that are drawn: those that were asked for, or the first two.
+
+    Raises:
+        InputError: if there are not two, or one is unknown.
+    """
+    names = tuple(axes) or plan.names[:2]
+    _require_known(names, plan.names)
+    if len(names) != 2 or names[0] == names[1]:
+        raise InputError(f"found {plural(len(names), 'parameter')} to draw, expected two", place_of("plot"))
+    known = {one.name: one for one in plan.parameters}
+    return known[names[0]], known[names[1]]
+
+
+def plot_team_region(region: LabeledRegion, path: Path | None, axes: Sequence[str]) -> Figure:
+    """Draw which combinations of choices are possible where."""
+    return plot_cells(region, cells_of(region), path, axes)
+
+
+def plot_cells(region: LabeledRegion, cells: Cells | None, path: Path | None, axes: Sequence[str]) -> Figure:
+    """Draw the same where the cells are known; without them, where each combination is possible."""
+    if cells is None:
+        parts = [one for one in region.combinations if one.pieces]
+        layers = [(guard_text(one.choices), region.region(dict(one.choices))) for one in parts]
+    else:
+        layers = [(_combinations_text(possible), cell) for possible, cell in cells if possible]
+    what = "Which choices are possible, by the values of two parameters"
+    return _plot_layers(what, region.plan, layers, path, axes)
+
+
+def plot_team_envelope(envelope: TeamEnvelope, path: Path | None, axes: Sequence[str]) -> Figure:
+    """Draw for which values what is promised is so, and the box.
+
+    Raises:
+        InputError: if nothing of that is known.
+    """
+    if not envelope.combinations:
+        raise InputError("found an envelope of which nothing is known, expected something to draw", place_of("plot"))
+    box = envelope.box if envelope.verified else None
+    what = (
+        "Values in the box, and around it"
+        if box is not None
+        else "Which choices are possible, by the values of two parameters"
+    )
+    return _plot_layers(what, envelope.plan, [(promise(envelope), envelope.region)], path, axes, box=box)
+
+
+def _combinations_text(possible: Sequence[Combination]) -> str:
+    """The choices of an area for the legend; of many combinations, the first ones."""
+    labels = [guard_text(one.choices) or "any choices" for one in possible]
+    rest = [f"and {len(labels) - _NAMED} more"] if len(labels) > _NAMED else []
+    return "\n".join([*(cut(label, 80) for label in labels[:_NAMED]), *rest])
+
+
+def _plot_layers(
+    what: str,
+    plan: ParametricPlan,
+    layers: Sequence[tuple[str, Region]],
+    path: Path | None,
+    axes: Sequence[str],
+    *,
+    box: Box | None = None,
+) -> Figure:
+    """Draw regions of two parameters, the others at their nominal values, and perhaps a box."""
+    shown = shown_team_axes(plan, axes)
+    names = tuple(one.name for one in shown)
+    rest = {name: value for name, value in plan.nominal.items() if name not in names}
+    sliced = [(label, Region.union_of(names, region.slice(rest).as_union().pieces)) for label, region in layers]
+    title = _title(what, ((one.words, one.parameter.nominal) for one in plan.parameters if one not in shown))
+    return save(lambda: _draw_layers(title, shown, sliced, box), path)
+
+
+def _draw_layers(
+    title: str, shown: tuple[TeamParameter, TeamParameter], layers: Sequence[tuple[str, Region]], box: Box | None
+) -> Figure:
+    lines = sum(label.count("\n") + 1 for label, _ in layers)
+    figure = Figure(figsize=(8.4, 4.8 + 0.15 * lines), layout="constrained")
+    canvas = figure.add_subplot()
+    figure.suptitle(title, fontsize=10, x=0.01, ha="left")
+    names, nominal = tuple(one.name for one in shown), {one.name: one.parameter.nominal for one in shown}
+    regions, boxes = [region for _, region in layers], [] if box is None else [box]
+    ranges = [(_range(regions, one.name, boxes, [nominal]), one.parameter.lower) for one in shown]
+    view = tuple((low if least is None else max(low, least), high) for (low, high), least in ranges)
+    clip = _clip_to(names, view)
+    for number, (label, region) in enumerate(layers):
+        look: dict[str, Any] = {"facecolor": LIGHT[number % len(LIGHT)], "hatch": HATCHES[number % len(HATCHES)]}
+        for piece in region.pieces:
+            corners = [(float(x), float(y)) for x, y in _corners_of(piece.restricted(clip))]
+            if len(corners) > 2:
+                canvas.fill(*zip(*corners, strict=True), edgecolor=DARK_GREY, linewidth=0.5, label=label, **look)
+    hatch_outside(canvas, "no correct execution found")
+    for one in boxes:
+        _draw_box(canvas, Polyhedron(names, (*_sides(names, one), *clip)), view,
+                  {**box_line(0, 1), "zorder": 6, "label": "box"})  # fmt: skip
+    canvas.plot(*([float(value)] for value in nominal.values()), zorder=8, label="nominal values", **NOMINAL)
+    across, up = shown
+    canvas.set_xlabel(wrapped(f"{across.words}: {across.meaning}", 80))
+    canvas.set_ylabel(wrapped(f"{up.words}: {up.meaning}", 48))
+    canvas.set_xlim(*map(float, view[0]))
+    canvas.set_ylim(*map(float, view[1]))
+    once = entries([canvas])
+    texts = [wrapped(label, 60) for label in once]
+    figure.legend(once.values(), texts, loc="outside lower center", fontsize="small", frameon=False, ncols=2)
+    return figure

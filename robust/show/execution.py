@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from itertools import groupby
-from operator import itemgetter
-from pathlib import Path
 
 from rich import box as borders
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from robust.draw.gantt import Bar, Chart, Lane, Mark, draw_chart
 from robust.execute.controllability import ADVERBS, ControllabilityReport, Widest
 from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
 from robust.execute.dispatchable import Guarantee
@@ -23,7 +19,6 @@ from robust.execute.slices import Answer, Left
 from robust.execute.worlds import Outcome
 from robust.irr.stops import advice
 from robust.numbers import end, format_number, interval_text, plural, readable
-from robust.plan.model import ActionInstance
 from robust.qe.box import Side
 from robust.show.console import colour_of, show_table, table
 from robust.show.made import summary
@@ -34,13 +29,7 @@ _GUARANTEES = {
     Guarantee.WEAK: "not dynamically controllable: the plan may fail although observations are inside",
     Guarantee.NONE: "no guarantee",
 }
-_PROMISES = {
-    Guarantee.DYNAMIC: "values with which the plan succeeds",
-    Guarantee.WEAK: "values with which the plan may succeed",
-}
 _OUTCOMES = {Outcome.DONE: "end", Outcome.FAILED: "failed", Outcome.STOPPED: "stopped", Outcome.RUNNING: "running"}
-_PARAMETERS = 12
-"""Parameters that a chart has lanes for; it has none if there are more."""
 _REASONS = 5
 """Reasons of failures that are shown at most."""
 
@@ -137,73 +126,6 @@ def _kind(reason: str) -> str:
     subject, equals, _ = first.partition(" = ")
     shown = f"{subject} left its interval" if equals else first
     return f"{shown}; {rest}" if rest else shown
-
-
-# -- as a drawing ------------------------------------------------------------------------------------------------------
-
-
-def plot_run(run: Run, executor: str, path: Path) -> None:
-    """A Gantt chart: a lane for each first argument of an action, which most domains give to who acts; below them one
-    for each parameter, with the values in which the plan succeeds and those that were observed.
-    """
-    executed = [one for segment in run.segments for one in segment.executed]
-    names = dict.fromkeys(one.name for segment in run.segments for one in segment.plan.parameters)
-    shown = names if len(names) <= _PARAMETERS else ()
-    lanes = [Lane(name) for name in dict.fromkeys(_lane(one.instance) for one in executed)]
-    lanes += [Lane(_parameter_lane(name), name) for name in shown]
-    kinds = {Outcome.DONE: "action", Outcome.RUNNING: "running"}
-    bars = [
-        Bar(
-            _lane(one.instance),
-            one.start,
-            one.end,
-            f"{one.instance.action} {' '.join(one.instance.arguments[1:])}".strip(),
-            kinds.get(one.outcome, one.outcome.value),
-        )
-        for one in executed
-    ]
-    marks = [*_marks(run)]
-    for segment in run.segments:
-        for name in (one.name for one in segment.plan.parameters if one.name in shown):
-            bars += _promises(segment, name)
-            marks += _observed(segment, name)
-    title = f"Execution: {run.status.value} with {plural(run.replans, 're-plan')} ({executor}, seed {run.seed})"
-    draw_chart(Chart(title, tuple(lanes), tuple(bars), tuple(marks)), path)
-
-
-def _lane(instance: ActionInstance) -> str:
-    return instance.arguments[0] if instance.arguments else instance.action
-
-
-def _parameter_lane(name: str) -> str:
-    """Not the name of an object."""
-    return f"parameter {name}"
-
-
-def _promises(segment: Segment, name: str) -> Iterator[Bar]:
-    """Within which values the plan goes on, from one observation to the next, until the value itself is known."""
-    changes = [(segment.start, segment.box, segment.guarantee)]
-    changes += [(one.time, one.box, segment.promised) for one in segment.left if one.box is not None]
-    seen = min((one.time for one in segment.observations if one.what == name), default=segment.end)
-    held = [(time, box[name], _PROMISES[worth]) for time, box, worth in changes if time < seen and worth in _PROMISES]
-    kept = [next(same) for _, same in groupby(held, key=itemgetter(1, 2))]
-    for (time, interval, worth), until in zip(kept, [*(time for time, *_ in kept[1:]), seen], strict=False):
-        yield Bar(_parameter_lane(name), time, until, interval.written(format_number), worth)
-
-
-def _observed(segment: Segment, name: str) -> Iterator[Mark]:
-    for one in segment.observations:
-        if one.what == name:
-            outside = "" if one.inside else ", outside"
-            yield Mark(one.time, _parameter_lane(name), f"{readable(one.value)}{outside}", "observed")
-
-
-def _marks(run: Run) -> Iterator[Mark]:
-    for number, segment in enumerate(run.segments, start=1):
-        if number > 1:
-            yield Mark(segment.start, None, f"plan {number}", "next plan")
-        if segment.given_up is not None:
-            yield Mark(segment.given_up, None, str(segment.ending), "given up")
 
 
 # -- controllability ---------------------------------------------------------------------------------------------------

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from itertools import zip_longest
-from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +13,6 @@ from rich.console import Console
 from rich.text import Text
 
 from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
-from robust.draw.gantt import Bar, Chart, Lane, Mark, draw_chart
 from robust.numbers import duration, format_number, plural, readable
 from robust.pike_bridge.compile import PikeCheck, Sizes
 from robust.pike_bridge.cross_check import CrossCheck, Crossed
@@ -28,7 +26,7 @@ from robust.show.console import colour_of
 from robust.show.documents import Document, Ended, Rationals, Verdict, document
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 Stages = Annotated[dict[str, Seconds], Meta(description="by stage")]
 
@@ -329,7 +327,7 @@ def print_plot(out: Console, drawn: PikePlot, *, quiet: bool) -> None:
         out.print(f"{drawn.plot}: {drawn.events} events, {drawn.activities} activities, {drawn.choices} choices{links}")
 
 
-# -- run: for programs, people, and as a drawing -----------------------------------------------------------------------
+# -- run ---------------------------------------------------------------------------------------------------------------
 
 
 def run_document(record: ExecutionRecord) -> dict[str, Any]:
@@ -473,36 +471,3 @@ class _Reasons:
             if line not in self._said:
                 self._said.add(line)
                 yield line
-
-
-def plot_run(record: ExecutionRecord, path: Path | None, _axes: Sequence[str] = ()) -> Figure:
-    """Draw who did what when."""
-    return draw_chart(run_chart(record.plan, record), path)
-
-
-def run_chart(plan: TeamPlan, record: ExecutionRecord) -> Chart:
-    """Who did what when, with choices, inferences and violations."""
-    bars: list[Bar] = []
-    marks: list[Mark] = []
-    for step in record.steps:
-        for decision in step.decisions:
-            match decision:
-                case said.Dispatched(action, agent, time, end, _, _):
-                    bars.append(Bar(agent or "no agent", time, record.schedule.get(end), action, "activity"))
-                case said.Chosen(choice, value, time, observed):
-                    kind = "observed choice" if observed else "choice of the executive"
-                    marks.append(Mark(time, "choices", f"{choice} = {value}", kind))
-                case said.Excluded(_, time, lost, _, _):
-                    marks.append(Mark(time, "choices", f"not {' or '.join(lost)}", "exclusion"))
-                case said.Violated(atom, _, _, _, time):
-                    marks.append(Mark(time, None, f"{atom} broken", "violation"))
-                case said.Failed(time, _):
-                    marks.append(Mark(time, None, "failed", "failure"))
-                case _:
-                    pass  # events and messages are in the timeline
-        for choice, values in step.inferred.items():
-            if len(values) == 1:
-                marks.append(Mark(step.time, "choices", f"{choice} must be {values[0]}", "inference"))
-    names = {bar.lane for bar in bars} | {mark.lane for mark in marks if mark.lane is not None}
-    lanes = [Lane(name) for name in sorted(names, key=lambda name: (name == "choices", name))]
-    return Chart(f"{plan.name}: {record.ending.value}", tuple(lanes), tuple(bars), tuple(marks))

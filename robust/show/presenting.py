@@ -1,4 +1,4 @@
-"""How each kind of result is shown: the one table behind `str`, notebooks, `as_dict`, `rows` and `plot`.
+"""How each kind of result is shown: the one table behind `str`, notebooks, `as_dict` and `rows`.
 
 What shows a result is loaded when it is shown. Commands print by the same functions.
 """
@@ -6,24 +6,19 @@ What shows a result is loaded when it is shown. Commands print by the same funct
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from importlib import import_module
 from io import StringIO
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Console
 
 from robust.errors import InputError
 from robust.numbers import approximate
-from robust.options.declare import names, place_of, plot_file
 from robust.show.console import Page, console
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from robust.presented import Presented
     from robust.show.documents import Document
 
@@ -42,7 +37,6 @@ class Shown(NamedTuple):
         table: where in the document the main table is, key by key, or what makes one of the document.
         named: what the rows of a table by name are called.
         numbers: the columns of it that are numbers.
-        figure: result, path and axes to a figure; None: there is nothing to draw.
     """
 
     noun: str
@@ -51,7 +45,6 @@ class Shown(NamedTuple):
     table: str | None = None
     named: str = ""
     numbers: tuple[str, ...] = ()
-    figure: str | None = None
 
 
 _ENDS = ("lower", "upper")
@@ -66,14 +59,12 @@ _RESULTS: Mapping[str, Shown] = {
         "parameters",
         named="parameter",
         numbers=_SIDES,
-        figure="draw.plots:plot_envelope",
     ),
     "qe.compute:RegionResult": Shown(
         "a region",
         "region_documents:formed_region",
         "regions:print_formed",
         "region_documents:constraint_rows",
-        figure="show.regions:plot_region",
     ),
     "irr.compare:Comparison": Shown(
         "a comparison",
@@ -81,7 +72,6 @@ _RESULTS: Mapping[str, Shown] = {
         "regions:print_comparison",
         "boxes",
         numbers=_ENDS,
-        figure="show.regions:plot_comparison",
     ),
     "irr.repair:Repair": Shown(
         "a repair", "repairs:repair_document", "repairs:print_repair", "changes", numbers=_CHANGE
@@ -92,7 +82,6 @@ _RESULTS: Mapping[str, Shown] = {
         "risk:print_risk",
         "by_obligation",
         numbers=_ENDS,
-        figure="draw.risk_plot:plot_risk",
     ),
     "execute.validate:Verdict": Shown(
         "a verdict", "validation:one", "validation:print_one", "plans/0/violations", numbers=("time", "amount")
@@ -124,14 +113,13 @@ _RESULTS: Mapping[str, Shown] = {
         "what people may choose", "pike:patience_document", "pike:print_patience", "moments", numbers=("latest",)
     ),
     "pike_bridge.online.world:ExecutionRecord": Shown(
-        "an execution", "pike:run_document", "pike:print_run", "steps", numbers=("time",), figure="show.pike:plot_run"
+        "an execution", "pike:run_document", "pike:print_run", "steps", numbers=("time",)
     ),
     "pike_bridge.envelopes.search:LabeledRegion": Shown(
         "a region",
         "pike_envelopes:whole_region_document",
         "pike_envelopes:print_region",
         "pike_envelopes:possible_rows",
-        figure="draw.team_plane:plot_region",
     ),
     "pike_bridge.envelopes.search:TeamEnvelope": Shown(
         "a box",
@@ -140,25 +128,29 @@ _RESULTS: Mapping[str, Shown] = {
         "parameters",
         named="parameter",
         numbers=_SIDES,
-        figure="draw.team_plane:plot_envelope",
     ),
 }
 """By where the result is declared."""
 
 
-def _shown(result: object) -> Shown:
-    names = (f"{kind.__module__}:{kind.__name__}".removeprefix("robust.") for kind in type(result).__mro__)
+def _shown(kind: type) -> Shown:
+    names = (f"{one.__module__}:{one.__name__}".removeprefix("robust.") for one in kind.__mro__)
     return next(_RESULTS[name] for name in names if name in _RESULTS)
 
 
-def _function(name: str, package: str = "robust.show") -> Any:
+def noun(kind: type) -> str:
+    """What messages call results of that type."""
+    return _shown(kind).noun
+
+
+def _function(name: str) -> Any:
     module, function = name.split(":")
-    return getattr(import_module(f"{package}.{module}"), function)
+    return getattr(import_module(f"robust.show.{module}"), function)
 
 
 def print_result(out: Console, result: object, *, quiet: bool = False) -> None:
     """Print a result as its command does."""
-    _function(_shown(result).text)(out, result, quiet=quiet)
+    _function(_shown(type(result)).text)(out, result, quiet=quiet)
 
 
 def text(result: Presented) -> str:
@@ -181,13 +173,13 @@ def page(result: Presented) -> str:
 
 def document(result: Presented) -> Document:
     """What is printed by `--json`."""
-    found: Document = json.loads(json.dumps(_function(_shown(result).document)(result)))  # lists, and no tuples
+    found: Document = json.loads(json.dumps(_function(_shown(type(result)).document)(result)))  # lists, and no tuples
     return found
 
 
 def rows(result: Presented) -> list[dict[str, Any]]:
     """The main table of the document."""
-    shown = _shown(result)
+    shown = _shown(type(result))
     found = None if shown.table is None else _at(document(result), shown.table)
     if found is None:
         raise InputError(f"found {shown.noun} without a table, expected one with: as_dict() has everything there is")
@@ -217,14 +209,3 @@ def _cells(row: Mapping[str, Any], numbers: Sequence[str], before: str = "") -> 
 def number(value: str) -> float:
     """The float that is nearest to a rational, and the infinite ones."""
     return float(value) if value in {"inf", "-inf"} else approximate(Fraction(value))
-
-
-def figure(result: Presented, path: str | os.PathLike[str] | None, axes: str | Sequence[str]) -> Figure:
-    """A figure of matplotlib, written to the path if there is one."""
-    shown = _shown(result)
-    if shown.figure is None:
-        drawn = sorted({one.noun for one in _RESULTS.values() if one.figure is not None})
-        raise InputError(f"found {shown.noun}, expected something to draw: {', '.join(drawn)}", place_of("plot"))
-    written = None if path is None else plot_file(Path(path), place_of("path"))
-    found: Figure = _function(shown.figure, "robust")(result, written, names(axes, place_of("axes")) if axes else ())
-    return found

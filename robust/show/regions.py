@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from html import escape
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.text import Text
 
-from robust.draw.style import save
-from robust.errors import InputError, did_you_mean
 from robust.irr.compare import Comparison, Entry, FaceGap, Share
 from robust.irr.search import Status
 from robust.numbers import duration, interval_text, readable
-from robust.options.declare import place_of
-from robust.plan.load import require_nominal_values
-from robust.plan.model import ParametrizedPlan
-from robust.qe.box import Box, Side
+from robust.qe.box import Side
 from robust.qe.compute import RegionResult
 from robust.qe.constraint import Sense
 from robust.qe.inner import Factor
-from robust.qe.polyhedron import Point, Polyhedron
+from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
 from robust.show.console import show_table, table
 from robust.show.text import percentage, print_advice, stopped
-from robust.show.words import Words
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 MANY = 20
 """Pieces up to which a region is shown as a union by default."""
@@ -223,53 +216,6 @@ def _line(form: str, before: str, after: str) -> str:
     return f"{before}{form}{after}"
 
 
-# -- drawings --------------------------------------------------------------------------------------------------------
-
-
-def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
-    """The one or two parameters that are drawn: those that were asked for, or the first two.
-
-    Raises:
-        InputError: if there is nothing to draw, the axes are none, or there is no nominal value for one not drawn.
-    """
-    known = [parameter.name for parameter in plan.parameters]
-    if not known:
-        raise InputError("found a plan without parameters, expected one or more to draw", place_of("plot"))
-    for name in axes:
-        if name not in known:
-            raise InputError(f"found unknown parameter {name!r}{did_you_mean(name, known)}", place_of("axes"))
-    if len(axes) > 2 or len(set(axes)) < len(axes):
-        raise InputError(f"found {','.join(axes)}, expected one or two different parameters", place_of("axes"))
-    shown = tuple(axes) or tuple(known[:2])
-    require_nominal_values(one for one in plan.parameters if one.name not in shown)
-    return shown
-
-
-def plot_slice(
-    region: Region,
-    plan: ParametrizedPlan,
-    path: Path | None,
-    axes: Sequence[str],
-    *,
-    boxes: Mapping[str, Box] | None = None,
-    inner: Callable[[Point], Region] | None = None,
-    exact: bool = True,
-) -> Figure:
-    """Draw one or two parameters, the others at their nominal values; also an inner bound, if there is one."""
-    from robust.draw.plane import draw_region  # noqa: PLC0415 - late, as all that leads to matplotlib
-
-    shown = shown_axes(plan, axes)
-    nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}
-    rest = {name: value for name, value in nominal.items() if name not in shown}
-    proved = None if inner is None else inner(rest)
-    words = Words(plan).parameters
-    points = {"nominal values": nominal} if plan.has_nominal else {}
-    return save(
-        lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points, inner=proved, words=words, exact=exact),
-        path,
-    )
-
-
 # -- comparisons -----------------------------------------------------------------------------------------------------
 
 METHOD_NAMES = {
@@ -370,26 +316,6 @@ def _compare_summary(result: Comparison) -> str:
     }
     region = "" if result.region is None else f"; region {duration(result.region.seconds)}"
     return f"{words[result.status]}{region}, {duration(result.seconds)} in all."
-
-
-def plot_region(result: RegionResult, path: Path | None, axes: Sequence[str]) -> Figure:
-    """Draw a region, and what is proved of one that is not complete."""
-    if result.plan is None:
-        raise InputError("found a region without its plan, expected one that a search has found", place_of("plot"))
-    inner, exact = (None, True) if result.is_exact else (result.inner, False)
-    return plot_slice(result.region, result.plan, path, axes, inner=inner, exact=exact)
-
-
-def plot_comparison(result: Comparison, path: Path | None, axes: Sequence[str]) -> Figure:
-    """Draw the region with all boxes in it.
-
-    Raises:
-        InputError: if there is no region, or nothing to draw of it.
-    """
-    if result.region is None:
-        raise InputError("found a comparison without a region, expected one to draw", place_of("plot"))
-    boxes = {METHOD_NAMES[entry.method]: entry.result.box for entry in result.entries if entry.result.verified}
-    return plot_slice(result.region.region, result.plan, path, axes, boxes=boxes, exact=result.region.is_exact)
 
 
 def comparison_details(result: Comparison) -> str:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from robust.api import compare, risk
-from robust.draw import gantt, plane, plots, risk_plot, team_plane, tpnu
+from robust.draw import gantt, plane, plots, tpnu
 from robust.draw.gantt import Bar, Chart, Lane, Mark
 from robust.draw.style import BOX_LINES, HATCHES, LIGHT, STRONG
 from robust.irr.search import EnvelopeResult, Status, Step
@@ -23,7 +23,6 @@ from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.reading import load_plan
-from robust.show import execution, regions
 from robust.show.words import Words, named
 from tests.cli.running import EXAMPLES, command, example
 from tests.draw.pictures import DAY
@@ -209,14 +208,14 @@ def test_names_are_words_of_actions():
 def test_probabilities():
     plan = load_plan(*example())
     both = risk(plan, ["to_ridge=normal::5", "to_crater=normal::5"], within="0.01")
-    assert_readable(risk_plot._figure(both), "take-sample scout crater needs (lit crater) all the time", "not valid")
+    assert_readable(plots._risk_figure(both), "take-sample scout crater needs (lit crater) all the time", "not valid")
     one = risk(plan, ["to_ridge=normal::5", "to_crater=constant:40"], within="0.01")
-    assert_readable(risk_plot._figure(one), "fixed: drive scout ridge crater = 40")
+    assert_readable(plots._risk_figure(one), "fixed: drive scout ridge crater = 40")
 
 
 def test_a_comparison_of_a_plan(tmp_path):
     plan = load_plan(*example())
-    regions.plot_comparison(compare(plan), tmp_path / "plan.svg", ())
+    plane.plot_comparison(compare(plan), tmp_path / "plan.svg", ())
     text = (tmp_path / "plan.svg").read_text(encoding="utf-8")
     assert ">drive scout base ridge (to_ridge)</text>" in text
 
@@ -267,7 +266,7 @@ def test_plans_with_their_links(name):
 
 def test_choices_by_parameters(tmp_path, monkeypatch):
     figures = []
-    monkeypatch.setattr(team_plane, "save", lambda draw, _path: figures.append(draw()))
+    monkeypatch.setattr(plane, "save", lambda draw, _path: figures.append(draw()))
     kitchen = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
     specifications = ("coffee=duration:make-coffee", "limit=at-most:e1:e44", "cup=duration:(get human mug)")
     asked = [kitchen, *(f"--parameter={text}" for text in specifications), "-q"]
@@ -280,7 +279,7 @@ def test_choices_by_parameters(tmp_path, monkeypatch):
 
 def test_an_execution_shows_what_is_left_of_each_parameter(tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr(execution, "draw_chart", lambda chart, _path: drawn.append(chart))
+    monkeypatch.setattr(gantt, "draw_chart", lambda chart, _path: drawn.append(chart))
     (tmp_path / "world.toml").write_text(DAY, encoding="utf-8")
     asked = ("execute", *example(), "--world", tmp_path / "world.toml", "--plot", tmp_path / "a.svg")
     for executor in ("slice:60", "blex:1"):

@@ -19,7 +19,7 @@ import pytest
 import robust
 from benchmarks.generators.delivery import scaling_instance
 from benchmarks.generators.sizes import unordered_instance
-from robust.draw.batch_page import batch_page
+from robust.draw.pages import batch_page
 from robust.errors import InputError, UnsupportedError
 from robust.qe.box import Box, Interval
 from robust.show.batch import batch as document

@@ -18,10 +18,10 @@ from random import Random
 
 import pytest
 from hypothesis import HealthCheck, given, settings
-from robust.show.interactive import comparison_data
-from robust.show.pages import part
 
 from robust.api import check, compare
+from robust.draw.interactive import comparison_data
+from robust.draw.pages import part
 from robust.errors import InputError, UnsupportedError
 from robust.irr.check import Answer
 from robust.numbers import format_number
@@ -32,7 +32,7 @@ from robust.show.regions import METHOD_NAMES
 from robust.show.words import Words
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, example
-from tests.show.test_interactive import earliest, node
+from tests.draw.test_interactive import earliest, node
 from tests.strategies import plans
 
 TINY = Fraction(1, 10**6)
