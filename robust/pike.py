@@ -26,7 +26,7 @@ from robust.backends import DRAKE
 from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.execute.drive import WallClock, drive, run_in_world
 from robust.numbers import Number, exact, shorten
-from robust.options.declare import Options, named_values, not_negative, ordinal, place_of, setting, spelled, texts
+from robust.options.declare import Options, named_values, not_negative, place_of, setting, spelled, texts
 from robust.options.functions import Verb
 from robust.options.pike import (
     Assumptions,
@@ -39,7 +39,6 @@ from robust.options.pike import (
     PikeEnvelopeOptions,
     PikeRegionOptions,
     PikeRunOptions,
-    RandomCrossOptions,
     StoryOptions,
 )
 from robust.pike_bridge.action_model import Instance, load_team_plan
@@ -56,7 +55,6 @@ from robust.pike_bridge.compile import (
     checked_assumptions,
 )
 from robust.pike_bridge.cross_check import CrossCheck, Crossed, Crossing, Disagreement
-from robust.pike_bridge.cross_random import RandomCrossed, RandomCrossing
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize, specifications
 from robust.pike_bridge.envelopes.search import LabeledRegion, LabeledRegionSearch, TeamEnvelope, TeamEnvelopeSearch
 from robust.pike_bridge.files import read_tpnu, write_tpnu
@@ -80,7 +78,6 @@ from robust.pike_bridge.online.world import (
     Rehearsal,
     Story,
 )
-from robust.pike_bridge.random_plans import random_plan
 from robust.pike_bridge.semantics import Execution, Oracle
 from robust.smt.limits import Deadline, OutOfTimeError
 
@@ -115,7 +112,6 @@ __all__ = [
     "PikeCheck",
     "PlanExecutive",
     "PlanVerdict",
-    "RandomCrossed",
     "Sizes",
     "Story",
     "TeamEnvelope",
@@ -128,7 +124,6 @@ __all__ = [
     "choose",
     "compile",
     "cross_check",
-    "cross_check_random",
     "drive",
     "envelope",
     "k_intents",
@@ -139,7 +134,6 @@ __all__ = [
     "moments",
     "parallel",
     "parametrize",
-    "random_plan",
     "read_journal",
     "read_tpnu",
     "reasoner_names",
@@ -317,34 +311,6 @@ def cross_check(plan: TeamPlan, options: CrossOptions) -> Crossed:
         InputError: if a file is wrong.
     """
     return searching_differences(plan, options).run()
-
-
-def searching_random_differences(number: int, options: RandomCrossOptions) -> RandomCrossing:
-    """What :func:`cross_check_random` runs."""
-    return RandomCrossing(
-        number,
-        options.seed,
-        options.sizes,
-        witness=None if options.witness is None else Path(options.witness),
-        epsilon=options.separation,
-        solver=options.solver,
-        deadline=Deadline.after(options.limit),
-        on_stage=options.on_stage,
-    )
-
-
-def _whole(number: int, _: Options) -> int:
-    return ordinal(number, place_of("number"))
-
-
-@Verb(_whole, "how many plans", "int")(RandomCrossOptions)
-def cross_check_random(plan: int, options: RandomCrossOptions) -> RandomCrossed:
-    """Ask all knowledge bases and the oracle the same questions about so many random plans, and compare.
-
-    Raises:
-        InputError: if an argument is wrong.
-    """
-    return searching_random_differences(plan, options).run()
 
 
 # -- executions --------------------------------------------------------------------------------------------------------

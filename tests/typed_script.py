@@ -74,10 +74,9 @@ base: pike.KnowledgeBase = pike.knowledge_base(team).knowledge
 record: pike.ExecutionRecord = pike.run(team, outcome={"xA1": ("mug", 2.5)}, disturb="(not (clean mug))@3", seed=2)
 until: list[pike.Moment] = pike.moments(team).moments
 crossed: pike.Crossed = pike.cross_check(team, witness="found")
-many: pike.RandomCrossed = pike.cross_check_random(3, sizes="small")
 labeled: pike.LabeledRegion = pike.region(team, "coffee=duration:make-coffee", choices=["xA1"])
 promised: pike.TeamEnvelope = pike.envelope(team, ["coffee=duration:make-coffee"], for_all="xA1")
-drawn: pike.Instance = pike.random_plan(3)
+drawn: pike.Instance = pike.k_intents((2, 2)).instance
 oracle = pike.Oracle(team, solver="z3")
 executive = pike.PlanExecutive(team, pike.make_reasoner("smt"))
 decisions: list[pike.Decision] = executive.step(Fraction(0), [pike.Outcome("xA1", "mug")])

@@ -18,17 +18,16 @@ from typing import Any
 from robust import pike
 from robust.codec import plain
 from robust.errors import InputError
-from robust.pike_bridge.cross_random import SHAPES
+from robust.pike_bridge.action_model import shipped
 from robust.pike_bridge.envelopes.parameters import Kind, TeamParameterSpec, parametrize, specifications
 from robust.pike_bridge.envelopes.search import LabeledRegion
-from robust.pike_bridge.figures import shipped
 from robust.pike_bridge.model import TeamPlan, guard
-from robust.pike_bridge.random_plans import random_plan
 from robust.pike_bridge.semantics import Existence, Oracle
 
 from ..catalogue import EnvelopeOptions
 from ..engine.experiment import Experiment, Report, Task
 from ..engine.show import Columns, Table, middle, number
+from ..generators.team_plans import MEDIUM, random_plan
 
 STORIES: dict[str, tuple[str, ...]] = {
     "kitchen": ("coffee=duration:make-coffee", "limit=at-most:e1:e44", "late=hesitation:xA1"),
@@ -92,7 +91,7 @@ def story(name: str, parameters: int, question: str, limit: float | None) -> Env
 def random_region(seed: int, index: int, points: int, limit: float | None) -> EnvelopeRow:
     """The region of a random plan, and how often the oracle differs from it."""
     random = Random(f"envelopes/{seed}/{index}")  # noqa: S311 - reproducible
-    team = random_plan(seed, index, SHAPES["medium"]).plan()
+    team = random_plan(seed, index, MEDIUM).plan()
     plan = parametrize(team, _random_parameters(team, random))
     started = time.process_time()
     found = pike.region(plan, timeout=limit)

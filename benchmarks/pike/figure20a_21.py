@@ -22,7 +22,6 @@ from typing import Any, ClassVar, TypeVar
 from robust.draw.style import BLACK, BLUE
 from robust.errors import UNDECIDED, InputError
 from robust.pike_bridge.action_model import Instance
-from robust.pike_bridge.random_plans import DEFAULT, FEASIBLE, random_plan
 from robust.pike_bridge.scenarios import candidate_subplans
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.sweeps.measure import COMMAND, complaint, measured
@@ -30,6 +29,7 @@ from robust.sweeps.measure import COMMAND, complaint, measured
 from ..catalogue import Figure20aOptions, Figure21Options
 from ..engine.experiment import Experiment, Report, Task
 from ..engine.show import COLOURS, NOTHING, Columns, Panel, Series, Table, family, middle, number, quantile
+from ..generators.team_plans import DEFAULT, FEASIBLE, random_plan
 
 GRACE = 5.0
 """Seconds after its own limit until a process is ended."""

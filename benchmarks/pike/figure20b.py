@@ -30,7 +30,6 @@ from robust.pike_bridge.online.progress import Decision
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import SimulatedTeam, Story
-from robust.pike_bridge.random_plans import random_plan
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.sweeps.measure import complaint, measured
@@ -41,6 +40,7 @@ from robust.sweeps.sweep import restored
 from ..catalogue import Figure20bOptions
 from ..engine.experiment import Experiment, Report, Task
 from ..engine.show import COLOURS, NOTHING, Columns, Panel, Series, Table, middle, number, quantile
+from ..generators.team_plans import random_plan
 from .baselines import Timed
 from .figure20a_21 import GRACE, instance_name
 

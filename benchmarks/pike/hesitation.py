@@ -26,7 +26,6 @@ from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Pace, SimulatedTeam, Story
-from robust.pike_bridge.random_plans import random_plan
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.smt.limits import Deadline, OutOfTimeError
 
@@ -34,6 +33,7 @@ from ..catalogue import HesitationOptions
 from ..engine.experiment import Experiment, Report, Task
 from ..engine.show import Columns, Table, middle
 from ..engine.show import number as rounded
+from ..generators.team_plans import random_plan
 from .baselines import Timed
 
 EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"

@@ -40,7 +40,7 @@ COMMANDS: dict[str, Command | Group] = {
             "compile": Command("Compile the knowledge base of all correct executions.", "robust.cli.pike:compile_"),
             "run": Command("Execute a plan with choices with a simulated team.", "robust.cli.pike:run"),
             "plot": Command("Draw a plan with choices.", "robust.cli.pike:plot"),
-            "new": Command("Write a plan with choices to begin with.", "robust.cli.pike_new:new"),
+            "new": Command("Write a plan with choices to begin with.", "robust.cli.pike:new"),
             "region": Command(
                 "Which choices are possible for which durations and limits?", "robust.cli.pike_envelopes:region"
             ),

@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from robust.backends import DRAKE
 from robust.cli.build import action
 from robust.cli.guard import Run
 from robust.errors import UNDECIDED, exit_code_of
+from robust.options.declare import place_of, refuse_replacing
 from robust.options.pike import (
+    K_INTENTS,
     MomentsOptions,
     PikeCheckCommand,
     PikeCompileCommand,
+    PikeNewCommand,
     PikePlotCommand,
     PikeRunCommand,
     Staged,
@@ -23,6 +27,7 @@ from robust.options.pike import (
 
 if TYPE_CHECKING:
     from robust.api import Search
+    from robust.pike_bridge.action_model import Instance
     from robust.pike_bridge.model import TeamPlan
     from robust.pike_bridge.online.world import ExecutionRecord
     from robust.show.pike import PikePlot
@@ -60,19 +65,10 @@ def check(options: PikeCheckCommand, run: Run) -> int:
 
 
 def _cross(options: PikeCheckCommand, run: Run) -> int:
-    if options.random is not None:
-        return _cross_random(options, options.random, run)
     from robust.pike import searching_differences
 
     crossed = run.reply(lambda: searching_differences(load(options), _within(options, run)))
     return 1 if crossed.outcome is not None and not crossed.outcome.agree else exit_code_of(crossed.status)
-
-
-def _cross_random(options: PikeCheckCommand, number: int, run: Run) -> int:
-    from robust.pike import searching_random_differences
-
-    crossed = run.reply(lambda: searching_random_differences(number, _within(options, run)))
-    return 1 if not crossed.agree else exit_code_of(crossed.status)
 
 
 def _patience(options: PikeCheckCommand, run: Run) -> int:
@@ -167,3 +163,28 @@ def run(options: PikeRunCommand, run: Run) -> int:
     if options.plot is not None:
         run.write(partial(record.plot, options.plot))
     return exit_code_of(record.ending.value)
+
+
+# -- new ---------------------------------------------------------------------------------------------------------------
+
+
+@action(PikeNewCommand)
+def new(options: PikeNewCommand, run: Run) -> int:
+    """Write a plan with choices, with its PDDL, to begin with; what to type next is said."""
+    from robust.pike_bridge.action_model import shipped
+    from robust.pike_bridge.k_intents import k_intents
+    from robust.show import pike as show
+
+    def write() -> tuple[Instance, Path]:
+        made = options.kind == K_INTENTS
+        instance = k_intents(options.structure, options.seed).instance if made else shipped(options.kind)
+        name = options.name or instance.name
+        files = [options.output / each for each in (f"{name}.tpnu.json", "domain.pddl", "problem.pddl")]
+        refuse_replacing(files, place_of("output"), force=options.force)
+        return instance, instance.write(options.output, name)
+
+    instance, path = run.only(write)
+    run.answer(
+        lambda: show.new_document(instance, path), lambda out: show.print_new(out, instance, path, quiet=options.quiet)
+    )
+    return 0

@@ -17,7 +17,6 @@ from robust.options.declare import (
     names,
     not_negative,
     option,
-    ordinal,
     place_of,
     plot_file,
     positive,
@@ -101,39 +100,18 @@ class CrossOptions(Staged, Force):
         read=witness_directory,
         also=lambda folder: [folder / name for name in ("plan.tpnu.json", "domain.pddl", "problem.pddl")],
     )
-    seed: int = option(0, "with --cross: which sets of choices are tried, and which random plans", metavar="N")
+    seed: int = option(0, "with --cross: which sets of choices are tried", metavar="N")
 
 
-SIZES = ("small", "medium", "paper")
-
-
-class RandomCrossOptions(CrossOptions, Separation):
-    """Of :func:`robust.pike.cross_check_random`."""
-
-    sizes: str = option("small", "with --random: how large they are", choices=SIZES)
-
-
-class PikeCheckCommand(PikeCheckOptions, RandomCrossOptions, PikeCommand):
+class PikeCheckCommand(PikeCheckOptions, CrossOptions, PikeCommand):
     """Of `robust pike check`."""
-
-    file: Path | None = argument(None, "a plan with choices, .tpnu.json; none with --random", "FILE")  # type: ignore[assignment]
 
     cross: bool = option(False, "ask all back ends and the oracle the same questions, and compare")
     patience: bool = option(
         False, "find out until when people can make each choice, with each value, if all else suits it"
     )
-    random: int | None = option(
-        None, "with --cross: compare on so many random plans instead of a file", metavar="N", read=ordinal
-    )
 
     def check_combinations(self, given: Collection[str]) -> None:
-        if self.random is not None and not self.cross:
-            raise InputError("expected only together with --cross", place_of("random"))
-        if self.random is None and "sizes" in given:
-            raise InputError("expected only together with --random", place_of("sizes"))
-        if (self.file is None) == (self.random is None):
-            found = "neither" if self.file is None else "both"
-            raise InputError(f"found {found} of FILE and --random, expected one of them")
         for name in ("cross", "backend", "all_scenarios", "temporal") if self.patience else ():
             if name in given:
                 raise InputError("found together with --patience, expected without", place_of(name))
@@ -352,3 +330,40 @@ class PikeRegionCommand(PikeRegionOptions, PikeCommand, Slice):
 
 class PikeEnvelopeCommand(PikeEnvelopeOptions, PikeCommand, Slice):
     """Of `robust pike envelope`."""
+
+
+# -- new plans ---------------------------------------------------------------------------------------------------------
+
+K_INTENTS = "k-intents"
+
+
+def _structure(text: str, place: Location) -> tuple[int, ...]:
+    """`2,3,2`: how many options each pair of choices has."""
+    try:
+        sizes = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        sizes = ()
+    if not sizes or min(sizes) < 1 or max(sizes) > 1000 or len(sizes) > 100:
+        raise InputError(f"found {shorten(text)}, expected whole numbers of at least 1 such as 2,3,2", place)
+    return sizes
+
+
+class PikeNewCommand(Force, Output):
+    """Of `robust pike new`."""
+
+    kind: str = option(
+        ..., "kitchen, wing or k-intents", metavar="KIND", choices=("kitchen", "wing", K_INTENTS), argument=True
+    )
+    output: Path = option(..., "the directory to write to", "--output", "-o", metavar="DIR", path=True)
+    name: str = option("", "of the .tpnu.json file, else that of the plan", metavar="NAME")
+    structure: tuple[int, ...] = option(
+        "2,2", "k-intents: how many options each pair of choices has", metavar="N,N", read=_structure
+    )
+    seed: int = option(0, "k-intents: decides what is drawn", metavar="N")
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        for name in ("structure", "seed"):
+            if name in given and self.kind != K_INTENTS:
+                raise InputError(f"expected only with {K_INTENTS}, found {self.kind}", place_of(name))
+        if "/" in self.name or self.name.startswith("."):
+            raise InputError(f"found {shorten(self.name)}, expected a name without directory", place_of("name"))

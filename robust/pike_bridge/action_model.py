@@ -14,6 +14,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Final, TypeAlias, assert_never
 
+import robust.examples
 from robust.errors import InputError, UnsupportedError
 from robust.files import atomic_write
 from robust.numbers import format_number
@@ -418,3 +419,8 @@ def load_team_plan(path: str | os.PathLike[str], *, epsilon: Fraction = EPSILON)
     domain = read_domain(document.beside(document.domain))
     problem = read_problem(document.beside(document.problem), domain)
     return team_plan(document.network, domain, problem, places=document.places, epsilon=epsilon)
+
+
+def shipped(name: str) -> Instance:
+    """A story: the breakfast plan `kitchen` [PIKE §1.1], or the `wing` of an aeroplane [PIKE §6.1]."""
+    return Instance.read(Path(robust.examples.__file__ or "").with_name(name) / f"{name}.tpnu.json")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from itertools import zip_longest
+from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +16,7 @@ from rich.text import Text
 
 from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, format_number, plural, readable
+from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.compile import PikeCheck, Sizes
 from robust.pike_bridge.cross_check import CrossCheck, Crossed
 from robust.pike_bridge.model import TeamPlan
@@ -134,7 +137,22 @@ class PikePlot(JsonObject, tag_field="schema", tag="robust/pike-plot/1"):
     links: Count | None
 
 
-DOCUMENTS: tuple[type[JsonObject], ...] = (PikeChecked, PikeCompile, PikeCross, PikePatience, PikePlot)
+class PikeNew(JsonObject, tag_field="schema", tag="robust/pike-new/1"):
+    """what `robust pike new --json` prints
+
+    Attributes:
+        name: of the plan
+        files: that were written, the plan first
+    """
+
+    name: str
+    files: list[str]
+    choices: Count
+    events: Count
+    activities: Count
+
+
+DOCUMENTS: tuple[type[JsonObject], ...] = (PikeChecked, PikeCompile, PikeCross, PikeNew, PikePatience, PikePlot)
 """As in :mod:`robust.show.documents`."""
 STAGES = ("precedence", "links", "conflicts", "knowledge")
 
@@ -325,6 +343,42 @@ def print_plot(out: Console, drawn: PikePlot, *, quiet: bool) -> None:
     if not quiet:
         links = "" if drawn.links is None else f", {drawn.links} labeled causal links"
         out.print(f"{drawn.plot}: {drawn.events} events, {drawn.activities} activities, {drawn.choices} choices{links}")
+
+
+# -- new --------------------------------------------------------------------------------------------------------------
+
+
+def new_document(instance: Instance, path: Path) -> Document:
+    """`robust/pike-new/1`."""
+    network = instance.network
+    return document(
+        PikeNew(
+            name=instance.name,
+            files=[str(path), *(str(path.with_name(each)) for each in ("domain.pddl", "problem.pddl"))],
+            choices=len(network.choices),
+            events=len(network.events),
+            activities=len(network.activities),
+        )
+    )
+
+
+def print_new(out: Console, instance: Instance, path: Path, *, quiet: bool) -> None:
+    """What was written; unless `quiet` also what to type next."""
+    network = instance.network
+    activities = plural(len(network.activities), "activity").replace("activitys", "activities")
+    text = f"{path}: {plural(len(network.choices), 'choice')}, {activities}; beside it domain.pddl and problem.pddl"
+    out.print(Text(text), soft_wrap=True)
+    if quiet:
+        return
+    file = shlex.quote(str(path))
+    parameter = shlex.quote(f"duration:{network.activities[0].action}") if network.activities else "SPEC"
+    for text in (
+        f"check {file} --all-scenarios",
+        f"run {file} --explain",
+        f"region {file} --parameter {parameter}",
+        f"plot {file} -o {shlex.quote(str(path.with_name('plan.svg')))}",
+    ):
+        out.print(Text(f"  robust pike {text}"), soft_wrap=True)
 
 
 # -- run ---------------------------------------------------------------------------------------------------------------

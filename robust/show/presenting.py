@@ -106,9 +106,6 @@ _RESULTS: Mapping[str, Shown] = {
     "pike_bridge.cross_check:Crossed": Shown(
         "a cross-check", "pike:cross_document", "pike:print_cross", "disagreements"
     ),
-    "pike_bridge.cross_random:RandomCrossed": Shown(
-        "a cross-check", "pike_plans:random_cross_document", "pike_plans:print_random_cross", "disagreements"
-    ),
     "pike_bridge.online.moments:Moments": Shown(
         "what people may choose", "pike:patience_document", "pike:print_patience", "moments", numbers=("latest",)
     ),

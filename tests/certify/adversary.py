@@ -22,6 +22,7 @@ from random import Random
 from typing import Any
 from unittest.mock import patch
 
+from benchmarks.generators.team_plans import Shape, random_plan
 from robust.api import check, envelope, region
 from robust.certify.bad import face_lines, region_lines
 from robust.certify.checker import choices, reader
@@ -35,7 +36,6 @@ from robust.encode import create_encoding
 from robust.errors import RobustError
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.files import tpnu_text
-from robust.pike_bridge.random_plans import Shape, random_plan
 from robust.plan.model import Parameter, ParametrizedPlan
 from robust.plan.simulate import simulate
 from robust.qe.box import Box, Interval

@@ -17,6 +17,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from benchmarks.generators.team_plans import Shape, random_plan
 from robust.api import envelope
 from robust.certify.bad import _Face, _reasons
 from robust.certify.checker import reader
@@ -28,7 +29,6 @@ from robust.encode import create_encoding
 from robust.errors import RobustError
 from robust.irr.widen import DiscoveredBadSet
 from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.random_plans import Shape, random_plan
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.plan.load import load_plan
 from robust.plan.simulate import simulate

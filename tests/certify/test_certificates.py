@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import pytest
 
+from benchmarks.generators.team_plans import Shape, random_plan
 from benchmarks.suite import read_deliveries, read_suite
 from robust.api import check, envelope, region
 from robust.certify.alethe import export
@@ -20,7 +21,6 @@ from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError, RefutedError, UnsupportedError
 from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.random_plans import Shape, random_plan
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.plan.load import load_plan
 from robust.qe.box import Box, Interval

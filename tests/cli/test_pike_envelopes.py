@@ -5,8 +5,6 @@ import json
 import pytest
 from matplotlib.image import imread
 
-from robust.pike_bridge import cross_random
-from robust.pike_bridge.cross_check import CrossCheck, Disagreement
 from tests.cli.running import EXAMPLES, answer_of, command
 
 KITCHEN, WING = (EXAMPLES / name / f"{name}.tpnu.json" for name in ("kitchen", "wing"))
@@ -138,8 +136,6 @@ def test_out_of_time_keeps_what_is_known():
         ("kitchen",),
         ("wing",),
         ("k-intents", "--structure", "2,3"),
-        ("random", "--sizes", "small"),
-        ("figure", "--number", "9"),
     ],
 )
 def test_new_plans_can_be_checked(words, tmp_path):
@@ -155,27 +151,3 @@ def test_new_plans_say_what_to_type_next(tmp_path):
     lines = [line.split() for line in ended.out.splitlines()[1:]]
     assert {line[2] for line in lines} == {"check", "run", "region", "plot"}
     assert all(str(tmp_path / "mine.tpnu.json") in line for line in lines)
-
-
-def test_back_ends_are_compared_on_random_plans():
-    answer = answer_of(command("pike", "check", "--cross", "--random", "3", "--json"), "robust/pike-cross-random/1")
-    assert (answer["agree"], answer["plans"], answer["witness"]) == (True, 3, None)
-    assert len(answer["questions"]) == 8
-    assert command("pike", "check", "--random", "3").code == 2
-    assert command("pike", "check", KITCHEN, "--cross", "--random", "3").code == 2
-
-
-def test_the_smallest_disagreement_on_random_plans_can_be_made_again(monkeypatch, tmp_path):
-    found = [
-        Disagreement("bdd (lazy)", f"could commit to {what}", "True", "False") for what in ("x = 1; y = 2", "x = 1")
-    ]
-    outcome = CrossCheck(2, {"bdd (lazy)": 7}, disagreements=found)
-    monkeypatch.setattr(cross_random, "cross_check", lambda *_, **__: outcome)
-    ended = command("pike", "check", "--cross", "--random", "2", "--seed", "5", "-q")
-    assert (ended.code, len(ended.out.splitlines())) == (1, 3)
-    assert "  plan 0: bdd (lazy): could commit to x = 1: expected True, found False" in ended.out
-    assert "robust pike new random --seed 5 --index 0 --sizes small -o DIR writes the plan" in ended.out
-    made = command("pike", "new", "random", "--seed", "5", "--index", "0", "--sizes", "small", "-o", tmp_path, "--json")
-    assert answer_of(made, "robust/pike-new/1")["name"] == "random-5-0"
-    answer = answer_of(command("pike", "check", "--cross", "--random", "2", "--json"), "robust/pike-cross-random/1")
-    assert [each["plan"] for each in answer["disagreements"]] == [0, 0, 1, 1]

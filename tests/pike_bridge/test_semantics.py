@@ -9,6 +9,7 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.generators.team_plans import Shape, random_plan
 from robust.errors import InputError, SolverError
 from robust.pike_bridge import knowledge
 from robust.pike_bridge.action_model import load_team_plan
@@ -20,7 +21,6 @@ from robust.pike_bridge.knowledge import Registration
 from robust.pike_bridge.knowledge.interface import Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.model import ALWAYS, Activity, Assignment, Condition, Effect, TeamPlan, guard
-from robust.pike_bridge.random_plans import Shape, random_plan
 from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.brute_force import broken_constraints, correct_scenarios, holds, is_met

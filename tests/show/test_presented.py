@@ -112,7 +112,6 @@ CASES = {
         lambda: pike.envelope(KITCHEN, [COFFEE, LIMIT], for_all="xA1"),
     ),
     "pike cross": Case(("pike", "check", WING, "--cross"), lambda: pike.cross_check(WING)),
-    "pike cross random": Case(("pike", "check", "--cross", "--random", "1"), lambda: pike.cross_check_random(1)),
 }
 MEASURED = re.compile(r"seconds$|_s$|^statistics$|^queries$|^convergence$|^checks$|^pieces$|_mb$")
 

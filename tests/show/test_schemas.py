@@ -16,7 +16,6 @@ from robust.show import (
     made,
     pike,
     pike_envelopes,
-    pike_plans,
     region_documents,
     repairs,
     risk,
@@ -26,7 +25,7 @@ from robust.show import (
 )
 from robust.show.schemas import FILES, schema
 
-MODULES = (batch, documents, made, pike, pike_envelopes, pike_plans, region_documents, repairs, risk, stnu, validation)
+MODULES = (batch, documents, made, pike, pike_envelopes, region_documents, repairs, risk, stnu, validation)
 DOCUMENTS = {one.__struct_config__.tag: one for module in MODULES for one in module.DOCUMENTS}
 
 

@@ -4,10 +4,10 @@ import random
 from dataclasses import replace
 from fractions import Fraction
 
+from benchmarks.generators.team_plans import Shape
+from benchmarks.generators.team_plans import random_plan as structured_plan
 from robust.pike_bridge.envelopes.parameters import Kind, TeamParameterSpec, parametrize, specifications
 from robust.pike_bridge.model import guard
-from robust.pike_bridge.random_plans import Shape
-from robust.pike_bridge.random_plans import random_plan as structured_plan
 from robust.pike_bridge.semantics import Existence, Oracle
 
 SMALL = Shape(top=3, squeeze=Fraction(0), threat_share=0.1, producer_share=0.8, inner_share=0.6)

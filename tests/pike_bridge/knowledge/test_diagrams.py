@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.generators.team_plans import FEASIBLE, random_plan
 from robust.pike_bridge.compile import Compiling
 from robust.pike_bridge.knowledge import create_knowledge_base
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
@@ -20,7 +21,6 @@ from robust.pike_bridge.knowledge.network import TruthMaintenance, encode
 from robust.pike_bridge.knowledge.orders import FIRST_TRY, MORE, elimination_order, force_order, race
 from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.model import Assignment, Vocabulary, guard
-from robust.pike_bridge.random_plans import FEASIBLE, random_plan
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.pike_bridge.theory import All, Theory
 from robust.smt.limits import Deadline

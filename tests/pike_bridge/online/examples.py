@@ -5,6 +5,7 @@ from functools import cache
 from itertools import product
 from pathlib import Path
 
+from benchmarks.generators.team_plans import random_plan
 from robust.errors import SolverError
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.action_model import load_team_plan
@@ -14,7 +15,6 @@ from robust.pike_bridge.online.progress import Failed, Outcome
 from robust.pike_bridge.online.reasoner import Reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Disturbance, SimulatedTeam, Story
-from robust.pike_bridge.random_plans import random_plan
 from robust.pike_bridge.semantics import Execution, Existence, Oracle, Semantics, faults, holds
 from robust.plan.model import Atom
 from robust.smt.session import Session, Verdict

@@ -66,6 +66,7 @@ class Shape:
 
 
 DEFAULT = Shape()
+MEDIUM = Shape(top=5, deepest=2, squeeze=Fraction(0), threat_share=0.3)
 FEASIBLE = Shape(squeeze=Fraction(0), threat_share=0.02, producer_share=0.9, inner_share=0.6)
 """Many producers, few threats and time enough: about two in three of the larger plans admit correct executions, so many
 that no list holds their prime implicants."""
