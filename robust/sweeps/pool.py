@@ -1,24 +1,23 @@
-"""Where tasks are done: in this process, in threads or processes of its own, or on a Dask cluster.
+"""Where tasks are done: in this process, in processes that its threads wait for, or on a Dask cluster.
 
-Threads are for work that waits for processes which it starts; everything else needs a pool of processes (joblib, with
-loky).
-
-A pool whose worker was killed (by a person, or by the system for want of memory) loses all tasks that were running,
-and does not say which one it was. Each of these is then done again alone, so that the next loss tells. A Dask scheduler
-gives the tasks of a worker that died to another one.
+Work that only waits for processes which it starts is done in the threads themselves; any other task has a process of
+its own, and is done again if that is killed (by a person, or by the system for want of memory). A Dask scheduler gives
+the tasks of a worker that died to another one.
 """
 
 from __future__ import annotations
 
 import json
-import os
-from collections import deque
+import pickle
+import sys
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import robust
@@ -28,7 +27,7 @@ from robust.processes import Processes
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 ATTEMPTS = 3
-"""How often a task that runs alone may lose its worker before it is given up."""
+"""How often the process of a task may be killed before the task is given up."""
 PATIENCE = 30.0
 """Seconds to wait for a scheduler, and then for a first worker."""
 
@@ -100,9 +99,9 @@ def outcomes_of(
     """
     if cluster is not None:
         return _on_cluster(list(tasks), work, cluster, deadline)
-    if threads:
-        return _in_threads(tasks, work, jobs, deadline)
-    return _one_by_one(tasks, work, deadline) if jobs == 1 else _in_processes(tasks, work, jobs, deadline)
+    if threads or jobs > 1:
+        return _in_threads(tasks, work, jobs, deadline, apart=not threads)
+    return _one_by_one(tasks, work, deadline)
 
 
 def _one_by_one(tasks: Iterable[Numbered], work: Work, deadline: Deadline) -> Outcomes:
@@ -111,22 +110,49 @@ def _one_by_one(tasks: Iterable[Numbered], work: Work, deadline: Deadline) -> Ou
         yield number, attempt(work, task)
 
 
-def _in_threads(tasks: Iterable[Numbered], work: Work, jobs: int, deadline: Deadline) -> Outcomes:
-    """Whoever does not want more outcomes closes this generator, which ends what is running."""
+def _in_threads(tasks: Iterable[Numbered], work: Work, jobs: int, deadline: Deadline, *, apart: bool) -> Outcomes:
+    """In threads, or `apart` in processes that they wait for; closing this generator ends what is running."""
     processes, source = Processes(), iter(tasks)
     running: dict[Future[Outcome], int] = {}
+    do = partial(_attempt_apart, work, processes) if apart else partial(attempt, partial(work, processes=processes))
     with ThreadPoolExecutor(jobs, "robust-sweep") as threads:
         try:
             while True:
                 while len(running) < jobs and (following := next(source, None)) is not None:
                     number, task = following
-                    running[threads.submit(attempt, partial(work, processes=processes), task)] = number
+                    running[threads.submit(do, task)] = number
                 if not running:
                     return
                 for future in _some_done(running, deadline):
                     yield running.pop(future), future.result()
         finally:
             processes.stop()
+
+
+_APART = (
+    "import sys; sys.path[:] = sys.argv[2:]; from robust.sweeps.pool import attempt_here; attempt_here(sys.argv[1])"
+)
+
+
+def _attempt_apart(work: Work, processes: Processes, task: Task) -> Outcome:
+    """Do the task in a process of its own, again if that is killed."""
+    with TemporaryDirectory(prefix="robust-sweep-") as folder:
+        given, outcome = Path(folder, "task"), Path(folder, "outcome")
+        given.write_bytes(pickle.dumps((work, task)))
+        command = (sys.executable, "-c", _APART, folder, *sys.path)
+        for _ in range(ATTEMPTS):
+            ended = processes.run(command, scratch=Path(folder))
+            if ended.exit_code == 0:
+                return Outcome(**json.loads(outcome.read_text(encoding="utf-8")))
+            if ended.exit_code > 0:
+                return Outcome(f"its process ended: {ended.last_line}", failed=True)
+        return Outcome(f"its process was killed {ATTEMPTS} times", failed=True)
+
+
+def attempt_here(folder: str) -> None:
+    """What the process of a task does: read it from a file, and write its outcome beside that."""
+    work, task = pickle.loads(Path(folder, "task").read_bytes())  # noqa: S301 - written by the process that waits
+    Path(folder, "outcome").write_text(text_of(attempt(work, task)), encoding="utf-8")
 
 
 def _some_done(running: Iterable[Future[Outcome]], deadline: Deadline) -> Iterable[Future[Outcome]]:
@@ -139,66 +165,6 @@ def _some_done(running: Iterable[Future[Outcome]], deadline: Deadline) -> Iterab
     if not done:
         raise OutOfTimeError
     return done
-
-
-# -- a pool of processes -----------------------------------------------------------------------------------------------
-
-
-def _in_processes(tasks: Iterable[Numbered], work: Work, jobs: int, deadline: Deadline) -> Outcomes:
-    waiting = iter(tasks)
-    suspects: deque[Numbered] = deque()
-    lost: dict[int, int] = {}
-    while True:
-        alone = bool(suspects)
-        killed: list[Numbered] = []
-        source = iter([suspects.popleft()]) if alone else waiting
-        yield from _until_killed(source, work, jobs, killed, deadline)
-        for number, task in killed:
-            lost[number] = lost.get(number, 0) + alone
-            if lost[number] < ATTEMPTS:
-                suspects.append((number, task))
-            else:
-                yield number, Outcome(f"its process was killed {ATTEMPTS} times", failed=True)
-        if not (alone or suspects):
-            return
-
-
-def _until_killed(
-    source: Iterator[Numbered], work: Work, jobs: int, killed: list[Numbered], deadline: Deadline
-) -> Outcomes:
-    """Outcomes until the source is empty or a worker was killed; then `killed` are the tasks without outcome."""
-    # A worker that is ended leaves a semaphore behind; what keeps track of them would tell users about it.
-    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
-    try:
-        from joblib.externals.loky import get_reusable_executor  # noqa: PLC0415 - an extra
-        from joblib.externals.loky.process_executor import TerminatedWorkerError  # noqa: PLC0415
-    except ImportError:
-        raise missing("joblib, which more than one job needs", "experiments") from None
-
-    executor = get_reusable_executor(max_workers=jobs)
-    running: dict[Future[Outcome], Numbered] = {}
-    try:
-        while True:
-            while len(running) < jobs and not killed:
-                following = next(source, None)
-                if following is None:
-                    break
-                try:
-                    running[executor.submit(attempt, work, following[1])] = following
-                except TerminatedWorkerError:  # just before
-                    killed.append(following)
-            if not running:
-                return
-            for future in _some_done(running, deadline):
-                number, task = running.pop(future)
-                try:
-                    outcome = future.result()
-                except TerminatedWorkerError:
-                    killed.append((number, task))
-                else:
-                    yield number, outcome
-    finally:
-        executor.shutdown(kill_workers=bool(running))
 
 
 # -- a cluster ---------------------------------------------------------------------------------------------------------

@@ -134,8 +134,7 @@ def test_killed_processes(tmp_path):
     assert values(sweep) == [number**2 for number in range(8) if number != 3]
     assert [(one.task, one.reason) for one in sweep.failures] == [("square 3", "its process was killed 3 times")]
     made = attempts(log)
-    assert made[3] in {ATTEMPTS, ATTEMPTS + 1}  # the first time it may still have been waiting when 5 was killed
-    assert made[5] >= 2
+    assert made == Counter(range(8)) + Counter({3: ATTEMPTS - 1, 5: 1})  # what others do is not lost with it
     assert len(Store(store).results) == 7
 
 

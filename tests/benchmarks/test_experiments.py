@@ -233,7 +233,7 @@ def test_only_what_is_asked_is_loaded():
     script = "import sys; from benchmarks.catalogue import EXPERIMENTS; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True, env=environment())
     loaded = done.stdout.split()
-    assert not {"z3", "pysmt", "cvc5", "scipy", "matplotlib", "rich", "joblib"} & set(loaded)
+    assert not {"z3", "pysmt", "cvc5", "scipy", "matplotlib", "rich"} & set(loaded)
     assert [name for name in loaded if name.startswith("benchmarks.")] == ["benchmarks.catalogue"]
 
 

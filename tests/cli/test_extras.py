@@ -10,7 +10,7 @@ import robust
 from robust.errors import UnsupportedError
 from tests.cli.running import Ended, assert_one_line, environment, example
 
-EXTRAS = ("matplotlib", "numpy", "networkx", "dd", "joblib", "scipy", "dask", "unified_planning")
+EXTRAS = ("matplotlib", "numpy", "networkx", "dd", "scipy", "dask", "unified_planning")
 ROVER = example()
 STEPS = example("steps.plan")
 KITCHEN = str(files("robust.examples") / "kitchen" / "kitchen.tpnu.json")

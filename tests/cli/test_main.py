@@ -16,7 +16,7 @@ from tests.cli.running import COMMAND, EXAMPLES, answer_of, assert_one_line, com
 # -- start -----------------------------------------------------------------------------------------------------------
 
 
-HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "joblib", "rich")
+HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "rich")
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["check", "--help"], ["bench", "scaling", "--help"]])
