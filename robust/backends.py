@@ -16,13 +16,11 @@ ELIMINATORS = {
     "cvc5": ("robust.qe.eliminate.cvc5_native", "Cvc5Disjuncts"),
     "fourier-motzkin": ("robust.qe.eliminate.enumerate", "FourierMotzkin"),
     "loos-weispfenning": ("robust.qe.eliminate.loos_weispfenning", "LoosWeispfenning"),
-    "z3-qe": ("robust.qe.eliminate.z3_tactics", "Z3OldTactic"),
-    "cvc5-whole": ("robust.qe.eliminate.cvc5_native", "Cvc5Whole"),
 }
-"""Who eliminates time points, and where each lives."""
+"""Back ends of quantifier elimination, and where each lives."""
 
-OFFERED = ("project", "z3", "cvc5", "fourier-motzkin", "loos-weispfenning")
-"""Those that the command line offers; the others are for comparison."""
+OFFERED = tuple(ELIMINATORS)
+"""Their names, as users choose them."""
 
 SPLITTINGS = ("monolithic", "partial", "full")
 """How elimination problems are grouped, see :mod:`robust.qe.compute`."""

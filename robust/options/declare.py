@@ -42,7 +42,6 @@ class Option(NamedTuple):
     names: tuple[str, ...]
     metavar: str | None
     choices: tuple[str, ...]
-    accepted: Collection[str]
     read: Callable[[Any, Location], Any] | None
     needs: tuple[str, tuple[str, ...]] | None
     argument: bool
@@ -64,7 +63,6 @@ def option(
     *names: str,
     metavar: str | None = None,
     choices: Iterable[str] = (),
-    accepted: Collection[str] | None = None,
     read: Callable[[Any, Location], Any] | None = None,
     needs: tuple[str, tuple[str, ...]] | None = None,
     argument: bool = False,
@@ -82,7 +80,6 @@ def option(
         names: as it is typed, if not `--` and the name of the field.
         metavar: stands for the value in help texts.
         choices: the values, if there are only some.
-        accepted: those that are accepted from Python, if more.
         read: makes a value of what was given, or raises InputError at the place.
         needs: another option, and the values that it must have.
         argument: typed without a name, by its place.
@@ -92,9 +89,7 @@ def option(
         shown: False for callbacks, which cannot be typed.
         rank: options of equal rank are shown in the order of declaration, before those of higher rank.
     """
-    choices = tuple(choices)
-    known = choices if accepted is None else accepted
-    return Option(default, help, names, metavar, choices, known, read, needs, argument, many, path, also, shown, rank)
+    return Option(default, help, names, metavar, tuple(choices), read, needs, argument, many, path, also, shown, rank)
 
 
 def argument(default: Any, help: str, metavar: str, *, many: bool = False) -> Any:
@@ -218,9 +213,9 @@ class Options:
             if value is None:
                 continue
             _check_kind(name, one, value)
-            if one.accepted and value not in one.accepted:
+            if one.choices and value not in one.choices:
                 noun = name.replace("backend", "back end")
-                raise InputError(f"unknown {noun} {value!r}{did_you_mean(str(value), one.accepted)}")
+                raise InputError(f"unknown {noun} {value!r}{did_you_mean(str(value), one.choices)}")
             if one.read is not None:
                 object.__setattr__(self, name, one.read(value, place_of(name)))
         self._check_files()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robust.backends import ELIMINATORS, OFFERED, SPLITTINGS
+from robust.backends import OFFERED, SPLITTINGS
 from robust.errors import InputError, Location
 
 if TYPE_CHECKING:
@@ -160,7 +160,6 @@ class Elimination(Options):
         "project",
         "who eliminates time points",
         choices=OFFERED,
-        accepted=ELIMINATORS,
     )
     splitting: str = option(
         "full",

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robust
-from robust.backends import ELIMINATORS, KNOWLEDGE_BASES, OFFERED
+from robust.backends import KNOWLEDGE_BASES
 from robust.cli.build import Action, Group, application, read
 from robust.cli.main import COMMANDS
 from robust.errors import InputError
@@ -106,7 +106,6 @@ def test_functions_take_what_commands_take(name):
 
 def test_names_come_from_registries():
     assert set(KNOWLEDGE_BASES) == set(knowledge_bases())
-    assert set(OFFERED) < set(ELIMINATORS)
 
 
 # -- the range of --at -------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Quantifier elimination by cvc5: whole, or one disjunct after the other."""
+"""Quantifier elimination by cvc5, one disjunct after the other."""
 
 from __future__ import annotations
 
@@ -49,16 +49,6 @@ class Cvc5Disjuncts(Eliminator):
             if result is TRUE:
                 return
             native.solver.assertFormula(native.manager.mkTerm(Kind.NOT, disjunct))
-
-
-class Cvc5Whole(Cvc5Disjuncts):
-    """`getQuantifierElimination`."""
-
-    name = "cvc5-whole"
-
-    def _work(self, formula: Nnf, eliminated: Iterable[str]) -> Iterator[Nnf]:
-        native = _Native(formula)
-        yield native.read(native.solver.getQuantifierElimination(native.exists(formula, eliminated)))
 
 
 class _Native:

@@ -1,4 +1,4 @@
-"""Quantifier elimination by z3's tactics: `qe2`, model-based, or the older `qe`; both take alternating quantifiers."""
+"""Quantifier elimination by z3's tactic `qe2`, which is model-based and takes alternating quantifiers."""
 
 from __future__ import annotations
 
@@ -64,13 +64,6 @@ class Z3Tactic(Eliminator):
         for result in stream_from_copy(work, deadline, "quantifier elimination"):
             context = self.context
             yield from polyhedra_of(result, context.session, context.reader, deadline, known)
-
-
-class Z3OldTactic(Z3Tactic):
-    """z3's `qe`."""
-
-    name = "z3-qe"
-    tactic = "qe"
 
 
 def _exists(formula: Nnf, names: Iterable[str]) -> Any:
