@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Generic, TypeVar, get_type_hints
 from robust.codec import plain
 from robust.errors import RobustError
 from robust.sweeps.pool import Task, Work
-from robust.sweeps.sweep import Failure, Progress, Sweep, restored, run_sweep
+from robust.sweeps.sweep import Progress, Sweep, TaskFailure, restored, run_sweep
 
 from .show import Panel, Table, bullets, draw, page
 
@@ -51,7 +51,7 @@ class Report(Generic[Row]):
     options: Any
     facts: Any
     rows: tuple[Row, ...]
-    failures: tuple[Failure, ...] = ()
+    failures: tuple[TaskFailure, ...] = ()
     finished: bool = True
     total: int = 0
     sweep_notes: tuple[str, ...] = ()
@@ -245,7 +245,7 @@ class Experiment:
         kind = self.report
         rows: tuple[Any, ...] = restored(answer[kind.ROWS], tuple[kind.ROW or self.record, ...])  # type: ignore[misc]
         options, facts = self.options(**kind.read_options(answer)), kind.read_facts(answer)
-        failures: tuple[Failure, ...] = restored(answer.get("failures", []), tuple[Failure, ...])
+        failures: tuple[TaskFailure, ...] = restored(answer.get("failures", []), tuple[TaskFailure, ...])
         notes = tuple(answer.get("notes", ()))
         return kind(self, options, facts, rows, failures, answer["complete"], len(rows), notes)
 

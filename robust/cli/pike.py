@@ -115,9 +115,9 @@ def _drawing(options: PikePlotCommand, run: Run) -> tuple[PikePlot, Callable[[],
 
         run.display.say("links")
         links = augment(plan, StructuralPrecedence(plan.network, epsilon=plan.separation)).links
-    from robust.draw.tpnu import Link, plot_network
+    from robust.draw.tpnu import DrawnLink, plot_network
 
-    arrows = [Link(link.producer.event, link.consumer.first, str(link.consumer.literal)) for link in links or ()]
+    arrows = [DrawnLink(link.producer.event, link.consumer.first, str(link.consumer.literal)) for link in links or ()]
     draw = partial(plot_network, plan.network, options.output, links=arrows, epsilon=options.separation)
     drawn = pike.PikePlot(
         plot=str(options.output),

@@ -107,7 +107,7 @@ def draw_chart(chart: Chart, path: str | os.PathLike[str] | None) -> Figure:
     for bar in chart.bars:
         if bar.end is not None and bar.end < bar.start:
             raise InputError(f"found bar {bar.label!r} from {bar.start} to {bar.end}, expected an end after its start")
-    return save(_Drawing(chart).figure, path)
+    return save(_ChartDrawing(chart).figure, path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,7 @@ class _Placed:
     outside: bool
 
 
-class _Drawing:
+class _ChartDrawing:
     def __init__(self, chart: Chart) -> None:
         self._chart = chart
         self._bar_kinds, self._mark_kinds = _numbered(chart.bars), _numbered(chart.marks)

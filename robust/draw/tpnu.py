@@ -51,7 +51,7 @@ _LONGEST = 18000
 """Pixels of a side, beyond which resolution is reduced."""
 
 
-class Link(NamedTuple):
+class DrawnLink(NamedTuple):
     """A causal link to be drawn: from the event of the producer to that of the consumer."""
 
     producer: str
@@ -77,12 +77,12 @@ def plot_network(
         InputError: if a link names an unknown event, or the file cannot be written.
     """
     known = network.guards
-    drawn = [Link(*link) for link in links]
+    drawn = [DrawnLink(*link) for link in links]
     for link in drawn:
         for event in (link.producer, link.consumer):
             if event not in known:
                 raise InputError(f"found a causal link at event {shorten(event)}, expected an event of the plan")
-    save(lambda: _Drawing(network, epsilon, drawn).figure(), path, longest=_LONGEST)
+    save(lambda: _NetworkDrawing(network, epsilon, drawn).figure(), path, longest=_LONGEST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +95,10 @@ class _Arrow:
     dashed: bool = False
 
 
-class _Drawing:
+class _NetworkDrawing:
     """Events are known by their names, activities by their places in the network."""
 
-    def __init__(self, network: Tpnu, epsilon: Fraction, links: Sequence[Link] = ()) -> None:
+    def __init__(self, network: Tpnu, epsilon: Fraction, links: Sequence[DrawnLink] = ()) -> None:
         self._links = links
         self._network = network
         self._epsilon = epsilon
@@ -110,7 +110,7 @@ class _Drawing:
         self._sizes = sizes
         edges = [(arrow.source, arrow.target) for arrow in self._arrows]
         rooms = [_room(arrow.label) for arrow in self._arrows]
-        self._layout: Layout[str | int] = layered(sizes, edges, rooms)
+        self._layout: Placement[str | int] = layered(sizes, edges, rooms)
         if links:
             # Which columns wires are between is known now; there they need room beside one another.
             self._wiring = self._wired()
@@ -140,8 +140,8 @@ class _Drawing:
                 label = "\n".join(filter(None, texts))
                 yield _Arrow(constraint.source, constraint.target, label, dashed=constraint.upper is not None)
 
-    def _wired(self) -> Wiring:
-        return Wiring.of(self._links, self._layout.places, {name: width for name, (width, _) in self._sizes.items()})
+    def _wired(self) -> Wires:
+        return Wires.of(self._links, self._layout.places, {name: width for name, (width, _) in self._sizes.items()})
 
     # -- how -----------------------------------------------------------------------------------------------------
 
@@ -223,14 +223,14 @@ class _Drawing:
 
     # -- causal links --------------------------------------------------------------------------------------------
 
-    def _tracks(self, wiring: Wiring) -> Iterator[tuple[int, float, float, str]]:
+    def _tracks(self, wiring: Wires) -> Iterator[tuple[int, float, float, str]]:
         """Of each track with its label: its number, and from where to where it reaches, its label included."""
         for link, number in wiring.tracks.items():
             one, other = sorted((wiring.rises[link.producer], wiring.falls[link.consumer]))
             middle, half = (one + other) / 2, max(other - one, _LABEL * len(link.label)) / 2
             yield number, middle - half, middle + half, link.label
 
-    def _wires(self, axes: Axes, wiring: Wiring, high: float) -> None:
+    def _wires(self, axes: Axes, wiring: Wires, high: float) -> None:
         wire = {"color": GREEN, "zorder": 2, **_DOTTED}
         levels = {link: high + _TRACK * (number + 0.5) for link, number in wiring.tracks.items()}
         for event, across in wiring.rises.items():
@@ -306,22 +306,22 @@ def _rows_of(widths: Sequence[float], room: float) -> list[list[int]]:
 
 
 @dataclass(frozen=True, slots=True)
-class Wiring:
+class Wires:
     """Where the wires of causal links are: upwards by producer, downwards by consumer, along tracks by link."""
 
     rises: Mapping[str, float]
     falls: Mapping[str, float]
-    tracks: Mapping[Link, int]
+    tracks: Mapping[DrawnLink, int]
     count: int
 
     @staticmethod
-    def of(links: Iterable[Link], places: Mapping[str | int, Point], widths: Mapping[str | int, float]) -> Wiring:
+    def of(links: Iterable[DrawnLink], places: Mapping[str | int, Point], widths: Mapping[str | int, float]) -> Wires:
         """Wires between columns: after that of the producer, before that of the consumer; links between the same two
         events are one wire with all labels."""
         labels: dict[tuple[str, str], list[str]] = {}
         for producer, consumer, label in links:
             labels.setdefault((producer, consumer), []).append(label)
-        joined = [Link(*ends, ", ".join(dict.fromkeys(texts))) for ends, texts in labels.items()]
+        joined = [DrawnLink(*ends, ", ".join(dict.fromkeys(texts))) for ends, texts in labels.items()]
         edges: dict[float, float] = {}
         for node, (x, _) in places.items():
             edges[x] = max(edges.get(x, 0.0), widths[node] / 2)
@@ -341,7 +341,7 @@ class Wiring:
                 found[wire] = start + (end - start) * number / (len(wires) + 1)
         rises = {event: x for (event, up), x in found.items() if up}
         falls = {event: x for (event, up), x in found.items() if not up}
-        tracks: dict[Link, int] = {}
+        tracks: dict[DrawnLink, int] = {}
         taken: list[list[tuple[float, float]]] = []
         for link in sorted(joined, key=lambda link: abs(rises[link.producer] - falls[link.consumer])):
             one, other = sorted((rises[link.producer], falls[link.consumer]))
@@ -353,7 +353,7 @@ class Wiring:
                 taken.append([])
             taken[row].append((low, high))
             tracks[link] = row
-        return Wiring(rises, falls, tracks, len(taken))
+        return Wires(rises, falls, tracks, len(taken))
 
 
 def _is_implied(constraint: Constraint, orders: Iterable[Constraint], epsilon: Fraction) -> bool:
@@ -412,14 +412,16 @@ _GAP = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class Layout(Generic[N]):
+class Placement(Generic[N]):
     """Where nodes are, and through which points each edge goes, in the order in which edges were given."""
 
     places: Mapping[N, Point]
     routes: tuple[tuple[Point, ...], ...]
 
 
-def layered(sizes: Mapping[N, tuple[float, float]], edges: Sequence[tuple[N, N]], labels: Sequence[float]) -> Layout[N]:
+def layered(
+    sizes: Mapping[N, tuple[float, float]], edges: Sequence[tuple[N, N]], labels: Sequence[float]
+) -> Placement[N]:
     """Place nodes of the given widths and heights in columns, with room after each for the labels of its edges.
 
     Edges that close a cycle are allowed, and drawn straight.
@@ -447,12 +449,12 @@ class _Layering(Generic[N]):
         for node, column in enumerate(self._columns):
             self._layers[column].append(node)
 
-    def layout(self) -> Layout[N]:
+    def layout(self) -> Placement[N]:
         self._sort()
         horizontal = self._horizontal()
         vertical = self._vertical()
         points = [(horizontal[column], vertical[node]) for node, column in enumerate(self._columns)]
-        return Layout(
+        return Placement(
             {name: points[node] for node, name in enumerate(self._names)},
             tuple(tuple(points[node] for node in chain) for chain in self._chains),
         )

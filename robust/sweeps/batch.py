@@ -25,7 +25,7 @@ from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline
 from robust.sweeps.measure import COMMAND, Ends, box_of, complaint, ends_of, measured
 from robust.sweeps.pool import Task
-from robust.sweeps.suites import Instance, Suite, read_suite
+from robust.sweeps.suites import Suite, SuitePlan, read_suite
 from robust.sweeps.sweep import Progress, Sweep, run_sweep
 
 GRACE = 5.0
@@ -96,7 +96,7 @@ class PlanRun(NoTruthValue, ask="status"):
 class BatchRow(NoTruthValue, ask="exit_code"):
     """A plan, and what was answered, by the names of what was asked; what is not done is not there."""
 
-    instance: Instance
+    instance: SuitePlan
     runs: Mapping[str, PlanRun]
 
     @property
@@ -233,7 +233,7 @@ def run_batch(
     given = None if parameters is None else (parameters.name, read_text(parameters))
     texts: dict[str, PlanTexts] = {}
     troubles: dict[str, PlanRun] = {}
-    reading = _Reading(suite, given)
+    reading = _SuiteReading(suite, given)
     for one in suite.instances:
         try:
             texts[one.name] = reading.texts(one)
@@ -269,7 +269,7 @@ def run_batch(
     return Batch(verb, str(path), asked, tuple(rows), len(suite.instances), _ended(sweep), sweep.notes, seconds)
 
 
-def _label(one: Instance, question: Asked, asked: Sequence[Asked]) -> str:
+def _label(one: SuitePlan, question: Asked, asked: Sequence[Asked]) -> str:
     """What a task is called."""
     return f"{one.name}: {question.name}" if len(asked) > 1 else one.name
 
@@ -287,7 +287,7 @@ def _line(run: PlanRun) -> str:
     return f"{run.status}{said}, {run.seconds:.2f} s"
 
 
-class _Reading:
+class _SuiteReading:
     """Reads the files of a suite; domains and problems of several plans once."""
 
     def __init__(self, suite: Suite, parameters: Named | None) -> None:
@@ -295,7 +295,7 @@ class _Reading:
         self._parameters = parameters
         self._read: dict[str, str] = {}
 
-    def texts(self, one: Instance) -> PlanTexts:
+    def texts(self, one: SuitePlan) -> PlanTexts:
         """InputError if a file cannot be read, or is not known."""
         if one.trouble is not None:
             raise InputError(one.trouble)

@@ -48,14 +48,14 @@ Numbered = tuple[int, Task]
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class TaskOutcome:
     """What came of one attempt: `text` is the record as JSON, or, if it `failed`, one line that says why."""
 
     text: str
     failed: bool = False
 
 
-Outcomes = Generator[tuple[int, Outcome], None, None]
+Outcomes = Generator[tuple[int, TaskOutcome], None, None]
 
 
 class ClusterLostError(Exception):
@@ -67,17 +67,17 @@ def text_of(value: object, *, ordered: bool = False) -> str:
     return json.dumps(plain(value), allow_nan=False, sort_keys=ordered, separators=(",", ":"))
 
 
-def attempt(work: Work, task: Task) -> Outcome:
+def attempt(work: Work, task: Task) -> TaskOutcome:
     """Do the task where it is called: in this process, or in one of a pool or a cluster.
 
     Whatever goes wrong with one task must not end the others: it is reported, never swallowed.
     """
     try:
-        return Outcome(text_of(work(*task.given)))
+        return TaskOutcome(text_of(work(*task.given)))
     except Exception as error:
         lines = str(error).splitlines() or ["no message"]
         kind = "" if isinstance(error, RobustError) else f"{type(error).__name__}: "
-        return Outcome(f"{kind}{lines[0]}", failed=True)
+        return TaskOutcome(f"{kind}{lines[0]}", failed=True)
 
 
 def outcomes_of(
@@ -113,7 +113,7 @@ def _one_by_one(tasks: Iterable[Numbered], work: Work, deadline: Deadline) -> Ou
 def _in_threads(tasks: Iterable[Numbered], work: Work, jobs: int, deadline: Deadline, *, apart: bool) -> Outcomes:
     """In threads, or `apart` in processes that they wait for; closing this generator ends what is running."""
     processes, source = Processes(), iter(tasks)
-    running: dict[Future[Outcome], int] = {}
+    running: dict[Future[TaskOutcome], int] = {}
     do = partial(_attempt_apart, work, processes) if apart else partial(attempt, partial(work, processes=processes))
     with ThreadPoolExecutor(jobs, "robust-sweep") as threads:
         try:
@@ -134,7 +134,7 @@ _APART = (
 )
 
 
-def _attempt_apart(work: Work, processes: Processes, task: Task) -> Outcome:
+def _attempt_apart(work: Work, processes: Processes, task: Task) -> TaskOutcome:
     """Do the task in a process of its own, again if that is killed."""
     with TemporaryDirectory(prefix="robust-sweep-") as folder:
         given, outcome = Path(folder, "task"), Path(folder, "outcome")
@@ -143,10 +143,10 @@ def _attempt_apart(work: Work, processes: Processes, task: Task) -> Outcome:
         for _ in range(ATTEMPTS):
             ended = processes.run(command, scratch=Path(folder))
             if ended.exit_code == 0:
-                return Outcome(**json.loads(outcome.read_text(encoding="utf-8")))
+                return TaskOutcome(**json.loads(outcome.read_text(encoding="utf-8")))
             if ended.exit_code > 0:
-                return Outcome(f"its process ended: {ended.last_line}", failed=True)
-        return Outcome(f"its process was killed {ATTEMPTS} times", failed=True)
+                return TaskOutcome(f"its process ended: {ended.last_line}", failed=True)
+        return TaskOutcome(f"its process was killed {ATTEMPTS} times", failed=True)
 
 
 def attempt_here(folder: str) -> None:
@@ -155,7 +155,7 @@ def attempt_here(folder: str) -> None:
     Path(folder, "outcome").write_text(text_of(attempt(work, task)), encoding="utf-8")
 
 
-def _some_done(running: Iterable[Future[Outcome]], deadline: Deadline) -> Iterable[Future[Outcome]]:
+def _some_done(running: Iterable[Future[TaskOutcome]], deadline: Deadline) -> Iterable[Future[TaskOutcome]]:
     """Those that are done, once one is.
 
     Raises:
@@ -219,11 +219,13 @@ def _connected(distributed: Any, address: str) -> Iterator[Any]:
         yield client
 
 
-def _fetched(distributed: Any, future: Any, address: str) -> Outcome:
+def _fetched(distributed: Any, future: Any, address: str) -> TaskOutcome:
     try:
-        result: Outcome = future.result()
+        result: TaskOutcome = future.result()
     except distributed.KilledWorker as error:
-        return Outcome(f"its worker died again and again, the last one was {error.last_worker.address}", failed=True)
+        return TaskOutcome(
+            f"its worker died again and again, the last one was {error.last_worker.address}", failed=True
+        )
     except CancelledError:
         raise ClusterLostError(f"lost the Dask scheduler {address!r}") from None
     return result

@@ -39,7 +39,7 @@ _COMMENT = re.compile(r";[^\n]*")
 
 
 @dataclass(frozen=True, slots=True)
-class Instance:
+class SuitePlan:
     """A plan of a suite, by a name that no other one has; `trouble` says in one line why its files are not known.
 
     Names of files are as the suite has them, relative to its folder.
@@ -57,7 +57,7 @@ class Suite:
     """Plans, and the folder that their files are relative to."""
 
     folder: Path
-    instances: tuple[Instance, ...]
+    instances: tuple[SuitePlan, ...]
 
 
 def read_suite(path: Path) -> Suite:
@@ -101,7 +101,7 @@ def listed_files(path: Path) -> list[tuple[Path, Path, Path]]:
     return found
 
 
-def _distinct(instances: Iterable[Instance]) -> tuple[Instance, ...]:
+def _distinct(instances: Iterable[SuitePlan]) -> tuple[SuitePlan, ...]:
     """With a number behind names that were there before."""
     taken: dict[str, int] = {}
     found = []
@@ -114,13 +114,13 @@ def _distinct(instances: Iterable[Instance]) -> tuple[Instance, ...]:
 # -- lists -------------------------------------------------------------------------------------------------------------
 
 
-def _from_lines(path: Path) -> Iterator[Instance]:
+def _from_lines(path: Path) -> Iterator[SuitePlan]:
     for files in listed_files(path):
         domain, problem, plan = (os.path.relpath(file, path.parent) for file in files)
-        yield Instance(plan, domain, problem, plan)
+        yield SuitePlan(plan, domain, problem, plan)
 
 
-def _from_json(path: Path) -> list[Instance]:
+def _from_json(path: Path) -> list[SuitePlan]:
     """A list of objects with `domain`, `problem` and `plan` or `log`; `instance` or `name` if they have one."""
     top = parse_json(read_text(path), str(path))
     if not isinstance(top, Array) or not top.items:
@@ -140,7 +140,7 @@ def _from_json(path: Path) -> list[Instance]:
     return found
 
 
-def _from_csv(path: Path) -> list[Instance]:
+def _from_csv(path: Path) -> list[SuitePlan]:
     """A head with the keys of JSON, and a line for each plan."""
     rows = csv.DictReader(read_text(path).split("\n"), strict=True)
     found = []
@@ -157,7 +157,7 @@ def _from_csv(path: Path) -> list[Instance]:
     return found
 
 
-def _entry(texts: Mapping[str, str | None], place: Location) -> Instance:
+def _entry(texts: Mapping[str, str | None], place: Location) -> SuitePlan:
     """A plan of a list, of texts by key; its name is that of the plan's file if it has none."""
     plan = next((texts[key] for key in PLANS if texts.get(key)), None)
     domain, problem = texts.get("domain"), texts.get("problem")
@@ -165,7 +165,7 @@ def _entry(texts: Mapping[str, str | None], place: Location) -> Instance:
         if not text:
             raise InputError(f"found no {key}, expected domain, problem and plan", place)
     name = next((texts[key] for key in NAMES if texts.get(key)), None)
-    return Instance(name or plan or "", domain or "", problem or "", plan or "")
+    return SuitePlan(name or plan or "", domain or "", problem or "", plan or "")
 
 
 # -- folders -----------------------------------------------------------------------------------------------------------
@@ -175,7 +175,7 @@ Defined = Callable[[Path], Mapping[str, Sequence[Path]]]
 """The PDDL files of a folder by what they define."""
 
 
-def _in_folder(folder: Path) -> Iterator[Instance]:
+def _in_folder(folder: Path) -> Iterator[SuitePlan]:
     defined = cache(_defined)
     for directory, inner, files in os.walk(folder):
         inner[:] = sorted(name for name in inner if not name.startswith("."))
@@ -184,7 +184,7 @@ def _in_folder(folder: Path) -> Iterator[Instance]:
                 yield _found(folder, Path(directory, file), defined)
 
 
-def _found(folder: Path, plan: Path, defined: Defined) -> Instance:
+def _found(folder: Path, plan: Path, defined: Defined) -> SuitePlan:
     name = os.path.relpath(plan, folder)
     above = [plan.parent, *plan.parent.parents]
     del above[above.index(folder) + 1 :]
@@ -198,9 +198,9 @@ def _found(folder: Path, plan: Path, defined: Defined) -> Instance:
             names = ", ".join(file.name for file in fitting) or "none"
             where = "of a fitting name beside it or above"
             trouble = f"found {names}, expected one {kind} {where}; a list may say which"
-            return Instance(name, "", "", name, trouble)
+            return SuitePlan(name, "", "", name, trouble)
         files[kind] = os.path.relpath(fitting[0], folder)
-    return Instance(name, files["domain"], files["problem"], name)
+    return SuitePlan(name, files["domain"], files["problem"], name)
 
 
 def _best(plan: Path, candidates: Iterable[Path]) -> list[Path]:

@@ -21,7 +21,7 @@ from robust.errors import InputError
 from robust.files import unwritten
 from robust.records import RecordFile, RecordFormat
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.sweeps.pool import ClusterLostError, Outcome, Task, Work, outcomes_of, text_of
+from robust.sweeps.pool import ClusterLostError, Task, TaskOutcome, Work, outcomes_of, text_of
 
 SCHEMA = "robust/sweep-store/3"
 Progress = Callable[[int, int, str], None]
@@ -82,7 +82,7 @@ class Store(RecordFile):
 
 
 @dataclass(frozen=True, slots=True)
-class Failure:
+class TaskFailure:
     """A task without record, and why; not in the store, so that a later run tries it again."""
 
     task: str
@@ -98,7 +98,7 @@ class Sweep:
     """
 
     results: tuple[tuple[Task, Any], ...]
-    failures: tuple[Failure, ...]
+    failures: tuple[TaskFailure, ...]
     total: int
     resumed: int
     complete: bool
@@ -170,7 +170,7 @@ def run_sweep(
     if cluster is not None and jobs > 1:
         raise InputError(f"found both jobs {jobs} and cluster {cluster!r}, expected one of them")
     distinct = {key_of(work, task): task for task in tasks}
-    failures: list[Failure] = []
+    failures: list[TaskFailure] = []
 
     def tell(line: str) -> None:
         if on_result is not None:
@@ -180,10 +180,10 @@ def run_sweep(
         done[key] = found
         tell(f"{distinct[key].label}: {describe(found)}")
 
-    def take(key: str, outcome: Outcome) -> None:
+    def take(key: str, outcome: TaskOutcome) -> None:
         label = distinct[key].label
         if outcome.failed:
-            failures.append(Failure(label, outcome.text))
+            failures.append(TaskFailure(label, outcome.text))
             tell(f"{label}: {outcome.text}")
         elif key not in done:
             value = json.loads(outcome.text)

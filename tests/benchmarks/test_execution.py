@@ -33,7 +33,7 @@ from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.timed import parse_timed_plan
 from robust.smt.limits import Deadline
-from robust.sweeps.sweep import Failure
+from robust.sweeps.sweep import TaskFailure
 from tests.benchmarks.conftest import checked, rendered, run
 from tests.execute.plans import EPSILON, converted
 from tests.execute.test_convert import DOMAIN, problem
@@ -254,7 +254,7 @@ def test_claims():
     for wrong in (
         report(mine, row("blex:0", "a")),
         replace(good, finished=False),
-        replace(good, failures=(Failure("case", "no"),)),
+        replace(good, failures=(TaskFailure("case", "no"),)),
         report(replace(mine, promises=3, broken=1), other),
     ):
         assert not wrong.agrees

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.draw.gantt import Bar, Chart, Lane, Mark, _Drawing, draw_chart
+from robust.draw.gantt import Bar, Chart, Lane, Mark, _ChartDrawing, draw_chart
 from robust.draw.plane import draw_region
 from robust.draw.plots import plot_envelope
 from robust.draw.style import EDGE, REMOVED, save
@@ -45,7 +45,7 @@ def chart(seed, count):
 @pytest.mark.parametrize(("seed", "count"), [(0, 3), (1, 20), (2, 60)])
 def test_nothing_overlaps_and_everything_is_drawn(seed, count, tmp_path):
     drawn = chart(seed, count)
-    drawing = _Drawing(drawn)
+    drawing = _ChartDrawing(drawn)
     rows = {}
     for placed in drawing._placed:
         left, right, _ = drawing._extent(placed.item)

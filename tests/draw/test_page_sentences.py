@@ -36,7 +36,7 @@ from tests.draw.test_interactive import earliest, node
 from tests.strategies import plans
 
 TINY = Fraction(1, 10**6)
-WEB = Path(__file__).parents[2] / "robust" / "show" / "web"
+WEB = Path(__file__).parents[2] / "robust" / "draw" / "web"
 
 VERDICTS = {
     "✓ Valid: every schedule that the plan allows works",

@@ -230,7 +230,7 @@ def test_charts(label):
     ]
     marks = [Mark(Fraction(at), where, f"{label} {at}", f"mark {at}") for at in range(3) for where in ("a", None)]
     chart = Chart(f"{label}: succeeded", (Lane("a"), Lane("b", LONG)), tuple(bars), tuple(marks))
-    assert_readable(gantt._Drawing(chart).figure(), "kind 8", "mark 2")
+    assert_readable(gantt._ChartDrawing(chart).figure(), "kind 8", "mark 2")
 
 
 # -- plans with choices ------------------------------------------------------------------------------------------------
@@ -240,8 +240,8 @@ def test_charts(label):
 def test_plans_with_their_links(name):
     plan = load_team_plan(EXAMPLES / name / f"{name}.tpnu.json")
     links = augment(plan, StructuralPrecedence(plan.network, epsilon=plan.separation)).links
-    arrows = [tpnu.Link(one.producer.event, one.consumer.first, str(one.consumer.literal)) for one in links]
-    drawing = tpnu._Drawing(plan.network, plan.separation, arrows)
+    arrows = [tpnu.DrawnLink(one.producer.event, one.consumer.first, str(one.consumer.literal)) for one in links]
+    drawing = tpnu._NetworkDrawing(plan.network, plan.separation, arrows)
     figure = drawing.figure()
     assert_readable(figure, "causal link", "choice of others", *{one.label for one in arrows})
     # No wire is behind a node: they stay between the columns.
@@ -298,4 +298,4 @@ def test_an_execution_shows_what_is_left_of_each_parameter(tmp_path, monkeypatch
         (22, "parameter to_ridge", "22, outside"), (83, "parameter to_crater", "49")
     ]  # fmt: skip
     assert not [bar for bar in blind.bars if bar.kind.startswith("values")]
-    assert_readable(gantt._Drawing(left).figure(), "values with which the plan succeeds", "observed", "to_crater")
+    assert_readable(gantt._ChartDrawing(left).figure(), "values with which the plan succeeds", "observed", "to_crater")

@@ -29,7 +29,7 @@ from robust.show.schemas import schema
 from robust.sweeps import batch as batches
 from robust.sweeps.batch import Asked, Batch, BatchRow, PlanRun, run_batch, volume_ratio, worst
 from robust.sweeps.measure import box_of
-from robust.sweeps.suites import Instance
+from robust.sweeps.suites import SuitePlan
 from tests.children import eventually, is_running
 from tests.draw.browser import browser
 
@@ -379,7 +379,7 @@ def made(verb, *runs):
     """A batch of plans with hostile names, without anything being run."""
     asked = [Asked(name, "envelope") for name in (("irr", "ccmmz") if verb == "compare" else (verb,))]
     rows = [
-        BatchRow(Instance(f"{number} {HOSTILE}", HOSTILE, HOSTILE, HOSTILE), {one.name: run for one in asked})
+        BatchRow(SuitePlan(f"{number} {HOSTILE}", HOSTILE, HOSTILE, HOSTILE), {one.name: run for one in asked})
         for number, run in enumerate(runs)
     ]
     return Batch(verb, HOSTILE, tuple(asked), tuple(rows), len(runs), "complete", (HOSTILE,), 1.5)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from robust.errors import InputError
-from robust.sweeps.suites import Instance, read_suite
+from robust.sweeps.suites import SuitePlan, read_suite
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared"
@@ -124,9 +124,9 @@ def test_lines(tmp_path):
     suite = read_suite(path)
     assert suite.folder == tmp_path
     assert suite.instances == (
-        Instance("a.stn", "d.pddl", "my problem.pddl", "a.stn"),
-        Instance("sub/b.plan", "d.pddl", "p.pddl", "sub/b.plan"),
-        Instance("a.stn (2)", "d.pddl", "p.pddl", "a.stn"),
+        SuitePlan("a.stn", "d.pddl", "my problem.pddl", "a.stn"),
+        SuitePlan("sub/b.plan", "d.pddl", "p.pddl", "sub/b.plan"),
+        SuitePlan("a.stn (2)", "d.pddl", "p.pddl", "a.stn"),
     )
 
 
