@@ -35,13 +35,11 @@ class Verb(Generic[Subject, Known]):
     Args:
         read: makes a plan of what a caller may give as one, with the options.
         plan: what that is, for people.
-        annotation: its type, for signatures.
     """
 
-    def __init__(self, read: Callable[[Subject, Options], Known], plan: str, annotation: str = "Plan") -> None:
+    def __init__(self, read: Callable[[Subject, Options], Known], plan: str) -> None:
         self._read = read
         self._plan = plan
-        self._annotation = annotation
 
     def __call__(
         self, options: Callable[Given, Taken]
@@ -84,7 +82,7 @@ class Verb(Generic[Subject, Known]):
         types: dict[str, Any] = {}
         for base in reversed(options.__mro__):
             types |= inspect.get_annotations(base)
-        found = [inspect.Parameter("plan", by_place, annotation=self._annotation)]
+        found = [inspect.Parameter("plan", by_place, annotation="Plan")]
         for name, one in sorted(in_order(options), key=lambda each: each[0] != first):
             kind = by_place if name == first else by_name
             found.append(inspect.Parameter(name, kind, default=one.default, annotation=types[name]))
