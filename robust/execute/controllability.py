@@ -32,7 +32,6 @@ from robust.encode.network import TemporalNetwork
 from robust.encode.validity import Validity
 from robust.errors import RobustError
 from robust.execute import controllable_boxes as boxes
-from robust.execute.growth import Controllable, Obstruction, grow
 from robust.execute.stnu import Wait, dynamic, explain, waits
 from robust.irr.exact import OptimalBox
 from robust.irr.search import stops_at
@@ -297,9 +296,9 @@ def widest(
     wanted: boxes.Property = (boxes.Dynamically if kind is Kind.DYNAMIC else boxes.Strongly)(network, deadline)
     if kind is Kind.DYNAMIC and wanted.reason(boxes.ends_of(start)) is not None:
         wanted = boxes.Strongly(network, deadline)  # a fixed schedule is all that is known of vague parameters
-    inside = Controllable(bad, wanted, plan.parameters, start)
+    inside = boxes.Controllable(bad, wanted, plan.parameters, start)
     found, bound = [start], None
-    met = grow(start, inside, (), parameters=plan.parameters, deadline=deadline, on_box=found.append)
+    met = boxes.grow(start, inside, (), parameters=plan.parameters, deadline=deadline, on_box=found.append)
     if objective.optimal:
         search = OptimalBox(
             bad=bad, pieces=met, contain_nominal=objective.contain_nominal, deadline=deadline, inside=inside
@@ -308,8 +307,7 @@ def widest(
         bound = search.bound
     box = found[-1]
     proof = _Maximality(plan, kind, bad, box, met, deadline)
-    cut = tuple(sorted((face for face in inside.cut if box[face[0]].end(face[1]) is not None), key=str))
-    return Widest(box, proof.stops(), cut, bound)
+    return Widest(box, proof.stops(), inside.cut(box), bound)
 
 
 @dataclass(frozen=True)
@@ -340,7 +338,7 @@ class _Maximality:
     def _obstructed(self, face: Face, end: Fraction) -> Stop | None:
         """What a dispatcher could not do beyond."""
         growing = Growing(self.box, {face: (end, Fraction(1))})
-        reasons = (one for one in self.met if isinstance(one, Obstruction) and face[0] in one.mentioned)
+        reasons = (one for one in self.met if isinstance(one, boxes.Obstruction) and face[0] in one.mentioned)
         least = (one.least_stretch(growing) for one in reasons)
         if any(stretch is not None and not stretch[0] for stretch in least):
             beyond = self.box.moved(face, end + face[1].sign * JUST)

@@ -11,27 +11,28 @@ expression over the box, and strong controllability is consistency of a simple t
 1999). This decides it exactly, also if several links share a parameter or requirements mention some: nothing is
 revealed to a fixed schedule.
 
-The largest part of a box that is dynamically or strongly controllable is found exactly. Both properties get lost as a
-box grows, and each reason for it is a conjunction of linear inequalities over the ends of the box: the pieces of a
-semi-reducible negative cycle are negative, or the worst values of some requirements add up. So a box that is not
-controllable tells how far its faces have to come back before that reason is void; there is no bisection and no
-tolerance.
+Boxes that are dynamically or strongly controllable are found exactly. Both properties get lost as a box grows, and each
+reason for it is a conjunction of linear inequalities over the ends of the box: the pieces of a semi-reducible negative
+cycle are negative, or the worst values of some requirements add up. So a reason stops growing faces as a bad polyhedron
+does: it says exactly how far they go. Exact widening (:mod:`robust.irr.widen`) then needs to know nothing else of it;
+there is no bisection and no tolerance.
 
-As in :mod:`robust.irr.widen`, all faces move outwards from the nominal point together, each at the speed of its
-parameter's weight, up to where they stood; those that reasons block stay, the others move on. The result is max–min
-fair, and no controllable box between it and the given one contains it.
+A box is shrunk to its controllable part by widening inside it: all faces move outwards from the nominal point together,
+each at the speed of its parameter's weight, up to where they stood; those that reasons block stay, the others move on.
+The result is max–min fair, and no controllable box between it and the given one contains it.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
 from robust.errors import InputError, UnsupportedError
 from robust.execute.stnu import Link, Step, Stnu, dynamic
+from robust.irr.widen import BadSet, Obstacle, Widening, faces_of
 from robust.plan.model import (
     ZERO,
     Bound,
@@ -44,8 +45,11 @@ from robust.plan.model import (
 )
 from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue
-from robust.qe.box import Box, Face, Interval, Side
-from robust.smt.limits import Deadline
+from robust.qe.box import Box, Face, Side
+from robust.qe.constraint import LinearConstraint
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.slabs import Growing
+from robust.smt.limits import NEVER, Deadline
 
 Length = Polynomial[str]
 """A linear expression over parameters."""
@@ -417,6 +421,147 @@ the property.
 """
 
 
+# -- boxes that grow ---------------------------------------------------------------------------------------------------
+
+
+def _face_order(face: Face) -> tuple[str, str]:
+    return face[0], face[1].value
+
+
+@dataclass(frozen=True)
+class Obstruction:
+    """A reason why boxes are not controllable, as what growing boxes run into."""
+
+    forms: Reason
+    exact = True
+
+    @property
+    def slabs(self) -> Obstruction:
+        return self
+
+    @cached_property
+    def mentioned(self) -> frozenset[str]:
+        return frozenset(name for form in self.forms for (name, _), _ in form.coefficients())
+
+    @property
+    def rooms(self) -> list[tuple[Mapping[Face, Fraction], Fraction]]:
+        """One of them has to have room."""
+        return [(dict(form.coefficients()), form.constant_term) for form in self.forms]
+
+    def meets(self, box: Box) -> bool:
+        ends = ends_of(box)
+        return all(value(form, ends) < NOTHING for form in self.forms)
+
+    def least_stretch(self, growing: Growing) -> tuple[Fraction, bool] | None:
+        """Forms fall as a box grows; the box meets the reason when the last of them has become negative."""
+        ends = {**ends_of(growing.box), **{face: base for face, (base, _) in growing.moving.items()}}
+        greatest, attained = Fraction(0), True
+        for form in self.forms:
+            room = value(form, ends)
+            if room < NOTHING:
+                continue
+            speed = sum(
+                (-factor * face[1].sign * growing.moving[face][1] for face, factor in form.coefficients()
+                 if face in growing.moving),
+                Fraction(0),
+            )  # fmt: skip
+            if not speed:
+                return None
+            if room[1] / speed >= greatest:
+                greatest, attained = room[1] / speed, False
+        return greatest, attained
+
+
+class Controllable:
+    """The boxes that are inside another set and have a property, as widening asks for them.
+
+    Args:
+        inside: what a box must not meet.
+        wanted: what it has to have.
+        parameters: the parameters, with weights.
+        start: where growing began: faces that must stay finite go no farther than :data:`HORIZON` weights from there.
+    """
+
+    def __init__(self, inside: BadSet, wanted: Property, parameters: Sequence[Parameter], start: Box) -> None:
+        self._inside = inside
+        self._wanted = wanted
+        self._weight = {parameter.name: parameter.weight for parameter in parameters}
+        self._names = tuple(self._weight)
+        self._start = start
+        self._horizon: dict[Face, Fraction] = {}
+        """Where faces end that could be at any finite place, but must not be infinite."""
+
+    def piece_in(self, box: Box, deadline: Deadline) -> Obstacle | None:
+        ends = ends_of(box)
+        endless = min(self._wanted.endless(ends), key=_face_order, default=None)
+        if endless is not None:
+            return self._beyond(endless)
+        reason = self._wanted.reason(ends)
+        return self._inside.piece_in(box, deadline) if reason is None else Obstruction(reason)
+
+    def _beyond(self, face: Face) -> Polyhedron:
+        name, side = face
+        end = (self._start[name].end(side) or 0) + side.sign * HORIZON * self._weight[name]
+        self._horizon[face] = end
+        return Polyhedron(self._names, (LinearConstraint.of({name: side.sign}, ">", side.sign * end),))
+
+    def cut(self, box: Box) -> tuple[Face, ...]:
+        """The faces of a box that could be at any finite place, but must not be infinite."""
+        cut = (face for face, end in self._horizon.items() if box[face[0]].end(face[1]) == end)
+        return tuple(sorted(cut, key=_face_order))
+
+
+@dataclass(frozen=True)
+class KnownSet:
+    """Bad polyhedra all of which are known."""
+
+    pieces: tuple[Polyhedron, ...]
+
+    def piece_in(self, box: Box, deadline: Deadline) -> Polyhedron | None:
+        deadline.enforce()
+        return next((piece for piece in self.pieces if piece.meets(box)), None)
+
+
+def grow(
+    start: Box,
+    bad: BadSet,
+    known: Iterable[Obstacle],
+    *,
+    parameters: Sequence[Parameter],
+    still: Collection[str] = (),
+    deadline: Deadline = NEVER,
+    on_box: Callable[[Box], None],
+) -> list[Obstacle]:
+    """Move the faces of a box outwards together until each is stopped; returns what was met or known.
+
+    No box around the last one is as wanted, but for faces of parameters in `still`, which do not move.
+
+    Args:
+        start: a box that `bad` has nothing against.
+        bad: where boxes must not go.
+        known: some of that.
+        parameters: the parameters, with weights.
+        still: parameters whose faces stay.
+        deadline: when to give up.
+        on_box: called with every box on the way; each contains those before.
+
+    Raises:
+        OutOfTimeError: if the deadline passes first.
+    """
+    met = list(known)
+    moving = [face for face in faces_of(parameters) if face[0] not in still and start[face[0]].end(face[1]) is not None]
+    Widening(
+        bad=bad,
+        parameters=parameters,
+        pieces=met,
+        groups=[moving],
+        deadline=deadline,
+        on_box=on_box,
+        start=start,
+    ).run()
+    return met
+
+
 @dataclass(frozen=True, slots=True)
 class Shrunk:
     """The result: a box, and `cut`, its faces that could be at any finite place but were not allowed to be infinite."""
@@ -434,96 +579,18 @@ def shrink(parameters: Sequence[Parameter], box: Box, wanted: Property) -> Shrun
         InputError: if not even the point that faces start from has the property: it has no schedule.
         OutOfTimeError: if the property's deadline passes.
     """
-    return _Shrinking(parameters, box, wanted).run()
-
-
-class _Shrinking:
-    def __init__(self, parameters: Sequence[Parameter], box: Box, wanted: Property) -> None:
-        self._box = box
-        self._wanted = wanted
-        self._weight = {parameter.name: parameter.weight for parameter in parameters}
-        nominal = {parameter.name: parameter.nominal for parameter in parameters}
-        self._centre = {n: middle if middle in box[n] else box[n].some_value() for n, middle in nominal.items()}
-        self._outer: dict[Face, Fraction | None] = ends_of(box)
-        self._cut = tuple(sorted(wanted.endless(self._outer), key=lambda face: (face[0], face[1].value)))
-        for face in self._cut:
-            self._outer[face] = self._place(face, HORIZON)
-        self._ends: dict[Face, Fraction | None] = {face: self._centre[face[0]] for face in self._outer}
-        self._reasons: list[Reason] = []
-
-    def run(self) -> Shrunk:
-        if self._wanted.reason(self._outer) is None:
-            self._ends = dict(self._outer)
-        else:
-            if self._wanted.reason(self._ends) is not None:
-                raise InputError("the plan's network has no schedule at the nominal values")
-            moving = [(name, side) for name in self._box.intervals for side in (Side.UPPER, Side.LOWER)]
-            at = Fraction(0)
-            while moving:
-                moving, at = self._round(moving, at)
-        cut = tuple(face for face in self._cut if self._ends[face] == self._outer[face])
-        return Shrunk(self._result(), cut)
-
-    def _round(self, moving: list[Face], at: Fraction) -> tuple[list[Face], Fraction]:
-        """Move faces outwards together until one arrives or is blocked; returns those that may go on, and where."""
-        reached = self._farthest(moving, at)
-        if reached is None:
-            self._ends.update(dict.fromkeys(moving))
-            return [], at
-        self._ends.update({face: self._place(face, reached) for face in moving})
-        going: list[Face] = []
-        for face in moving:
-            farthest = self._farthest([*going, face], reached) if self._stretch(face) != reached else reached
-            if farthest is None or farthest > reached:
-                going.append(face)
-        return going, reached
-
-    def _farthest(self, moving: Sequence[Face], at: Fraction) -> Fraction | None:
-        """The greatest stretch at which faces have not arrived and the box has the property, at least `at`.
-
-        None is infinite.
-        """
-        stretch = min((room for face in moving if (room := self._stretch(face)) is not None), default=None)
-        while stretch is None or stretch > at:
-            ends = {**self._ends, **{face: self._place(face, stretch) for face in moving}}
-            reason = self._known(ends) or self._wanted.reason(ends)
-            if reason is None:
-                return stretch
-            if reason not in self._reasons:
-                self._reasons.append(reason)
-            stretch = max((root for form in reason if (root := self._root(form, moving)) is not None), default=at)
-        return at
-
-    def _known(self, ends: Ends) -> Reason | None:
-        return next((r for r in self._reasons if all(value(form, ends) < NOTHING for form in r)), None)
-
-    def _root(self, form: Form, moving: Sequence[Face]) -> Fraction | None:
-        """At which stretch a form that falls while faces move out is zero; None if it does not depend on them."""
-        slope = Fraction(0)
-        for face, factor in form.coefficients():
-            if face in moving:
-                slope += factor * self._weight[face[0]] * face[1].sign
-        ends = {**self._ends, **{face: self._centre[face[0]] for face in moving}}
-        infinite, constant = value(form, ends)
-        return None if slope >= 0 or infinite else -constant / slope
-
-    def _stretch(self, face: Face) -> Fraction | None:
-        """At which stretch a face has arrived where it stood."""
-        end = self._outer[face]
-        return None if end is None else (end - self._centre[face[0]]) / self._weight[face[0]] * face[1].sign
-
-    def _place(self, face: Face, stretch: Fraction | None) -> Fraction | None:
-        if stretch is None:
-            return None
-        return self._centre[face[0]] + stretch * self._weight[face[0]] * face[1].sign
-
-    def _result(self) -> Box:
-        intervals = {}
-        for name, old in self._box.intervals.items():
-            low, high = self._ends[name, Side.LOWER], self._ends[name, Side.UPPER]
-            closed = low != old.lower or old.lower_closed, high != old.upper or old.upper_closed
-            intervals[name] = Interval(low, high, *closed)
-        return Box(intervals)
+    ends = ends_of(box)
+    if not wanted.endless(ends) and wanted.reason(ends) is None:
+        return Shrunk(box, ())
+    nominal = {parameter.name: parameter.nominal for parameter in parameters}
+    start = Box.point({name: box[name].some_value() if at not in box[name] else at for name, at in nominal.items()})
+    if wanted.reason(ends_of(start)) is not None:
+        raise InputError("the plan's network has no schedule at the nominal values")
+    beyond = [Polyhedron(tuple(nominal), (half,)) for side in box.constraints() for half in side.negation()]
+    inside = Controllable(KnownSet(tuple(beyond)), wanted, parameters, start)
+    grown = [start]
+    grow(start, inside, beyond, parameters=parameters, deadline=wanted.deadline, on_box=grown.append)
+    return Shrunk(grown[-1], inside.cut(grown[-1]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,8 +32,15 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 
-from robust.execute.controllable_boxes import Dynamically, ParametricLink, ParametricStnu, ends_of
-from robust.execute.growth import Controllable, KnownSet, grow
+from robust.execute.controllable_boxes import (
+    Controllable,
+    Dynamically,
+    KnownSet,
+    ParametricLink,
+    ParametricStnu,
+    ends_of,
+    grow,
+)
 from robust.plan.model import ZERO, Parameter, TimePoint, TimePointKind
 from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue, VerdictEnum
