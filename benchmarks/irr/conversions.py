@@ -23,7 +23,7 @@ from typing import ClassVar
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RobustError
 from robust.execute.convert import Conversion, check_plan, convert
-from robust.execute.distances import Edge, Network
+from robust.execute.distances import Edge, EdgeNetwork
 from robust.execute.planners.registry import create_planner
 from robust.irr.check import Answer, CheckResult
 from robust.plan.model import ZERO, Bound, ParametrizedPlan, TemporalConstraint
@@ -116,7 +116,7 @@ def _removal(
     others = [other for other in edges if other is not one]
     points = [point for point in plan.time_points if point.time is None]
     nonnegative = [Edge(ZERO, point, Fraction(0)) for point in points if point != ZERO]
-    if Network(points, (*nonnegative, *others)).implies(one):
+    if EdgeNetwork(points, (*nonnegative, *others)).implies(one):
         return Removal.IMPLIED
     constraints = tuple(
         TemporalConstraint(other.source, other.target, Polynomial.constant(other.weight), None) for other in others

@@ -16,7 +16,7 @@ from math import lcm
 from robust.certify.checker.formulas import FALSE, Formulas, constant, plus, replaced
 from robust.certify.checker.reader import Ground, Linear
 from robust.certify.hints import Fact, KnownFacts, Line, Model, Side, implied, model, refutation
-from robust.certify.network import Orders, Point, positive_circle
+from robust.certify.network import OrderLemmas, Point, positive_circle
 from robust.certify.tape import Multiples, obligation_lines, schedule_lines, sums, texts
 from robust.encode.interface import Encoding
 from robust.encode.variables import Range
@@ -80,7 +80,7 @@ class Reasons:
         self._names = tuple(ground.parameters)
         self._deadline = deadline
         self.formulas = Formulas(ground, epsilon)
-        self.formulas.known = Orders(ground, bounds.ranges)  # type: ignore[assignment]
+        self.formulas.known = OrderLemmas(ground, bounds.ranges)  # type: ignore[assignment]
         self._slacks = [self.formulas.slack(edge) for edge in ground.edges]
         self._network = KnownFacts([(slack, False) for slack in self._slacks])
         self._obligations = self.formulas.obligations()

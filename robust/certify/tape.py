@@ -12,7 +12,7 @@ from pathlib import Path
 from robust.certify.checker.formulas import FALSE, Formulas
 from robust.certify.checker.reader import Ground, Linear
 from robust.certify.hints import Fact, KnownFacts, Line, implied, refutation
-from robust.certify.network import Orders, affine_times, constant_times, placed, positive_circle
+from robust.certify.network import OrderLemmas, affine_times, constant_times, placed, positive_circle
 from robust.certify.refute import NotRefutedError
 from robust.encode.variables import Range
 from robust.errors import RefutedError, UnsupportedError
@@ -132,7 +132,7 @@ def obligation_lines(
     """
     ground = formulas.ground
     known = KnownFacts([*region, *((formulas.slack(edge), False) for edge in ground.edges)])
-    formulas.known = orders = Orders(ground, ranges)  # type: ignore[assignment]
+    formulas.known = orders = OrderLemmas(ground, ranges)  # type: ignore[assignment]
     obligations = formulas.obligations()
     refutations: list[Line] = []
     for number, (label, broken) in enumerate(obligations):

@@ -7,15 +7,13 @@ nothing ties down. In plans whose schedule is fixed up to the parameters no time
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
 from robust.encode.effects import Writes
-from robust.encode.paths import Paths
 from robust.encode.variables import (
     Auxiliary,
     Linear,
@@ -27,6 +25,7 @@ from robust.encode.variables import (
     over_parameters,
     variable,
 )
+from robust.network.differences import DifferenceNetwork, Distances
 from robust.plan.model import (
     ZERO,
     ActionInstance,
@@ -232,43 +231,31 @@ def _rule(plan: ParametrizedPlan, name: str, instance: ActionInstance, condition
 # -- what is known of the order ----------------------------------------------------------------------------------------
 
 
-class Orders:
-    """Greatest known lower bounds between time points; more bounds may be learnt.
+class Orders(Distances[TimePoint]):
+    """Greatest known lower bounds between time points; more bounds, of given weights, may be learnt."""
 
-    `consistent` is False if the bounds contradict each other; they mean nothing then.
-    """
-
-    def __init__(self, points: Sequence[TimePoint], bounds: Iterable[Bound], later: Iterable[Fraction] = ()) -> None:
-        """`later` are the weights of bounds that will be learnt."""
-        bounds = list(bounds)
-        self._index = {point: index for index, point in enumerate(points)}
-        # All weights become integers.
-        self._scale = math.lcm(*(weight.denominator for weight in (*(weight for _, _, weight in bounds), *later)))
-        self._bounds = [self._scaled(*bound) for bound in bounds]
-        self._paths = Paths(len(points), self._bounds)
-        self.consistent = self._paths.schedule is not None
-
-    def _scaled(self, source: TimePoint, target: TimePoint, weight: Fraction) -> tuple[int, int, int]:
-        return self._index[source], self._index[target], weight.numerator * (self._scale // weight.denominator)
+    @property
+    def consistent(self) -> bool:
+        """False if the bounds contradict each other; they mean nothing then."""
+        return self.network.schedule is not None
 
     def least(self, source: TimePoint, target: TimePoint) -> Fraction | None:
         """The greatest known w with t_target − t_source ≥ w; None if nothing is known."""
-        value = self._paths.least(self._index[source], self._index[target]) if self.consistent else None
-        return None if value is None else Fraction(value, self._scale)
+        return super().least(source, target) if self.consistent else None
 
     def learn(self, source: TimePoint, target: TimePoint, weight: Fraction) -> bool:
         """Add t_target − t_source ≥ weight and its consequences.
 
         Returns False, and changes nothing, if that was known or contradicts what is known.
         """
-        bound = self._scaled(source, target, weight)
-        if not self.consistent or self._paths.at_least(*bound):
+        bound = self.in_units(source, target, weight)
+        if not self.consistent or self.network.at_least(*bound):
             return False
-        back = self._paths.least(bound[1], bound[0])
+        back = self.network.least(bound[1], bound[0])
         if back is not None and back + bound[2] > 0:
             return False
-        self._bounds.append(bound)
-        self._paths = Paths(len(self._index), self._bounds)
+        self.bounds.append(bound)
+        self.network = DifferenceNetwork(len(self.index), self.bounds)
         return True
 
     def separate(
@@ -290,11 +277,11 @@ class Orders:
 
     def surely_before(self, first: TimePoint, second: TimePoint) -> bool:
         """Whether t_first < t_second in every schedule."""
-        return self.consistent and self._paths.at_least(self._index[first], self._index[second], 1)
+        return self.consistent and self.network.at_least(self.index[first], self.index[second], 1)
 
     def surely_not_after(self, first: TimePoint, second: TimePoint) -> bool:
         """Whether t_first ≤ t_second in every schedule."""
-        return self.consistent and self._paths.at_least(self._index[first], self._index[second], 0)
+        return self.consistent and self.network.at_least(self.index[first], self.index[second], 0)
 
 
 class Slices:

@@ -24,8 +24,8 @@ from itertools import groupby, pairwise, product
 from math import lcm
 
 from robust.encode.effects import names_in
-from robust.encode.paths import Paths
 from robust.encode.variables import least, over_parameters
+from robust.network.differences import DifferenceNetwork
 from robust.plan.model import (
     ActionInstance,
     And,
@@ -127,7 +127,7 @@ class Settled:
         apart: the separation of mutex points in units of the network.
     """
 
-    def __init__(self, plan: ParametrizedPlan, paths: Paths, scale: int, apart: int) -> None:
+    def __init__(self, plan: ParametrizedPlan, paths: DifferenceNetwork, scale: int, apart: int) -> None:
         self.plan = plan
         self.paths = paths
         self._scale = scale
@@ -454,7 +454,7 @@ def settle(plan: ParametrizedPlan, epsilon: Fraction) -> Settled | None:
     scale = lcm(epsilon.denominator, *(weight.denominator for _, _, weight in bounds))
     apart = int(epsilon * scale)
     scaled = [(source, target, int(weight * scale)) for source, target, weight in bounds]
-    paths = Paths(len(index), scaled, near=max(apart, 1))
+    paths = DifferenceNetwork(len(index), scaled, near=max(apart, 1))
     if paths.schedule is None or paths.schedule[0] != 0:
         return None
     return Settled(plan, paths, scale, apart)

@@ -13,7 +13,6 @@ from math import lcm
 
 from robust.encode.interface import Facet
 from robust.encode.network import Difference, DurationRule, TemporalNetwork
-from robust.encode.paths import delay
 from robust.encode.variables import (
     Auxiliary,
     Grid,
@@ -24,6 +23,7 @@ from robust.encode.variables import (
     is_over_parameters,
     variable,
 )
+from robust.network.differences import Cycle, delay
 from robust.plan.model import ZERO, ParameterReference, TimePoint
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Verdict
@@ -72,46 +72,29 @@ class Cycles:
                 back = _path(self._edges, edge.target, edge.source)
                 if back is not None:
                     return [edge, *back]
-        return None if self._have_schedule(worst, grid.unit) else self._positive(worst)
+        cycle = self._contradiction(worst, grid.unit)
+        return None if cycle is None else [self._edges[number] for number in cycle.origins]
 
-    def _have_schedule(self, worst: Sequence[tuple[int, int]], unit: int) -> bool:
+    def _contradiction(self, worst: Sequence[tuple[int, int]], unit: int) -> Cycle | None:
+        """A cycle of edges with these weights; None, and the times of a schedule are remembered, if there is none."""
         times = self._times
         if unit != self._unit:
             # Whatever times a search begins with, it ends with a schedule if there is one.
             times = [time * unit // self._unit for time in times]
         late = []
-        following: list[list[tuple[int, int]]] = [[] for _ in times]
+        following: list[list[tuple[int, int, int]]] = [[] for _ in times]
         for number, weight in worst:
             source, target = self._ends[number]
-            following[source].append((target, weight))
+            following[source].append((target, weight, number))
             if times[target] < times[source] + weight:
                 late.append(source)
         if late:
             times = list(times)
-            if not delay(times, following, dict.fromkeys(late)):
-                return False
+            cycle = delay(times, following, dict.fromkeys(late))
+            if cycle is not None:
+                return cycle
         self._times, self._unit = times, unit
-        return True
-
-    def _positive(self, worst: Sequence[tuple[int, int]]) -> list[Difference]:
-        """Bellman–Ford from a virtual source to all nodes, where there is such a cycle."""
-        steps = [(number, *self._ends[number], weight) for number, weight in worst]
-        size = len({node for _, source, target, _ in steps for node in (source, target)})
-        distance = [0] * len(self._times)
-        arrival = [-1] * len(self._times)
-        last = 0
-        for _ in range(size + 1):
-            for number, source, target, weight in steps:
-                reached = distance[source] + weight
-                if reached > distance[target]:
-                    distance[target], arrival[target], last = reached, number, target
-        for _ in range(size):
-            # Walking back as many steps as there are nodes ends on the cycle.
-            last = self._ends[arrival[last]][0]
-        cycle = [arrival[last]]
-        while self._ends[cycle[-1]][0] != last:
-            cycle.append(arrival[self._ends[cycle[-1]][0]])
-        return [self._edges[number] for number in cycle]
+        return None
 
 
 def _path(edges: Sequence[Difference], start: TimePoint, goal: TimePoint) -> list[Difference] | None:

@@ -32,11 +32,11 @@ from robust.encode.network import TemporalNetwork
 from robust.encode.validity import Validity
 from robust.errors import RobustError
 from robust.execute import controllable_boxes as boxes
-from robust.execute.stnu import Wait, dynamic, explain, waits
 from robust.irr.exact import OptimalBox
 from robust.irr.search import stops_at
 from robust.irr.stops import JUST, Stop, declared_stop
 from robust.irr.widen import DiscoveredBadSet, Obstacle
+from robust.network.uncertain import Wait, dynamic, explain, waits
 from robust.plan.model import ParametrizedPlan
 from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box, Face, Side

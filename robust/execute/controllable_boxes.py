@@ -31,8 +31,9 @@ from fractions import Fraction
 from functools import cached_property
 
 from robust.errors import InputError, UnsupportedError
-from robust.execute.stnu import Link, Step, Stnu, dynamic
 from robust.irr.widen import BadSet, Obstacle, Widening, faces_of
+from robust.network.differences import Distances
+from robust.network.uncertain import Link, Step, Stnu, dynamic
 from robust.plan.model import (
     ZERO,
     Bound,
@@ -343,32 +344,12 @@ def strong(network: ParametricStnu, ends: Ends) -> StrongAnswer:
     if endless:
         first = next(one for one in needed if any(face in endless for face, _ in one.form.coefficients()))
         return StrongAnswer(None, (first,), endless)
-    weighted = [(one, finite_value(one.form, ends) or Fraction(0)) for one in needed]
-    times = dict.fromkeys((point for one in needed for point in (one.source, one.target)), Fraction(0))
-    why: dict[TimePoint, Difference] = {}
-    late = ZERO
-    for _ in range(len(times) + 1):
-        moved = False
-        for one, weight in weighted:
-            if times[one.source] + weight > times[one.target]:
-                times[one.target] = times[one.source] + weight
-                why[one.target] = one
-                moved, late = True, one.target
-        if not moved:
-            origin = times[network.points[0]]
-            return StrongAnswer({point: time - origin for point, time in times.items()}, (), frozenset())
-    return StrongAnswer(None, _cycle(why, late), frozenset())
-
-
-def _cycle(why: Mapping[TimePoint, Difference], late: TimePoint) -> tuple[Difference, ...]:
-    """The cycle of last causes behind a time point that never settles."""
-    seen: list[TimePoint] = []
-    point = late
-    while point not in seen:
-        seen.append(point)
-        point = why[point].source
-    members = seen[seen.index(point) :]
-    return tuple(why[member] for member in reversed(members))
+    points = dict.fromkeys(point for one in needed for point in (one.source, one.target))
+    known = Distances(points, ((one.source, one.target, finite_value(one.form, ends) or Fraction(0)) for one in needed))
+    if known.network.cycle is not None:
+        return StrongAnswer(None, tuple(needed[origin] for origin in known.network.cycle.origins), frozenset())
+    times = known.times
+    return StrongAnswer({point: time - times[network.points[0]] for point, time in times.items()}, (), frozenset())
 
 
 HORIZON = Fraction(1_000_000)

@@ -108,7 +108,7 @@ def causal_network(original: distances.Original, pinned: Collection[str] = ()) -
     durations = tuple(bound for instance in durative for bound in duration_edges(original, instance, pinned))
     settled = settled_durations(original, pinned)
     orders = [edge(a, b, original.gap) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
-    network = distances.Network(points, (*certain, *orders))
+    network = distances.EdgeNetwork(points, (*certain, *orders))
     links = [link for instance in durative for link in _over_all_edges(original, instance, network)]
     known = tuple(bound for bound in durations if bound.source.instance in settled)
     edges = tuple(dict.fromkeys((*orders, *links)))
@@ -116,7 +116,7 @@ def causal_network(original: distances.Original, pinned: Collection[str] = ()) -
 
 
 def _over_all_edges(
-    original: distances.Original, instance: model.ActionInstance, network: distances.Network
+    original: distances.Original, instance: model.ActionInstance, network: distances.EdgeNetwork
 ) -> Iterator[distances.Edge]:
     def protection(literals: Iterable[model.Holds]) -> list[distances.Edge]:
         return [one for literal in literals for one in _protection(original, instance, literal, network)]
@@ -164,7 +164,7 @@ def _holds_throughout(original: distances.Original, instance: model.ActionInstan
 
 
 def _protection(
-    original: distances.Original, instance: model.ActionInstance, literal: model.Holds, network: distances.Network
+    original: distances.Original, instance: model.ActionInstance, literal: model.Holds, network: distances.EdgeNetwork
 ) -> Iterator[distances.Edge]:
     """Achiever before start, contrary writers not before the end unless they are before the achiever."""
     start, end = original.times[instance.start], original.times[instance.end]
@@ -257,7 +257,7 @@ class Tightener:
         points = [point for point in plan.time_points if point.time is None]
         for slack in (self.original.gap, Fraction(1)):
             broken = distances.Edge(one.target, one.source, slack - one.weight)
-            times = distances.Network(points, (*others, broken)).earliest
+            times = distances.EdgeNetwork(points, (*others, broken)).earliest
             if times is not None and simulate(plan, plan.nominal, {**literals, **times}, epsilon=epsilon).violations:
                 return True
         return False
@@ -330,7 +330,7 @@ class Tightener:
             if weight is not None:
                 # where the end does not belong to it, a little above or the plan's own
                 least = weight if interval.lower_closed else min(weight + self.original.gap, one.edge.weight)
-                yield replace(one, edge=replace(one.edge, weight=least))
+                yield replace(one, edge=one.edge._replace(weight=least))
 
     def _widened(self, edges: Sequence[distances.Edge], found: Sequence[Tightening]) -> Box:
         """How far all bounds can be lowered at once; as they are, where widening cannot tell in time."""
@@ -559,7 +559,7 @@ class Converting:
         tightener = Tightener(original, self._solver, self._deadline, self._say)
         causal = causal_network(original, chosen.pinned_durations)
         fixed = (*causal.durations, *chosen.pinned_starts(original.times))
-        network = distances.Network(causal.points, (*causal.certain, *causal.edges))
+        network = distances.EdgeNetwork(causal.points, (*causal.certain, *causal.edges))
         irredundant = network.needed(causal.edges, causal.certain)
         needed = (*fixed, *irredundant)
         found, proof = tightener.forced(needed)
@@ -573,7 +573,7 @@ class Converting:
             kept = tightener.in_less_time.without_removable(fixed, every, {*causal.links, *bounds})
         edges = irredundant
         if kept != list(causal.edges):
-            edges = distances.Network(causal.points, (*causal.certain, *kept)).needed(kept, causal.certain)
+            edges = distances.EdgeNetwork(causal.points, (*causal.certain, *kept)).needed(kept, causal.certain)
         if not (chosen.parameters or chosen.beside):
             fixed = _without_implied_ranges(fixed, edges)
         redundant = len(every) - len(edges)

@@ -6,7 +6,7 @@ baseline, accepts any duration or consumption within x per cent of what was plan
 
 The temporal network becomes tables that a dispatcher can read quickly: who waits for whom, and how long. Under a box
 that is dynamically controllable, the tables hold all that follows from the constraints and from what nature may still
-choose, with the waits of P. Morris (2014): :mod:`robust.execute.stnu`. Under any other box no
+choose, with the waits of P. Morris (2014): :mod:`robust.network.uncertain`. Under any other box no
 strategy is certain; the tables then hold what follows if nature is kind. For BLEX they hold the constraints of the plan
 as they are written: it looks no further ahead than from one time point to the next [IRR, Algorithm 2].
 
@@ -28,14 +28,14 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
-from itertools import product
 from typing import TypeVar
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, did_you_mean
 from robust.execute import controllable_boxes as boxes
 from robust.execute.slices import Slices
-from robust.execute.stnu import Case, DynamicAnswer, ShortestPaths, dynamic
+from robust.network.differences import Distances
+from robust.network.uncertain import Case, DynamicAnswer, dynamic
 from robust.numbers import is_number, parse_number, shorten
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
@@ -163,9 +163,10 @@ class DispatchNetwork:
         self.natural: Mapping[model.TimePoint, NaturalLink] = {link.target: link for link in links}
         self.closed = closed
         if closed:
-            paths = ShortestPaths(len(self.points), edges)
-            pairs = product(range(len(self.points)), repeat=2)
-            edges = ((x, y, weight) for x, y in pairs if (weight := paths.length(x, y)) is not None)
+            known = Distances(range(len(self.points)), ((y, x, -weight) for x, y, weight in edges))
+            if known.network.schedule is None:
+                raise InputError(_NO_SCHEDULE)
+            edges = ((x, y, Fraction(-weight, known.scale)) for y, x, weight in known.network.closure())
         self._edges = _strongest(edges)
         self._waits = tuple(waits)
         self.above: list[list[tuple[int, Fraction]]] = [[] for _ in self.points]
@@ -206,13 +207,16 @@ class DispatchNetwork:
         return DispatchNetwork(self.points, self.natural.values(), every, self._waits, closed=self.closed)
 
 
+_NO_SCHEDULE = "the network has no schedule; expected one for every value in the box"
+
+
 def _strongest(edges: Iterable[tuple[int, int, Fraction]]) -> dict[tuple[int, int], Fraction]:
     found: dict[tuple[int, int], Fraction] = {}
     for x, y, weight in edges:
         if x != y:
             found[x, y] = min(weight, found.get((x, y), weight))
         elif weight < 0:
-            raise InputError("the network has no schedule; expected one for every value in the box")
+            raise InputError(_NO_SCHEDULE)
     return found
 
 

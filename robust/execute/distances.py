@@ -11,12 +11,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from math import lcm
+from typing import NamedTuple
 
 from robust.encode.interface import EPSILON
-from robust.encode.paths import Bound, Paths
 from robust.errors import InputError, Location, RefutedError
 from robust.execute.snap import Snapped, TooFarError, snap
+from robust.network.differences import Distances
 from robust.numbers import format_number, round_up
 from robust.plan.model import ZERO, ActionInstance, Atom, ParametrizedPlan, TimePoint, concerned
 from robust.plan.pddl.syntax import Domain
@@ -29,8 +29,7 @@ COARSEST = Fraction(1)
 """No planner rounds more than to whole numbers: what is further away than that is wrong, not rounded."""
 
 
-@dataclass(frozen=True, slots=True)
-class Edge:
+class Edge(NamedTuple):
     """`t_target − t_source ≥ weight`."""
 
     source: TimePoint
@@ -70,49 +69,35 @@ def constraints_of(edges: Iterable[Edge], position: Mapping[TimePoint, int]) -> 
     )
 
 
-class Network:
+class EdgeNetwork(Distances[TimePoint]):
     """What edges imply; they must have a schedule, unless only :attr:`earliest` is asked for."""
-
-    def __init__(self, points: Sequence[TimePoint], edges: Iterable[Edge]) -> None:
-        edges = tuple(edges)
-        self._points = points
-        self._index = {point: i for i, point in enumerate(points)}
-        self._scale = lcm(*(one.weight.denominator for one in edges))
-        self._paths = Paths(len(points), map(self._bound, edges))
-
-    def _bound(self, one: Edge) -> Bound:
-        weight = one.weight.numerator * (self._scale // one.weight.denominator)
-        return self._index[one.source], self._index[one.target], weight
 
     def implies(self, one: Edge) -> bool:
         """Whether every schedule satisfies the edge, whose weight may have another denominator."""
-        source, target, _ = self._bound(one)
-        least = self._paths.least(source, target)
-        return least is not None and Fraction(least, self._scale) >= one.weight
+        least = self.least(one.source, one.target)
+        return least is not None and least >= one.weight
 
     @property
     def earliest(self) -> dict[TimePoint, Fraction] | None:
         """The earliest schedule from zero, which comes first of all points; None if there is none."""
-        times = self._paths.schedule
-        if times is None or times[0] != 0:
-            return None
-        return {point: Fraction(time, self._scale) for point, time in zip(self._points, times, strict=True)}
+        schedule = self.network.schedule
+        return None if schedule is None or schedule[0] else self.times
 
     def needed(self, edges: Iterable[Edge], given: Iterable[Edge]) -> list[Edge]:
         """Of edges of the network those that imply all of them together with the given ones, and none of which can go.
 
         Where either of two can, the first one goes.
         """
-        edges = list(dict.fromkeys(edges))
-        kept = set(self._paths.needed(map(self._bound, reversed(edges)), map(self._bound, given)))
-        return [one for one in edges if self._bound(one) in kept]
+        bounds = {one: self.in_units(*one) for one in edges}
+        kept = set(self.network.needed(reversed(bounds.values()), (self.in_units(*one) for one in given)))
+        return [one for one, bound in bounds.items() if bound in kept]
 
 
 def is_implied(one: Edge, others: Iterable[Edge]) -> bool:
     """Whether every schedule of the other edges satisfies the edge; they must have a schedule."""
     others = tuple(others)
     points = dict.fromkeys(point for other in (*others, one) for point in (other.source, other.target))
-    return Network(tuple(points), others).implies(one)
+    return EdgeNetwork(points, others).implies(one)
 
 
 class InvalidPlanError(RefutedError):

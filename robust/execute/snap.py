@@ -9,15 +9,15 @@ because a chain of steps may begin as much earlier as it ends later.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
+from operator import le
 
 from robust.encode.effects import names_in
-from robust.encode.paths import Bound
 from robust.errors import RefutedError
+from robust.network.differences import Bound, DifferenceNetwork, delay, following
 from robust.numbers import format_number, plural, round_up
 from robust.plan.model import (
     ZERO,
@@ -36,7 +36,7 @@ from robust.plan.polynomial import Polynomial
 from robust.plan.timeline import Execution, Reading
 
 
-class Windows:
+class NearSchedules:
     """Times within windows that satisfy bounds between points; point 0 is zero, at time 0.
 
     Bounds are kept by propagation: `low` and `high` are the least and the greatest times of each point, and both are
@@ -44,49 +44,27 @@ class Windows:
     """
 
     def __init__(self, bounds: Sequence[Bound], low: Sequence[int], high: Sequence[int]) -> None:
-        self.low, self.high = list(low), list(high)
-        self._after: list[list[tuple[int, int]]] = [[] for _ in low]
-        self._before: list[list[tuple[int, int]]] = [[] for _ in low]
-        for source, target, weight in bounds:
-            self._after[source].append((target, weight))
-            self._before[target].append((source, weight))
-        everything = range(len(self.low))
-        self.possible = self._raise(everything) and self._lower(everything)
+        size = len(low)
+        self._after = following(size, bounds)
+        self._before = following(size, [(target, source, weight) for source, target, weight in bounds])
+        self.low, self._below = list(low), [-end for end in high]
+        cycle = delay(self.low, self._after, range(size))
+        self.possible = cycle is None and all(map(le, self.low, high))
+        if self.possible:
+            delay(self._below, self._before, range(size))
 
-    def _raise(self, points: Sequence[int]) -> bool:
-        waiting = deque(points)
-        while waiting:
-            point = waiting.popleft()
-            for target, weight in self._after[point]:
-                if self.low[target] < self.low[point] + weight:
-                    self.low[target] = self.low[point] + weight
-                    if self.low[target] > self.high[target]:
-                        return False
-                    waiting.append(target)
-        return True
-
-    def _lower(self, points: Sequence[int]) -> bool:
-        waiting = deque(points)
-        while waiting:
-            point = waiting.popleft()
-            for source, weight in self._before[point]:
-                if self.high[source] > self.high[point] - weight:
-                    self.high[source] = self.high[point] - weight
-                    if self.high[source] < self.low[source]:
-                        return False
-                    waiting.append(source)
-        return True
+    @property
+    def high(self) -> list[int]:
+        return [-end for end in self._below]
 
     def place(self, wished: Sequence[int]) -> list[int]:
         """A schedule in which points, the earlier ones first, are as near to their wished times as they can."""
         for point in sorted(range(1, len(wished)), key=wished.__getitem__):
-            time = min(max(wished[point], self.low[point]), self.high[point])
-            if self.low[point] != time:
-                self.low[point] = time
-                self._raise([point])
-            if self.high[point] != time:
-                self.high[point] = time
-                self._lower([point])
+            time = min(max(wished[point], self.low[point]), -self._below[point])
+            for times, end, steps in ((self.low, time, self._after), (self._below, -time, self._before)):
+                if times[point] != end:
+                    times[point] = end
+                    delay(times, steps, [point])
         return self.low
 
 
@@ -96,43 +74,17 @@ def least_shift(bounds: Sequence[Bound], printed: Sequence[int]) -> int | None:
     Times must be even numbers, because a shift may have halves: that of an odd distance is rounded up.
     """
     size = len(printed)
-    between = [bound for bound in bounds if 0 not in bound[:2]]
-    later = _least_from(printed, between)
-    from_zero = [0 if point == 0 else None for point in range(size)]
-    forced = _least_from(from_zero, bounds)
-    if later is None or forced is None or forced[0] != 0:
+    network, later = DifferenceNetwork(size, bounds), list(printed)
+    if network.schedule is None:
         return None
+    delay(later, following(size, (bound for bound in bounds if 0 not in bound[:2])), range(size))
     shift = 0
     for point in range(1, size):
-        at, earliest = later[point], forced[point]
-        shift = max(shift, -((printed[point] - (at or 0)) // 2))
+        shift = max(shift, -((printed[point] - later[point]) // 2))
+        earliest = network.least(0, point)
         if earliest is not None:
             shift = max(shift, earliest - printed[point])
-    return max([shift, *((later[source] or 0) + weight for source, target, weight in bounds if source and not target)])
-
-
-def _least_from(first: Sequence[int | None], bounds: Sequence[Bound]) -> list[int | None] | None:
-    """The least times not before the first ones, where there are any; None if bounds drive them up for ever."""
-    after: list[list[tuple[int, int]]] = [[] for _ in first]
-    for source, target, weight in bounds:
-        after[source].append((target, weight))
-    times = list(first)
-    waiting = deque(point for point, time in enumerate(first) if time is not None)
-    rounds = [0] * len(times)
-    while waiting:
-        point = waiting.popleft()
-        rounds[point] += 1
-        if rounds[point] > 2 * len(times) + len(bounds):
-            return None
-        now = times[point]
-        if now is None:
-            continue
-        for target, weight in after[point]:
-            known = times[target]
-            if known is None or known < now + weight:
-                times[target] = now + weight
-                waiting.append(target)
-    return times
+    return max([shift, *(later[source] + weight for source, target, weight in bounds if source and not target)])
 
 
 # -- plans -------------------------------------------------------------------------------------------------------------
@@ -267,9 +219,9 @@ class _Snapping:
         if shift is None:
             raise TooFarError(_CONTRADICTION, self._with_durations(demands))
 
-        def windows(reach: int) -> Windows:
+        def windows(reach: int) -> NearSchedules:
             low = [max(wish - reach, wish - own) for wish, own in zip(wished, near, strict=True)]
-            return Windows(
+            return NearSchedules(
                 network, low, [min(wish + reach, wish + own) for wish, own in zip(wished, near, strict=True)]
             )
 

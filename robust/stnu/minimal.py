@@ -20,7 +20,7 @@ from random import Random
 
 from robust.errors import InputError, RefutedError
 from robust.execute.dispatchable import DispatchNetwork, NaturalLink, Windows, strategy
-from robust.execute.stnu import DynamicAnswer, Wait, dynamic
+from robust.network.uncertain import DynamicAnswer, Wait, dynamic
 from robust.numbers import Number
 from robust.plan.model import ZERO, TimePoint
 from robust.plan.polynomial import Polynomial

@@ -17,7 +17,7 @@ from fractions import Fraction
 from functools import cached_property
 
 from robust.errors import InputError, Location
-from robust.execute import stnu
+from robust.network import uncertain
 from robust.numbers import format_number, plural, shorten
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 from robust.qe.box import Side
@@ -75,7 +75,7 @@ class Examined:
     what it stands for and the link of the file by number, -1 for none.
     """
 
-    stnu: stnu.Stnu
+    stnu: uncertain.Stnu
     roles: tuple[tuple[Role, int], ...]
 
 
@@ -191,10 +191,10 @@ class Network:
     def examined(self) -> Examined:
         """The network whose controllability is decided; the execution begins at time zero of it."""
         points = {name: instant(name) for name in self.nodes}
-        links: list[stnu.Link[Fraction]] = []
+        links: list[uncertain.Link[Fraction]] = []
         roles: list[tuple[Role, int]] = []
 
-        def add(role: Role, number: int, link: stnu.Link[Fraction]) -> None:
+        def add(role: Role, number: int, link: uncertain.Link[Fraction]) -> None:
             links.append(link)
             roles.append((role, number))
 
@@ -203,20 +203,20 @@ class Network:
             if link.is_contingent and link.lower is not None and link.lower < 0:
                 decision = points[self.decisions[link.target]] = instant(self.decisions[link.target])
                 length = None if link.upper is None else link.upper - link.lower
-                add(Role.SETTLED, number, stnu.Link(decision, source, -link.lower, -link.lower, origin=str(link)))
-                span = stnu.Link(decision, target, _NOTHING, length, True, link.ends, str(link))
+                add(Role.SETTLED, number, uncertain.Link(decision, source, -link.lower, -link.lower, origin=str(link)))
+                span = uncertain.Link(decision, target, _NOTHING, length, True, link.ends, str(link))
                 add(Role.SPAN, number, span)
             else:
                 name = link.ends if link.is_contingent else ""
-                whole = stnu.Link(source, target, link.lower, link.upper, link.is_contingent, name, str(link))
+                whole = uncertain.Link(source, target, link.lower, link.upper, link.is_contingent, name, str(link))
                 add(Role.WHOLE, number, whole)
         for name, point in points.items():
-            add(Role.IMPLICIT, -1, stnu.Link(ZERO, point, _NOTHING, None, origin=f"{name} >= 0"))
+            add(Role.IMPLICIT, -1, uncertain.Link(ZERO, point, _NOTHING, None, origin=f"{name} >= 0"))
         for name in self.nodes:
             if self.origin is not None and name != self.origin:
                 first = f"{name} not before {self.origin}"
-                add(Role.IMPLICIT, -1, stnu.Link(points[self.origin], points[name], _NOTHING, None, origin=first))
-        return Examined(stnu.Stnu((ZERO, *points.values()), tuple(links)), tuple(roles))
+                add(Role.IMPLICIT, -1, uncertain.Link(points[self.origin], points[name], _NOTHING, None, origin=first))
+        return Examined(uncertain.Stnu((ZERO, *points.values()), tuple(links)), tuple(roles))
 
 
 def instant(name: str) -> TimePoint:
@@ -247,15 +247,15 @@ class Edge:
         return f"{self.target} - {self.source} <= {value}  ({self.link}{how})"
 
 
-_CASES = {stnu.Way.SHORTEST: "lower", stnu.Way.LONGEST: "upper"}
+_CASES = {uncertain.Way.SHORTEST: "lower", uncertain.Way.LONGEST: "upper"}
 
 
-def edges_of(network: Network, steps: Sequence[stnu.Step]) -> Iterator[Edge]:
+def edges_of(network: Network, steps: Sequence[uncertain.Step]) -> Iterator[Edge]:
     """Steps of a walk through the distance graph of the examined network, by names."""
     examined = network.examined
     for step in steps:
         source, target = examined.stnu.ends(step)
         link = examined.stnu.links[step.link]
-        bound = link.upper if step.way in {stnu.Way.AT_MOST, stnu.Way.LONGEST} else link.lower
+        bound = link.upper if step.way in {uncertain.Way.AT_MOST, uncertain.Way.LONGEST} else link.lower
         value = None if bound is None else bound if step.way.is_forwards else -bound
         yield Edge(str(source), str(target), value, _CASES.get(step.way, "ordinary"), link.origin)

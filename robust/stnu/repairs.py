@@ -23,8 +23,8 @@ from math import inf
 
 from robust.encode.variables import variable
 from robust.errors import InputError, Location
-from robust.execute.stnu import NegativeCycle, Step, Way, dynamic, explain
 from robust.irr.quantities import RepairStatus
+from robust.network.uncertain import NegativeCycle, Step, Way, dynamic, explain
 from robust.numbers import Number, exact, format_number
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial

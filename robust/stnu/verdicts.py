@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.execute.stnu import dynamic, explain
+from robust.network.uncertain import dynamic, explain
 from robust.numbers import Number
 from robust.presented import Presented, VerdictEnum
 from robust.smt.limits import OutOfTimeError

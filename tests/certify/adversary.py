@@ -29,7 +29,7 @@ from robust.certify.checker import choices, reader
 from robust.certify.checker.claims import Claim
 from robust.certify.checker.formulas import FALSE, Formulas, plus
 from robust.certify.hints import KnownFacts, Line, implied, model, refutation
-from robust.certify.network import Orders, constant_times
+from robust.certify.network import OrderLemmas, constant_times
 from robust.certify.refute import NotRefutedError
 from robust.certify.tape import good_lines, header
 from robust.encode import create_encoding
@@ -85,7 +85,7 @@ def lying(random: Random) -> Iterator[None]:
             numbers = range(len(facts.sides))
             return [(number, Fraction(1)) for number in numbers if random.random() < 0.5]
 
-    def longer(orders: Orders, pair: tuple[int, int], default: Any = None) -> Any:
+    def longer(orders: OrderLemmas, pair: tuple[int, int], default: Any = None) -> Any:
         if not by:
             return honest_order(orders, pair, default)
         if pair not in asked:
@@ -99,7 +99,7 @@ def lying(random: Random) -> Iterator[None]:
         found = constant_times(formulas, ranges)
         return {point: {} for point in formulas.free()} if found is None else found
 
-    def strayed(orders: Orders) -> Iterator[Any]:
+    def strayed(orders: OrderLemmas) -> Iterator[Any]:
         """Paths of constraints that do not follow each other, but are long enough."""
         ground = orders._ground
         longest = max(range(len(ground.edges)), key=lambda number: ground.edges[number][2].get("", Fraction(0)))
@@ -115,7 +115,7 @@ def lying(random: Random) -> Iterator[None]:
             yield a, b, steps, bound, total
 
     asked: dict[tuple[int, int], Fraction | None] = {}
-    honest_order, honest_lemmas = Orders.get, Orders.lemmas
+    honest_order, honest_lemmas = OrderLemmas.get, OrderLemmas.lemmas
     by = random.choice([Fraction(0), Fraction(0), Fraction(1, 1000), Fraction(5)])
     with (
         patch("robust.certify.tape.refutation", refuted),
@@ -123,8 +123,8 @@ def lying(random: Random) -> Iterator[None]:
         patch("robust.certify.tape.implied", multiples),
         patch("robust.certify.bad.implied", multiples),
         patch("robust.certify.tape.constant_times", some_times),
-        patch.object(Orders, "get", longer),
-        patch.object(Orders, "lemmas", strayed),
+        patch.object(OrderLemmas, "get", longer),
+        patch.object(OrderLemmas, "lemmas", strayed),
     ):
         yield
 

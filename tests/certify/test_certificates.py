@@ -14,7 +14,7 @@ from robust.certify.alethe import export
 from robust.certify.bad import declared_bounds, face_lines, region_lines
 from robust.certify.checker import reader
 from robust.certify.checker.formulas import Formulas
-from robust.certify.network import Orders, affine_times, constant_times, positive_circle
+from robust.certify.network import OrderLemmas, affine_times, constant_times, positive_circle
 from robust.certify.produce import PlanCertificate, knowledge
 from robust.certify.tape import box_facts, good_lines, header
 from robust.encode import create_encoding
@@ -152,7 +152,7 @@ def test_schedules_that_move_with_the_parameters() -> None:
 
 def test_orders_and_circles_of_a_network() -> None:
     ground = reader.ground(SMALL.format("()"), PROBLEM, FLEXIBLE)
-    orders = Orders(ground, {"k": (Fraction(2), Fraction(3))})
+    orders = OrderLemmas(ground, {"k": (Fraction(2), Fraction(3))})
     assert [orders.get((0, 2)), orders.get((0, 1)), orders.get((2, 1)), orders.get((1, 1), 7)] == [3, 2, None, 7]
     lemmas = {(a, b): (path, bound) for a, b, path, bound, _ in orders.lemmas()}
     assert lemmas.keys() == {(0, 1), (0, 2)}

@@ -4,7 +4,7 @@ from fractions import Fraction
 from functools import cache
 from itertools import chain, combinations, product
 
-from robust.execute.stnu import Link, Stnu
+from robust.network.uncertain import Link, Stnu
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 
 

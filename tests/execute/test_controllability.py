@@ -9,7 +9,19 @@ import pytest
 
 from robust.errors import InputError
 from robust.execute.dispatchable import NaturalLink, Windows, strategy
-from robust.execute.stnu import Link, Step, Stnu, Wait, Way, dynamic, explain, negative_cycle, total, waits, weight_in
+from robust.network.uncertain import (
+    Link,
+    Step,
+    Stnu,
+    Wait,
+    Way,
+    dynamic,
+    explain,
+    negative_cycle,
+    total,
+    waits,
+    weight_in,
+)
 from robust.plan.model import ZERO
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Interval

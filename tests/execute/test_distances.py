@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robust.errors import InputError
 from robust.execute.dispatchable import DispatchNetwork, Windows
-from robust.execute.distances import Edge, Network, constraints_of, edge, is_implied
+from robust.execute.distances import Edge, EdgeNetwork, constraints_of, edge, is_implied
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 from robust.plan.stn import STNConstraint
 
@@ -45,7 +45,7 @@ def networks(draw):
 @given(networks(), st.integers(0, 4))
 def test_irredundant_edges_imply_all_and_are_needed(edges, split):
     given_ones, others = edges[:split], edges[split:]
-    kept = Network(POINTS, edges).needed(others, given_ones)
+    kept = EdgeNetwork(POINTS, edges).needed(others, given_ones)
     assert set(kept) <= set(others)
     for one in others:
         assert implied((*given_ones, *kept), one.source, one.target) >= one.weight
@@ -57,14 +57,14 @@ def test_irredundant_edges_imply_all_and_are_needed(edges, split):
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(networks(), st.integers(-2, 3))
 def test_longest_paths_implied_edges_and_earliest_schedules(edges, slack):
-    network = Network(POINTS, edges)
+    network = EdgeNetwork(POINTS, edges)
     for a, b in product(POINTS, POINTS):
         least = implied(edges, a, b) if a != b else 0
         assert network.implies(Edge(a, b, Fraction(slack))) is (least is not None and least >= slack)
     nonnegative = [*edges, *(Edge(ZERO, point, Fraction(0)) for point in POINTS[1:])]
     possible = all((implied(nonnegative, point, ZERO) or Fraction(-1)) <= 0 for point in POINTS)
     schedule = {point: implied(nonnegative, ZERO, point) for point in POINTS}
-    assert Network(POINTS, nonnegative).earliest == (schedule if possible else None)
+    assert EdgeNetwork(POINTS, nonnegative).earliest == (schedule if possible else None)
     for one in edges:
         rest = [other for other in edges if other != one]
         looser = Edge(one.source, one.target, one.weight - slack)
@@ -73,8 +73,8 @@ def test_longest_paths_implied_edges_and_earliest_schedules(edges, slack):
 
 
 def test_contradictions_have_no_schedule():
-    assert Network(POINTS, [Edge(A, B, Fraction(1)), Edge(B, A, Fraction(0))]).earliest is None
-    assert Network(POINTS, [Edge(A, ZERO, Fraction(0)), Edge(ZERO, A, Fraction(1))]).earliest is None
+    assert EdgeNetwork(POINTS, [Edge(A, B, Fraction(1)), Edge(B, A, Fraction(0))]).earliest is None
+    assert EdgeNetwork(POINTS, [Edge(A, ZERO, Fraction(0)), Edge(ZERO, A, Fraction(1))]).earliest is None
     with pytest.raises(InputError, match="no schedule"):
         windows_after(2, [(0, 1, 3), (1, 0, -4)])
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from robust.encode.interface import EPSILON
 from robust.execute.convert import convert
 from robust.execute.distances import InvalidPlanError
-from robust.execute.snap import Windows, least_shift
+from robust.execute.snap import NearSchedules, least_shift
 from robust.irr.check import Answer
 from robust.numbers import format_number
 from robust.plan.pddl.reader import parse_domain, parse_problem
@@ -74,7 +74,7 @@ def test_the_least_shift_is_feasible_and_nothing_below_it_is(drawn):
         return
     assert feasible(len(exact), [*constraints, *within(exact, Fraction(found))])
     assert not found or not feasible(len(exact), [*constraints, *within(exact, Fraction(found - 1))])
-    windows = Windows(
+    windows = NearSchedules(
         bounds, [0, *(time - found for time in printed[1:])], [0, *(time + found for time in printed[1:])]
     )
     assert windows.possible

@@ -9,11 +9,13 @@ parameters narrows these bounds on the way.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
+from itertools import chain, product
 from math import lcm
 from typing import NamedTuple
 
+from robust.network.differences import Elimination
 from robust.plan.model import Parameter
 from robust.qe.constraint import LinearConstraint
 from robust.smt.limits import NEVER, Deadline
@@ -54,29 +56,26 @@ class _Weight(NamedTuple):
         return _Weight(form, self.strict or other.strict, self.origins + other.origins)
 
 
-@dataclass(slots=True)
-class _Graph:
+class _ParametricElimination(Elimination[list[_Weight]]):
     """Edges by both ends; of several between two events, those that are the tightest somewhere."""
 
-    ranges: list[Range]
-    out: dict[str, dict[str, list[_Weight]]] = field(default_factory=dict)
-    into: dict[str, dict[str, list[_Weight]]] = field(default_factory=dict)
-    cycles: list[_Weight] = field(default_factory=list)
-    ends: dict[tuple[int, bool], _Weight] = field(default_factory=dict)
-    """The cycles that `ranges` come from, by the parameter and whether it is the lower end."""
+    def __init__(self, size: int, ranges: list[Range]) -> None:
+        super().__init__(size)
+        self.ranges = ranges
+        self.cycles: list[_Weight] = []
+        self.ends: dict[tuple[int, bool], _Weight] = {}
+        """The cycles that `ranges` come from, by the parameter and whether it is the lower end."""
 
-    def put(self, source: str, target: str, weight: _Weight) -> None:
+    def put(self, source: int, target: int, weight: _Weight) -> None:
         """Add an edge, or a cycle."""
-        if source == target:
-            if not self._never_below_zero(weight) and not self._tighten(weight):
-                self._keep(self.cycles, weight)
-            return
-        edges = self.out.setdefault(source, {}).get(target)
-        if edges is None:
-            edges = self.out[source][target] = self.into.setdefault(target, {})[source] = []
-        self.into.setdefault(source, {})
-        self.out.setdefault(target, {})
-        self._keep(edges, weight)
+        if source != target:
+            self._keep(self.after[source].get(target) or self.connect(source, target, []), weight)
+        elif not self._never_below_zero(weight) and not self._tighten(weight):
+            self._keep(self.cycles, weight)
+
+    def join(self, source: int, first: list[_Weight], node: int, second: list[_Weight], target: int) -> None:
+        for weight, other in product(first, second):
+            self.put(source, target, weight.then(other))
 
     def _keep(self, edges: list[_Weight], weight: _Weight) -> None:
         if any(self._implies(one, weight) for one in edges):
@@ -99,22 +98,9 @@ class _Graph:
         self.ends[at, factor > 0] = cycle
         return True
 
-    def drop(self, event: str) -> None:
-        """Replace all paths through an event by edges past it."""
-        arriving, leaving = self.into.pop(event), self.out.pop(event)
-        for source in arriving:
-            del self.out[source][event]
-        for target in leaving:
-            del self.into[target][event]
-        for source, firsts in arriving.items():
-            for target, seconds in leaving.items():
-                for first in firsts:
-                    for second in seconds:
-                        self.put(source, target, first.then(second))
-
-    def cost(self, event: str) -> int:
-        """How many edges dropping an event makes, about."""
-        return sum(map(len, self.into[event].values())) * sum(map(len, self.out[event].values()))
+    def cost(self, event: int) -> int:
+        """How many edges eliminating an event makes, about."""
+        return sum(map(len, self.before[event].values())) * sum(map(len, self.after[event].values()))
 
     def _implies(self, one: _Weight, other: _Weight) -> bool:
         """Whether the first bound is at least as tight as the second wherever the parameters may be."""
@@ -146,21 +132,22 @@ def cycles(edges: Iterable[Edge], parameters: Sequence[Parameter], deadline: Dea
         OutOfTimeError: if the deadline passes first.
     """
     edges = list(edges)
-    ends = [end for one in parameters for end in (one.lower, one.upper) if end is not None]
-    unit = lcm(*(edge.constant.denominator for edge in edges), *(end.denominator for end in ends))
+    limits = [end for one in parameters for end in (one.lower, one.upper) if end is not None]
+    unit = lcm(*(number.denominator for number in (*(edge.constant for edge in edges), *limits)))
 
     def scaled(end: Fraction | None) -> int | None:
         return None if end is None else int(end * unit)
 
-    graph = _Graph([(scaled(one.lower), scaled(one.upper)) for one in parameters])
     same = _representatives(edges)
-    for edge in edges:
+    ends = [(same.get(edge.source, edge.source), same.get(edge.target, edge.target)) for edge in edges]
+    numbers = {event: number for number, event in enumerate(dict.fromkeys(chain(*ends)))}
+    graph = _ParametricElimination(len(numbers), [(scaled(one.lower), scaled(one.upper)) for one in parameters])
+    for edge, (source, target) in zip(edges, ends, strict=True):
         form = (int(edge.constant * unit), *(edge.factors.get(one.name, 0) for one in parameters))
-        weight = _Weight(form, edge.strict, (edge.origin,))
-        graph.put(same.get(edge.source, edge.source), same.get(edge.target, edge.target), weight)
-    while graph.out:
+        graph.put(numbers[source], numbers[target], _Weight(form, edge.strict, (edge.origin,)))
+    while graph.remaining:
         deadline.enforce()
-        graph.drop(min(graph.out, key=graph.cost))
+        graph.eliminate(min(graph.remaining, key=graph.cost))
     return tuple(_cycle(found, parameters, unit) for found in (*graph.ends.values(), *graph.cycles))
 
 

@@ -21,6 +21,7 @@ from functools import cached_property
 from heapq import heapify, heappop, heappush
 from typing import Final, TypeAlias
 
+from robust.network.differences import Elimination
 from robust.pike_bridge.model import Environment, Tpnu, union
 from robust.pike_bridge.temporal.distance_graph import (
     DistanceGraph,
@@ -31,10 +32,9 @@ from robust.pike_bridge.temporal.distance_graph import (
 from robust.smt.limits import NEVER, Deadline
 
 Numbers: TypeAlias = LabeledValueSet[int]
-Neighbours: TypeAlias = dict[int, Numbers]
 
 
-class Elimination:
+class LabeledElimination(Elimination[Numbers]):
     """A labeled distance graph whose events are eliminated, all or some.
 
     Raises:
@@ -42,6 +42,7 @@ class Elimination:
     """
 
     def __init__(self, graph: DistanceGraph, *, completions: bool, deadline: Deadline) -> None:
+        super().__init__(len(graph.events))
         self.conflicts: Final = Numbers(graph.vocabulary)
         """Environments in which no scenario has a schedule, only the most general ones [PIKE, Definition 4.1].
 
@@ -52,39 +53,42 @@ class Elimination:
         self._guards = graph.guards
         self._completions = completions
         self._deadline = deadline
-        count = len(graph.events)
-        self.after: Final[list[Neighbours]] = [{} for _ in range(count)]
-        """By event, the distances from it to neighbours; once it is eliminated, only to those eliminated later."""
-        self.before: Final[list[Neighbours]] = [{} for _ in range(count)]
-        """By event, the distances to it from neighbours."""
-        self.order: Final[list[int]] = []
-        """The events that have been eliminated."""
-        self._remaining: Final = set(range(count))
         self._read(graph)
 
     def eliminate_all(self) -> None:
         """Eliminate every event: those with few neighbours first, and of those the deepest inside of choices."""
-        while self._remaining:
-            self._eliminate(min(self._remaining, key=self._degree))
+        while self.remaining:
+            self.eliminate(min(self.remaining, key=self._degree))
 
     def contract(self, growth: int) -> None:
         """Eliminate events as long as each adds at most `growth` more labeled distances than it removes."""
-        waiting = deque(self._remaining)
+        waiting = deque(self.remaining)
         while waiting:
             event = waiting.popleft()
-            if event in self._remaining and self._growth(event) <= growth:
-                self._eliminate(event)
+            if event in self.remaining and self._growth(event) <= growth:
+                self.eliminate(event)
                 waiting.extend((self.before[event].keys() | self.after[event].keys()) - set(waiting))
 
     def edges(self) -> Iterator[tuple[int, int, int, Environment]]:
         """Source, target, distance and full label of what is left between the events that are left."""
-        for source in sorted(self._remaining):
+        for source in sorted(self.remaining):
             for target, distances in self.after[source].items():
                 guard = self._guards[source] | self._guards[target]
                 for value, label in distances:
                     yield source, target, value, label | guard
 
-    def join(self, first: Numbers, second: Numbers, through: int, target: Numbers, ends: Environment) -> None:
+    def join(self, source: int, first: Numbers, node: int, second: Numbers, target: int) -> None:
+        """Replace a path through an event; one that leads back to its source is contradicted where it is negative."""
+        both = self._guards[source] | self._guards[target]
+        if source == target:
+            self._contradict(first, second, both | self._guards[node])
+        elif self._vocabulary.consistent(both):
+            entry = self._entry(source, target)
+            self.add_sums(first, second, node, entry, both)
+            if not len(entry):
+                self.disconnect(source, target)
+
+    def add_sums(self, first: Numbers, second: Numbers, through: int, target: Numbers, ends: Environment) -> None:
         """Merge the sums of the distances from a source to an event, and from there to a target, into those to the
         target; `ends` are the guards of source and target.
 
@@ -140,9 +144,8 @@ class Elimination:
 
     def _entry(self, source: int, target: int) -> Numbers:
         """The distances from one event to another, modulo the guards of both."""
-        if target not in self.after[source]:
-            self.after[source][target] = self.before[target][source] = Numbers(self._vocabulary)
-        return self.after[source][target]
+        known = self.after[source].get(target)
+        return self.connect(source, target, Numbers(self._vocabulary)) if known is None else known
 
     def _degree(self, event: int) -> tuple[int, int, int]:
         degree = len(self.after[event].keys() | self.before[event].keys())
@@ -153,25 +156,6 @@ class Elimination:
         into = sum(map(len, self.before[event].values()))
         out = sum(map(len, self.after[event].values()))
         return into * out - into - out
-
-    def _eliminate(self, event: int) -> None:
-        guards = self._guards
-        self._remaining.remove(event)
-        self.order.append(event)
-        before, after = self.before[event], self.after[event]
-        for source in before.keys() & after.keys():
-            self._contradict(before[source], after[source], guards[source] | guards[event])
-        for source, first in before.items():
-            del self.after[source][event]
-            for target, second in after.items():
-                both = guards[source] | guards[target]
-                if target != source and self._vocabulary.consistent(both):
-                    entry = self._entry(source, target)
-                    self.join(first, second, event, entry, both)
-                    if not len(entry):
-                        del self.after[source][target], self.before[target][source]
-        for target in after:
-            del self.before[target][event]
 
 
 class LabeledDistances:
@@ -197,7 +181,7 @@ class LabeledDistances:
         self.vocabulary = graph.vocabulary
         self._graph = graph
         self._places = graph.places
-        self._elimination = Elimination(graph, completions=completions, deadline=deadline)
+        self._elimination = LabeledElimination(graph, completions=completions, deadline=deadline)
         self._elimination.eliminate_all()
         self._completions = completions
         self._deadline = deadline
@@ -299,7 +283,7 @@ class LabeledDistances:
     def _extend(self, row: list[Numbers], source: int, middle: int, event: int, distances: Numbers) -> None:
         both = self._both(source, event)
         if len(row[middle]) and self.vocabulary.consistent(both):
-            self._elimination.join(row[middle], distances, middle, row[event], both)
+            self._elimination.add_sums(row[middle], distances, middle, row[event], both)
 
     def _close(self, entry: Numbers, both: Environment) -> Numbers:
         """The entry with what follows because conflicts do not happen: in them, every bound holds."""

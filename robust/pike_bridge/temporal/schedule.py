@@ -7,14 +7,15 @@ only if its distance graph has no negative cycle [Dechter, Meiri and Pearl 1991]
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 
+from robust.network.differences import Cycle, DifferenceNetwork
 from robust.pike_bridge.knowledge.sat import Propositions, satisfiable
 from robust.pike_bridge.model import Environment, Guard, Tpnu, entails, guard, union
 from robust.pike_bridge.temporal.distance_graph import DistanceEdge, DistanceGraph, distance_graph
-from robust.pike_bridge.temporal.labeled_apsp import Elimination
+from robust.pike_bridge.temporal.labeled_apsp import LabeledElimination
 from robust.pike_bridge.theory import Theory
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline
@@ -33,66 +34,26 @@ def schedule(network: Tpnu, scenario: Guard) -> dict[str, Fraction] | Guard:
     """
     graph = distance_graph(network)
     environment = graph.vocabulary.encode(scenario)
-    found = earliest_times(len(graph.events), graph.active(environment))
-    if isinstance(found, Cycle):
-        return graph.vocabulary.decode(found.label)
+    edges = graph.active(environment)
+    bounds = lower_bounds(len(graph.events), edges)
+    if bounds.cycle is not None:
+        return graph.vocabulary.decode(_label(bounds.cycle, edges))
     return {
         event: Fraction(time, graph.scale)
-        for event, needed, time in zip(graph.events, graph.guards, found, strict=True)
+        for event, needed, time in zip(graph.events, graph.guards, bounds.times, strict=True)
         if entails(environment, needed)
     }
 
 
-@dataclass(frozen=True, slots=True)
-class Cycle:
-    """Edges that lead in a circle, in order, of negative total weight."""
-
-    edges: tuple[DistanceEdge, ...]
-
-    @property
-    def label(self) -> Environment:
-        """The environment in which all the edges hold."""
-        return union(edge.label for edge in self.edges)
-
-
-def earliest_times(count: int, edges: Iterable[DistanceEdge]) -> list[int] | Cycle:
-    """The least times, none negative, of `count` events that satisfy all the edges; or a negative cycle.
-
-    Bellman and Ford's algorithm, looking for a circle among the reasons of the times after each round.
-    """
+def lower_bounds(count: int, edges: Iterable[DistanceEdge]) -> DifferenceNetwork:
+    """The network of `count` events in which all the edges hold."""
     # Seen by its source, an edge is a lower bound: t(source) ≥ t(target) − weight.
-    bounds = sorted(edges, key=lambda edge: (edge.source, edge.target))
-    times = [0] * count
-    reasons: dict[int, DistanceEdge] = {}
-    changed = True
-    while changed:
-        changed = False
-        for edge in bounds:
-            time = times[edge.target] - edge.weight
-            if time > times[edge.source]:
-                times[edge.source] = time
-                reasons[edge.source] = edge
-                changed = True
-        cycle = _circle(reasons)
-        if cycle is not None:
-            return cycle
-    return times
+    return DifferenceNetwork(count, ((edge.target, edge.source, -edge.weight) for edge in edges))
 
 
-def _circle(reasons: Mapping[int, DistanceEdge]) -> Cycle | None:
-    """A circle among the edges that gave each event its time; every such circle is negative."""
-    visited: dict[int, int] = {}
-    for start in sorted(reasons):
-        event = start
-        while event in reasons and event not in visited:
-            visited[event] = start
-            event = reasons[event].target
-        if visited.get(event) == start:
-            circle = [reasons[event]]
-            while circle[-1].target != event:
-                circle.append(reasons[circle[-1].target])
-            return Cycle(tuple(circle))
-    return None
+def _label(cycle: Cycle, edges: Sequence[DistanceEdge]) -> Environment:
+    """The environment in which all the edges of a cycle hold."""
+    return union(edges[origin].label for origin in cycle.origins)
 
 
 GROWTH = 2
@@ -157,7 +118,7 @@ class _Search:
 
         Conflicts that show on the way are noted, if the theory in the session leaves them open.
         """
-        elimination = Elimination(self.graph, completions=False, deadline=self._deadline)
+        elimination = LabeledElimination(self.graph, completions=False, deadline=self._deadline)
         elimination.contract(GROWTH)
         for _, label in elimination.conflicts:
             conflict = self._conflict(label)
@@ -196,8 +157,8 @@ class _Search:
     def _conflict(self, scenario: Environment) -> Environment | None:
         """A conflict that the scenario entails, generalised; None if what holds in it has a schedule."""
         edges = self.graph.active(scenario)
-        found = earliest_times(len(self.graph.events), edges)
-        return self._generalised(found.label, edges) if isinstance(found, Cycle) else None
+        cycle = lower_bounds(len(self.graph.events), edges).cycle
+        return None if cycle is None else self._generalised(_label(cycle, edges), edges)
 
     def _generalised(self, conflict: Environment, edges: list[DistanceEdge]) -> Environment:
         """As few of a conflict's assignments as one negative cycle needs, leaving out one after the other."""
@@ -207,9 +168,10 @@ class _Search:
             if not vocabulary.mentions(conflict, variable):
                 continue
             weaker = vocabulary.without(conflict, variable)
-            found = earliest_times(count, (edge for edge in edges if edge.label & weaker == edge.label))
-            if isinstance(found, Cycle):
-                conflict = found.label
+            left = [edge for edge in edges if edge.label & weaker == edge.label]
+            cycle = lower_bounds(count, left).cycle
+            if cycle is not None:
+                conflict = _label(cycle, left)
         return conflict
 
 

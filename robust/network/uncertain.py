@@ -35,6 +35,7 @@ from math import lcm
 from typing import Generic, TypeVar
 
 from robust.errors import InputError
+from robust.network.differences import DifferenceNetwork
 from robust.numbers import format_number
 from robust.plan.model import ZERO, TimePoint
 from robust.presented import NoTruthValue
@@ -274,8 +275,8 @@ def waits(answer: DynamicAnswer) -> tuple[Wait, ...]:
     form = answer.form
     points, executable = form.stnu.points, set(form.stnu.executable)
     every = [edge for edge in (*form.edges, *answer.derived) if edge.case is not Case.LOWER]
-    ordinary = [(edge.source, edge.target, edge.weight) for edge in every if edge.case is Case.ORDINARY]
-    paths = ShortestPaths(form.size, ordinary)
+    ordinary = [(edge.target, edge.source, -edge.weight) for edge in every if edge.case is Case.ORDINARY]
+    known = DifferenceNetwork(form.size, ordinary)
     link_of = {node: form.stnu.links[index] for index, node in form.start.items()}
     found = []
     for start, link in link_of.items():
@@ -286,7 +287,7 @@ def waits(answer: DynamicAnswer) -> tuple[Wait, ...]:
         for node in sorted(waiting, key=lambda node: -node):
             if node >= len(points) or points[node] not in executable:
                 continue
-            if _is_implied(node, start, waiting, paths):
+            if _is_implied(node, start, waiting, known):
                 del waiting[node]
             else:
                 length = form.length(waiting[node])
@@ -295,39 +296,13 @@ def waits(answer: DynamicAnswer) -> tuple[Wait, ...]:
     return tuple(sorted(found, key=lambda wait: (points.index(wait.point), points.index(wait.end))))
 
 
-def _is_implied(node: int, start: int, waiting: dict[int, int], paths: ShortestPaths) -> bool:
-    weight, without = waiting[node], paths.length(node, start)
-    if without is not None and without <= weight:
+def _is_implied(node: int, start: int, waiting: dict[int, int], known: DifferenceNetwork) -> bool:
+    weight, after = waiting[node], known.least(start, node)
+    if after is not None and -after <= weight:
         return True
-    others = ((paths.length(node, other), beyond) for other, beyond in waiting.items() if other != node)
+    others = ((known.least(other, node), beyond) for other, beyond in waiting.items() if other != node)
     # Only what happens before the time point has waited when the time point looks.
-    return any(before is not None and before <= 0 and before + beyond <= weight for before, beyond in others)
-
-
-class ShortestPaths:
-    """Shortest paths between all of so many nodes; inside, lengths are integers in units of a common denominator."""
-
-    def __init__(self, size: int, edges: Iterable[tuple[int, int, Fraction | int]]) -> None:
-        edges = tuple(edges)
-        self._scale = lcm(*(weight.denominator for _, _, weight in edges))
-        self._table: list[list[int | None]] = [[0 if a == b else None for b in range(size)] for a in range(size)]
-        for source, target, weight in edges:
-            known, length = self._table[source][target], _in_units(weight, self._scale)
-            self._table[source][target] = length if known is None else min(known, length)
-        for middle, after in enumerate(self._table):
-            reached = [(b, length) for b, length in enumerate(after) if length is not None]
-            for row in self._table:
-                first = row[middle]
-                if first is not None:
-                    for b, length in reached:
-                        known = row[b]
-                        if known is None or first + length < known:
-                            row[b] = first + length
-
-    def length(self, source: int, target: int) -> Fraction | None:
-        """How long the path is; None if there is none."""
-        found = self._table[source][target]
-        return None if found is None else Fraction(found, self._scale)
+    return any(after is not None and after >= 0 and beyond - after <= weight for after, beyond in others)
 
 
 def _in_units(number: Fraction | int, scale: int) -> int:

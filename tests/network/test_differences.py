@@ -5,7 +5,7 @@ from itertools import product
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.encode.paths import Bound, Paths
+from robust.network.differences import Bound, DifferenceNetwork
 
 SIZE = 6
 points = st.integers(0, SIZE - 1)
@@ -31,7 +31,7 @@ def is_consistent(network: list[Bound]) -> bool:
 
 @given(bounds, st.integers(1, 3))
 def test_bounds_are_those_of_the_closure(network: list[Bound], near: int) -> None:
-    paths = Paths(SIZE, network, near=near)
+    paths = DifferenceNetwork(SIZE, network, near=near)
     assert (paths.schedule is not None) == is_consistent(network)
     if paths.schedule is None:
         return
@@ -49,7 +49,7 @@ def test_bounds_are_those_of_the_closure(network: list[Bound], near: int) -> Non
 def test_no_bound_that_is_needed_can_go(network: list[Bound], given_count: int) -> None:
     if not is_consistent(network):
         return
-    paths, given_bounds = Paths(SIZE, network), network[:given_count]
+    paths, given_bounds = DifferenceNetwork(SIZE, network), network[:given_count]
     kept = paths.needed(network, given_bounds)
     assert closure(kept + given_bounds) == closure(network)
     if not given_bounds:
@@ -58,5 +58,5 @@ def test_no_bound_that_is_needed_can_go(network: list[Bound], given_count: int) 
 
 
 def test_a_known_schedule_is_taken() -> None:
-    assert Paths(2, [(0, 1, 3)], schedule=[5, 9]).schedule == [5, 9]
-    assert Paths(2, [(0, 1, 3)]).schedule == [0, 3]
+    assert DifferenceNetwork(2, [(0, 1, 3)], schedule=[5, 9]).schedule == [5, 9]
+    assert DifferenceNetwork(2, [(0, 1, 3)]).schedule == [0, 3]

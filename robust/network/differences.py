@@ -1,0 +1,494 @@
+"""Difference constraints: schedules, contradictions, and what a network implies, by shortest paths in integers.
+
+Points are numbers from 0, weights are integers: whoever builds a network scales everything by one common denominator,
+once; :class:`Distances` does it for points with names and rational weights. A bound (a, b, w) says t_b − t_a ≥ w; an
+upper bound is a lower bound of the way back. The origin of a bound is its position among the bounds of its network:
+cycles and paths are told by origins.
+
+One feasible schedule turns every bound into a slack that is not negative (Johnson's potentials), so that rows of
+greatest lower bounds come from Dijkstra's algorithm, and only for points that are asked about. Points whose distance
+is fixed form one component: cycles without slack are found as strongly connected components of the bounds that the
+schedule meets exactly. Most questions are only about order: they are answered by sets of points, one bit each.
+
+Where weights are more than numbers, networks are solved by elimination of points, one after the other: what is left
+has, between the other points, the same greatest lower bounds [Dechter, Meiri and Pearl 1991, directional path
+consistency].
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from bisect import bisect_left
+from collections import defaultdict, deque
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from heapq import heappop, heappush
+from itertools import pairwise
+from math import lcm
+from typing import Generic, TypeVar
+
+Bound = tuple[int, int, int]
+"""(a, b, w): t_b − t_a ≥ w."""
+Following = Sequence[Sequence[tuple[int, int, int]]]
+"""For each point the bounds that leave it: the later point, the weight, and the origin."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """Bounds that lead in a circle, in order, and whose weights add up to more than 0: no schedule satisfies them."""
+
+    origins: tuple[int, ...]
+
+
+def following(size: int, bounds: Iterable[Bound]) -> list[list[tuple[int, int, int]]]:
+    """The bounds by the points that they leave."""
+    leaving: list[list[tuple[int, int, int]]] = [[] for _ in range(size)]
+    for origin, (source, target, weight) in enumerate(bounds):
+        leaving[source].append((target, weight, origin))
+    return leaving
+
+
+def delay(times: list[int], bounds: Following, sources: Iterable[int]) -> Cycle | None:
+    """Delay times as little as bounds demand, from these sources on [Bellman and Ford, by a queue].
+
+    Returns a cycle if no delay is enough. It shows as a circle among the bounds that delayed each point last, which are
+    looked at whenever as many points have been taken from the queue as there are.
+    """
+    size = len(times)
+    waiting = deque(sources)
+    waits, before, origins = [False] * size, [-1] * size, [-1] * size
+    for point in waiting:
+        waits[point] = True
+    patience = size
+    while waiting:
+        if not patience:
+            cycle = _circle(before, origins)
+            if cycle is not None:
+                return cycle
+            patience = size
+        patience -= 1
+        point = waiting.popleft()
+        waits[point] = False
+        now = times[point]
+        for target, weight, origin in bounds[point]:
+            if times[target] < now + weight:
+                times[target], before[target], origins[target] = now + weight, point, origin
+                if not waits[target]:
+                    waits[target] = True
+                    waiting.append(target)
+    return None
+
+
+def _circle(before: Sequence[int], origins: Sequence[int]) -> Cycle | None:
+    """A circle among the points before points, if there is one; it begins at its first point by number."""
+    visited = [-1] * len(before)
+    for start in range(len(before)):
+        point = start
+        while point >= 0 and visited[point] < 0:
+            visited[point] = start
+            point = before[point]
+        if point >= 0 and visited[point] == start:
+            circle = [point]
+            while before[circle[-1]] != point:
+                circle.append(before[circle[-1]])
+            first = circle.index(min(circle))
+            return Cycle(tuple(origins[member] for member in reversed(circle[first:] + circle[:first])))
+    return None
+
+
+class DifferenceNetwork:
+    """A schedule of the bounds between some points, or why there is none, and the greatest lower bounds that follow.
+
+    Args:
+        size: points are 0 … size − 1.
+        bounds: the network.
+        near: the distance, at least 1, that :meth:`at_least` answers without search where it can, as it does 0.
+        schedule: times that satisfy the bounds, if some are known.
+
+    `schedule` are the least times from 0 that satisfy the bounds, or those given. If there are none it is None, `cycle`
+    tells why, and nothing else has a meaning.
+    """
+
+    def __init__(
+        self, size: int, bounds: Iterable[Bound], *, near: int = 1, schedule: Sequence[int] | None = None
+    ) -> None:
+        self.size = size
+        self._near = near
+        strongest: dict[tuple[int, int], tuple[int, int]] = {}
+        for origin, (source, target, weight) in enumerate(bounds):
+            pair = (source, target)
+            known = strongest.get(pair)
+            if known is None or known[0] < weight:
+                strongest[pair] = weight, origin
+        self._bounds = strongest
+        self.cycle: Cycle | None = None
+        if schedule is None:
+            leaving: list[list[tuple[int, int, int]]] = [[] for _ in range(size)]
+            for (source, target), (weight, origin) in strongest.items():
+                leaving[source].append((target, weight, origin))
+            schedule = [0] * size
+            self.cycle = delay(schedule, leaving, range(size))
+        self.schedule: Sequence[int] | None = schedule if self.cycle is None else None
+
+    @property
+    def times(self) -> Sequence[int]:
+        """The schedule.
+
+        Raises:
+            ValueError: if there is none.
+        """
+        if self.schedule is None:
+            raise ValueError("a network without schedule implies everything")
+        return self.schedule
+
+    # -- components and slack ------------------------------------------------------------------------------------------
+
+    @cached_property
+    def component(self) -> list[int]:
+        """The component of every point: distances within one are the same in all schedules."""
+        times = self.times
+        tight: list[list[int]] = [[] for _ in range(self.size)]
+        for (source, target), (weight, _) in self._bounds.items():
+            if times[target] - times[source] == weight:
+                tight[source].append(target)
+        return _strong_components(tight)
+
+    @cached_property
+    def _slack(self) -> Following:
+        """For each component the components that follow it, with the least slack of a bound between them."""
+        return self._least_slacks(self.component)
+
+    def _least_slacks(self, group: Sequence[int]) -> Following:
+        """For each group of points the groups that follow it, with the least slack of a bound, and its origin."""
+        times = self.times
+        least: dict[tuple[int, int], tuple[int, int]] = {}
+        for (source, target), (weight, origin) in self._bounds.items():
+            pair = (group[source], group[target])
+            if pair[0] != pair[1]:
+                slack = times[target] - times[source] - weight
+                known = least.get(pair)
+                if known is None or slack < known[0]:
+                    least[pair] = slack, origin
+        leaving: list[list[tuple[int, int, int]]] = [[] for _ in range(max(group, default=-1) + 1)]
+        for (source, target), (slack, origin) in least.items():
+            leaving[source].append((target, slack, origin))
+        return leaving
+
+    @cached_property
+    def _rows(self) -> dict[int, list[int | None]]:
+        return {}
+
+    def _row(self, start: int) -> list[int | None]:
+        """The least slack of a path from a component to each other; None where there is none."""
+        row = self._rows.get(start)
+        if row is None:
+            row = self._rows[start] = _nearest(self._slack, start)[0]
+        return row
+
+    # -- what follows --------------------------------------------------------------------------------------------------
+
+    def least(self, source: int, target: int) -> int | None:
+        """The greatest w with t_target − t_source ≥ w in all schedules; None if there is none."""
+        slack = self._row(self.component[source])[self.component[target]]
+        return None if slack is None else self.times[target] - self.times[source] - slack
+
+    def closure(self) -> Iterator[Bound]:
+        """The greatest lower bound of each pair of points that has one."""
+        times, component = self.times, self.component
+        for source in range(self.size):
+            row = self._row(component[source])
+            for target in range(self.size):
+                slack = row[component[target]]
+                if slack is not None:
+                    yield source, target, times[target] - times[source] - slack
+
+    @cached_property
+    def _steps(self) -> Following:
+        """For each point those that it bounds, with the slack."""
+        return self._least_slacks(range(self.size))
+
+    def arrivals(self, source: int) -> Sequence[tuple[int, int]]:
+        """For each point the one before it on a greatest lower bound from a source, and the origin of the last bound.
+
+        (−1, −1) for the source, and for points of which nothing is known. Of several the first by number.
+        """
+        return _nearest(self._steps, source)[1]
+
+    def at_least(self, source: int, target: int, weight: int) -> bool:
+        """Whether t_target − t_source ≥ weight in all schedules."""
+        if self.times[target] - self.times[source] < weight:
+            return False  # the schedule itself is one in which it is not
+        if weight <= self._near and (self._reached[weight > 0][source] >> target) & 1:
+            return True
+        known = self.least(source, target)
+        return known is not None and known >= weight
+
+    @cached_property
+    def _reached(self) -> tuple[list[int], list[int]]:
+        """For each point the points surely not before it, and those surely `near` after it, as sets of bits.
+
+        A path is seen if each of its steps leads forward, and for the second set if one of them is `near` long.
+        """
+        steps: tuple[list[list[int]], ...] = tuple([[] for _ in range(self.size)] for _ in range(2))
+        for source, target, weight in self._forward_steps():
+            steps[weight >= self._near][source].append(target)
+        times = self.times
+        order = sorted(range(self.size), key=times.__getitem__, reverse=True)
+        reached, apart = [1 << point for point in range(self.size)], [0] * self.size
+        changed = True
+        while changed:  # steps between equal times may form circles
+            changed = False
+            for point in order:
+                near, far = reached[point], apart[point]
+                for target in steps[0][point]:
+                    near |= reached[target]
+                    far |= apart[target]
+                for target in steps[1][point]:
+                    far |= reached[target]
+                near |= far
+                if near != reached[point] or far != apart[point]:
+                    reached[point], apart[point], changed = near, far, True
+        return reached, apart
+
+    def _forward_steps(self) -> Iterator[Bound]:
+        """Steps that lead forward in every schedule; what steps within components imply further is left out."""
+        times = self.times
+        members: dict[int, list[int]] = defaultdict(list)
+        for point in sorted(range(self.size), key=times.__getitem__):
+            members[self.component[point]].append(point)
+        for points in members.values():
+            for first, second in pairwise(points):
+                yield first, second, times[second] - times[first]
+                if times[first] == times[second]:
+                    yield second, first, 0
+            yield from self._distant_members(points)
+        places = {component: [times[point] for point in points] for component, points in members.items()}
+        for source, leaving in enumerate(self._slack):
+            for target, slack, _ in leaving:
+                later, at = members[target], places[target]
+                for point in members[source]:
+                    for distance in (0, self._near):
+                        index = bisect_left(at, times[point] + distance + slack)
+                        if index < len(later):
+                            yield point, later[index], at[index] - times[point] - slack
+
+    def _distant_members(self, points: Sequence[int]) -> Iterator[Bound]:
+        """Within a component, the next point that is `near` away, where steps to neighbours are shorter."""
+        times = self.times
+        at = [times[point] for point in points]
+        for point in points:
+            index = bisect_left(at, times[point] + self._near)
+            if index < len(points):
+                yield point, points[index], at[index] - times[point]
+
+    # -- what can go ---------------------------------------------------------------------------------------------------
+
+    def needed(self, bounds: Iterable[Bound], given: Iterable[Bound] = ()) -> list[Bound]:
+        """A subset of bounds of the network that implies them all together with those given.
+
+        No bound between two components is in it that others imply. Of equal ones the first is kept.
+        """
+        times, component = self.times, self.component
+        given = set(given)
+        kept: list[Bound] = []
+        inner: dict[int, list[Bound]] = defaultdict(list)
+        best: dict[tuple[int, int], Bound] = {}
+        for bound in dict.fromkeys(bounds):
+            source, target, weight = bound
+            pair = (component[source], component[target])
+            if pair[0] == pair[1]:
+                if times[target] - times[source] == weight and source != target:
+                    inner[pair[0]].append(bound)
+            else:
+                best.setdefault(pair, bound)
+                if self._slack_of(bound) < self._slack_of(best[pair]):
+                    best[pair] = bound
+        fixed = {(component[one[0]], component[one[1]]): self._slack_of(one) for one in given}
+        direct = [{target: slack for target, slack, _ in leaving} for leaving in self._slack]
+        for (source, target), bound in best.items():
+            slack = self._slack_of(bound)
+            if fixed.get((source, target), slack + 1) <= slack:
+                continue
+            between = [one for one in self._slack[source] if one[0] != target and one[1] <= slack]
+            # Mostly two bounds imply a third one, which takes no search.
+            if any(first + direct[middle].get(target, slack + 1) <= slack for middle, first, _ in between):
+                continue
+            if not any(
+                (rest := self._row(middle)[target]) is not None and first + rest <= slack
+                for middle, first, _ in between
+            ):
+                kept.append(bound)
+        for bounds_within in inner.values():
+            kept += _spanning(bounds_within, [one for one in given if component[one[0]] == component[one[1]]], times)
+        return kept
+
+    def _slack_of(self, bound: Bound) -> int:
+        return self.times[bound[1]] - self.times[bound[0]] - bound[2]
+
+
+def _nearest(steps: Following, start: int) -> tuple[list[int | None], list[tuple[int, int]]]:
+    """Least sums of slacks that are not negative from one node to all [Dijkstra], and the last step to each node."""
+    sums: list[int | None] = [None] * len(steps)
+    arrivals, settled = [(-1, -1)] * len(steps), [False] * len(steps)
+    sums[start] = 0
+    heap = [(0, start)]
+    while heap:
+        total, node = heappop(heap)
+        if sums[node] != total:
+            continue
+        settled[node] = True
+        for other, more, origin in steps[node]:
+            known, reached = sums[other], total + more
+            if known is None or reached < known:
+                sums[other], arrivals[other] = reached, (node, origin)
+                heappush(heap, (reached, other))
+            elif reached == known and not settled[other] and (node, origin) < arrivals[other]:
+                arrivals[other] = node, origin
+    return sums, arrivals
+
+
+def _strong_components(steps: Sequence[Sequence[int]]) -> list[int]:
+    """The number of the strongly connected component of each node [Tarjan 1972], without recursion."""
+    size = len(steps)
+    number, low, component = [-1] * size, [0] * size, [-1] * size
+    stack: list[int] = []
+    count = found = 0
+    for root in range(size):
+        if number[root] >= 0:
+            continue
+        work = [(root, iter(steps[root]))]
+        number[root] = low[root] = count
+        count += 1
+        stack.append(root)
+        while work:
+            node, rest = work[-1]
+            for other in rest:
+                if number[other] < 0:
+                    number[other] = low[other] = count
+                    count += 1
+                    stack.append(other)
+                    work.append((other, iter(steps[other])))
+                    break
+                if component[other] < 0:
+                    low[node] = min(low[node], number[other])
+            else:
+                work.pop()
+                if work:
+                    above = work[-1][0]
+                    low[above] = min(low[above], low[node])
+                if low[node] == number[node]:
+                    while component[node] < 0:
+                        component[stack.pop()] = found
+                    found += 1
+    return component
+
+
+def _spanning(bounds: Sequence[Bound], given: Sequence[Bound], times: Sequence[int]) -> list[Bound]:
+    """Of bounds that are met exactly in all schedules, as few as leave the distances fixed, one by one."""
+    kept = list(bounds)
+    for bound in reversed(bounds):
+        rest = [one for one in kept if one != bound]
+        steps: dict[int, list[int]] = defaultdict(list)
+        for source, target, weight in (*rest, *given):
+            if times[target] - times[source] == weight:
+                steps[source].append(target)
+        seen, waiting = {bound[0]}, [bound[0]]
+        while waiting:
+            for other in steps[waiting.pop()]:
+                if other not in seen:
+                    seen.add(other)
+                    waiting.append(other)
+        if bound[1] in seen:
+            kept = rest
+    return kept
+
+
+# -- points with names -------------------------------------------------------------------------------------------------
+
+Point = TypeVar("Point", bound=Hashable)
+
+
+class Distances(Generic[Point]):
+    """Difference constraints between named points with rational weights, as integers in units of 1 / `scale`.
+
+    Args:
+        points: all points; the network has them by number.
+        bounds: (a, b, w) for t_b − t_a ≥ w; origins are positions among them.
+        weights: other weights that will be asked about in units.
+    """
+
+    def __init__(
+        self,
+        points: Iterable[Point],
+        bounds: Iterable[tuple[Point, Point, Fraction]],
+        weights: Iterable[Fraction] = (),
+    ) -> None:
+        bounds = tuple(bounds)
+        self.index = {point: number for number, point in enumerate(points)}
+        self.scale = lcm(*(weight.denominator for _, _, weight in bounds), *(weight.denominator for weight in weights))
+        self.bounds = [self.in_units(*bound) for bound in bounds]
+        self.network = DifferenceNetwork(len(self.index), self.bounds)
+
+    def in_units(self, source: Point, target: Point, weight: Fraction) -> Bound:
+        """A bound of the network with numbers for points and an integer for the weight, whose denominator is known."""
+        return self.index[source], self.index[target], weight.numerator * (self.scale // weight.denominator)
+
+    @property
+    def times(self) -> dict[Point, Fraction]:
+        """The least times from 0; ValueError if there is no schedule, and the network's `cycle` is why."""
+        return {point: Fraction(time, self.scale) for point, time in zip(self.index, self.network.times, strict=True)}
+
+    def least(self, source: Point, target: Point) -> Fraction | None:
+        """The greatest w with t_target − t_source ≥ w in all schedules; None if there is none."""
+        weight = self.network.least(self.index[source], self.index[target])
+        return None if weight is None else Fraction(weight, self.scale)
+
+
+# -- elimination -------------------------------------------------------------------------------------------------------
+
+Weight = TypeVar("Weight")
+
+
+class Elimination(ABC, Generic[Weight]):
+    """Edges between numbered nodes, which are eliminated: each path through a node becomes an edge past it.
+
+    `after[a][b]` is the weight of the edge from a to b, whatever weights are, and `before[b][a]` the same one. Once a
+    node is eliminated, they have only its edges with nodes that were eliminated later. `order` are those that were.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.after: list[dict[int, Weight]] = [{} for _ in range(size)]
+        self.before: list[dict[int, Weight]] = [{} for _ in range(size)]
+        self.order: list[int] = []
+        self.remaining = set(range(size))
+
+    @abstractmethod
+    def join(self, source: int, first: Weight, node: int, second: Weight, target: int) -> None:
+        """Replace a path from a source through a node to a target, which may be the source."""
+
+    def connect(self, source: int, target: int, weight: Weight) -> Weight:
+        """Add an edge."""
+        self.after[source][target] = self.before[target][source] = weight
+        return weight
+
+    def disconnect(self, source: int, target: int) -> None:
+        """Remove an edge."""
+        del self.after[source][target], self.before[target][source]
+
+    def eliminate(self, node: int) -> None:
+        """Eliminate a node."""
+        self.remaining.remove(node)
+        self.order.append(node)
+        before, after = self.before[node], self.after[node]
+        for source in before:
+            del self.after[source][node]
+        for target in after:
+            del self.before[target][node]
+        for source in before.keys() & after.keys():  # cycles first: they may tell which paths do not matter
+            self.join(source, before[source], node, after[source], source)
+        for source, first in before.items():
+            for target, second in after.items():
+                if source != target:
+                    self.join(source, first, node, second, target)
