@@ -10,10 +10,6 @@ choose, with the waits of P. Morris (2014): :mod:`robust.network.uncertain`. Und
 strategy is certain; the tables then hold what follows if nature is kind. For BLEX they hold the constraints of the plan
 as they are written: it looks no further ahead than from one time point to the next [IRR, Algorithm 2].
 
-:class:`Windows` are MinMaxDispatchTime, online: when each time point may happen, given when others have happened.
-Whatever happens narrows the windows of all that its bounds reach. The tables of a closed network hold every bound that
-follows from others, so that one pass is exact: a window is that of the network in which all past times are fixed.
-
 Parameters "must be eventually observable" [IRR §3, Parametrization]. A distance between time points that is a parameter
 is revealed by the later one: a duration by the action's end, a start time by the start. A consumption or production is
 revealed by the level right after the effect, a rate by the level at the action's end, and an initial level at time
@@ -34,8 +30,8 @@ from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, did_you_mean
 from robust.execute import controllable_boxes as boxes
 from robust.execute.slices import Slices
-from robust.network.differences import Distances
-from robust.network.uncertain import Case, DynamicAnswer, dynamic
+from robust.network.dispatchable import DispatchNetwork, edges_between, strategy
+from robust.network.uncertain import dynamic
 from robust.numbers import is_number, parse_number, shorten
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
@@ -137,157 +133,13 @@ class NaturalLink:
         return (length - self.length.constant_term) / factor
 
 
-class DispatchNetwork:
-    """Tables of a plan's network, made once and read by any number of executions; time points are numbered.
-
-    `above[x]` has `(y, w)` for t_y ≤ t_x + w, `below[x]` has `(y, w)` for t_y ≥ t_x + w. `waits[x]` has `(activation,
-    end, delay)`: x waits until `delay` after `activation` unless `end` has happened; None: however long that takes.
-    """
-
-    def __init__(
-        self,
-        points: Sequence[model.TimePoint],
-        links: Iterable[NaturalLink],
-        edges: Iterable[tuple[int, int, Fraction]],
-        waits: Iterable[tuple[int, int, int, Fraction | None]],
-        *,
-        closed: bool,
-    ) -> None:
-        """`edges` are `(x, y, w)` for t_y − t_x ≤ w; `waits` are point, activation, end and delay.
-
-        Raises:
-            InputError: if there is no schedule, as far as a network that is not `closed` shows that.
-        """
-        self.points = tuple(points)
-        self.index: Mapping[model.TimePoint, int] = {point: i for i, point in enumerate(self.points)}
-        self.natural: Mapping[model.TimePoint, NaturalLink] = {link.target: link for link in links}
-        self.closed = closed
-        if closed:
-            known = Distances(range(len(self.points)), ((y, x, -weight) for x, y, weight in edges))
-            if known.network.schedule is None:
-                raise InputError(_NO_SCHEDULE)
-            edges = ((x, y, Fraction(-weight, known.scale)) for y, x, weight in known.network.closure())
-        self._edges = _strongest(edges)
-        self._waits = tuple(waits)
-        self.above: list[list[tuple[int, Fraction]]] = [[] for _ in self.points]
-        self.below: list[list[tuple[int, Fraction]]] = [[] for _ in self.points]
-        self.waits: list[list[tuple[int, int, Fraction | None]]] = [[] for _ in self.points]
-        for (x, y), weight in self._edges.items():
-            self.above[x].append((y, weight))
-            self.below[y].append((x, -weight))
-        for point, activation, end, delay in self._waits:
-            self.waits[point].append((activation, end, delay))
-
-    @cached_property
-    def blockers(self) -> tuple[frozenset[int], ...]:
-        """For each time point those that must have happened first.
-
-        A time point that may coincide with a natural one waits for it, unless it brings it about: whoever starts first
-        could be wrong.
-        """
-        found: list[set[int]] = [set() for _ in self.points]
-        for (x, y), weight in self._edges.items():
-            first, second = self.points[y], self.points[x]
-            chance = first in self.natural and second not in self.natural and not self._follows(first, second)
-            if weight < 0 or (weight == 0 and chance):
-                found[x].add(y)
-        for point, activation, _, _ in self._waits:
-            found[point].add(activation)
-        return tuple(map(frozenset, found))
-
-    def _follows(self, point: model.TimePoint, cause: model.TimePoint) -> bool:
-        """Whether a natural time point happens because of another time point."""
-        while point in self.natural and point != cause:
-            point = self.natural[point].source
-        return point == cause
-
-    def tightened(self, edges: Iterable[tuple[int, int, Fraction]]) -> DispatchNetwork:
-        """The network with more edges, such as those of a parameter that has been observed."""
-        every = [*((x, y, w) for (x, y), w in self._edges.items()), *edges]
-        return DispatchNetwork(self.points, self.natural.values(), every, self._waits, closed=self.closed)
-
-
-_NO_SCHEDULE = "the network has no schedule; expected one for every value in the box"
-
-
-def _strongest(edges: Iterable[tuple[int, int, Fraction]]) -> dict[tuple[int, int], Fraction]:
-    found: dict[tuple[int, int], Fraction] = {}
-    for x, y, weight in edges:
-        if x != y:
-            found[x, y] = min(weight, found.get((x, y), weight))
-        elif weight < 0:
-            raise InputError(_NO_SCHEDULE)
-    return found
-
-
-class Windows:
-    """The windows of one execution; time points are numbered as in the network.
-
-    `times` are those of what has happened. `lower` and `upper` are the least and the greatest time at which each time
-    point may happen, None is never too late; `cause` is what the greatest time follows from.
-    """
-
-    def __init__(self, network: DispatchNetwork) -> None:
-        self.network = network
-        self.times: dict[int, Fraction] = {}
-        self.lower = [Fraction(0)] * len(network.points)
-        self.upper: list[Fraction | None] = [None] * len(network.points)
-        self.cause: list[int | None] = [None] * len(network.points)
-
-    def happened(self, point: int, time: Fraction) -> None:
-        """A time point has happened; its time need not be in its window."""
-        self.times[point] = time
-        for other, weight in self.network.above[point]:
-            if other not in self.times:
-                latest, known = time + weight, self.upper[other]
-                if known is None or latest < known:
-                    self.upper[other], self.cause[other] = latest, point
-        for other, weight in self.network.below[point]:
-            if other not in self.times:
-                self.lower[other] = max(self.lower[other], time + weight)
-
-    def window(self, point: int) -> tuple[Fraction, Fraction | None]:
-        """The least and the greatest time at which a time point may happen."""
-        return self.lower[point], self.upper[point]
-
-    def is_late(self, point: int, now: Fraction) -> bool:
-        """Whether its greatest time has passed."""
-        upper = self.upper[point]
-        return upper is not None and upper < now
-
-    def ready(self, point: int) -> Fraction | None:
-        """From when on a time point can be dispatched, if nothing else happens; None if it waits for something."""
-        if not self.times.keys() >= self.network.blockers[point]:
-            return None
-        ready = self.lower[point]
-        for activation, end, delay in self.network.waits[point]:
-            if end not in self.times:
-                if delay is None:
-                    return None
-                ready = max(ready, self.times[activation] + delay)
-        return ready
-
-    def moments(self, points: Iterable[int], patience: Fraction) -> Iterator[Fraction]:
-        """When each of these becomes ready, and when its greatest time plus `patience` comes."""
-        for point in points:
-            ready, upper = self.ready(point), self.upper[point]
-            if ready is not None:
-                yield ready
-            if upper is not None:
-                yield upper + patience
-
-    def over(self, network: DispatchNetwork) -> Windows:
-        """The same history in another network with the same time points."""
-        fresh = Windows(network)
-        for point, time in self.times.items():
-            fresh.happened(point, time)
-        return fresh
-
+Tables = DispatchNetwork[NaturalLink]
+"""The network of a plan that is executed."""
 
 # -- from a plan -------------------------------------------------------------------------------------------------------
 
 
-def dispatch_network(network: boxes.ParametricStnu, box: Box, executor: Executor) -> tuple[DispatchNetwork, Guarantee]:
+def dispatch_network(network: boxes.ParametricStnu, box: Box, executor: Executor) -> tuple[Tables, Guarantee]:
     """The network of a plan under a box, and what is known of the executions that it leads to.
 
     Raises:
@@ -325,55 +177,19 @@ def _possible_edges(
             continue
         lower = None if link.lower is None else _values(link.lower, box).lower
         upper = None if link.upper is None else _values(link.upper, box).upper
-        yield from _edges(index[link.source], index[link.target], lower, upper)
+        yield from edges_between(index[link.source], index[link.target], lower, upper)
     for natural in links:
         allowed = natural.allowed
-        yield from _edges(index[natural.source], index[natural.target], allowed.lower, allowed.upper)
+        yield from edges_between(index[natural.source], index[natural.target], allowed.lower, allowed.upper)
 
 
-def _edges(
-    source: int, target: int, lower: Fraction | None, upper: Fraction | None
-) -> Iterable[tuple[int, int, Fraction]]:
-    if upper is not None:
-        yield source, target, upper
-    if lower is not None:
-        yield target, source, -lower
-
-
-def _certain(network: boxes.ParametricStnu, box: Box, links: Sequence[NaturalLink]) -> DispatchNetwork | None:
+def _certain(network: boxes.ParametricStnu, box: Box, links: Sequence[NaturalLink]) -> Tables | None:
     """The network with all that follows from reductions; None if it is not dynamically controllable."""
     try:
         answer = dynamic(network.at(boxes.ends_of(box)))
     except InputError:  # a face is infinitely far out, or a link may end before it starts: no strategy is certain
         return None
     return strategy(answer, links) if answer.is_controllable else None
-
-
-def strategy(answer: DynamicAnswer, links: Iterable[NaturalLink]) -> DispatchNetwork:
-    """How to execute a dynamically controllable network, in terms of time points: starts A′ = A + x become A."""
-    form, stnu = answer.form, answer.form.stnu
-    index = {point: number for number, point in enumerate(stnu.points)}
-    place = {number: (number, Fraction(0)) for number in index.values()}
-    for number, node in form.start.items():
-        link = stnu.links[number]
-        place[node] = index[link.source], link.lower or Fraction(0)
-    edges = [
-        bound
-        for one in stnu.contingents
-        for bound in _edges(index[one.source], index[one.target], one.lower, one.upper)
-    ]
-    waits: list[tuple[int, int, int, Fraction | None]] = []
-    executed = {index[point] for point in stnu.executable}
-    for edge in (*form.edges, *answer.derived):
-        length = form.length(edge.weight)
-        (source, before), (target, after) = place[edge.source], place[edge.target]
-        if edge.case is Case.ORDINARY and length is not None:
-            # t_target + after − t_source − before ≤ length
-            edges.append((source, target, length + before - after))
-        elif edge.case is Case.UPPER and edge.label is not None and edge.weight < 0 and edge.source in executed:
-            end = index[stnu.links[edge.label].target]
-            waits.append((source, target, end, None if length is None else after - length))
-    return DispatchNetwork(stnu.points, links, edges, waits, closed=True)
 
 
 class Means(Enum):
@@ -493,7 +309,7 @@ class Dispatchable:
     plan: model.ParametrizedPlan
     box: Box
     epsilon: Fraction
-    network: DispatchNetwork
+    network: Tables
     guarantee: Guarantee
     revelations: tuple[Revelation, ...]
     shared: tuple[boxes.ParametricLink, ...]

@@ -19,8 +19,9 @@ from fractions import Fraction
 from time import perf_counter
 
 from robust.errors import did_you_mean
-from robust.execute.dispatchable import Dispatchable, Guarantee, Means, NaturalLink, Windows
+from robust.execute.dispatchable import Dispatchable, Guarantee, Means, NaturalLink
 from robust.execute.slices import Facts, Left, hull
+from robust.network.dispatchable import Windows
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.timeline import Reading, State

@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from robust.errors import InputError
-from robust.execute.dispatchable import NaturalLink, Windows, strategy
+from robust.network.dispatchable import Windows, strategy
 from robust.network.uncertain import (
     Link,
     Step,
@@ -23,8 +23,6 @@ from robust.network.uncertain import (
     weight_in,
 )
 from robust.plan.model import ZERO
-from robust.plan.polynomial import Polynomial
-from robust.qe.box import Interval
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.execute.controllability_oracles import (
     dynamic_by_game,
@@ -203,11 +201,7 @@ class Executing:
     """The strategy of a controllable network as the dispatcher follows it."""
 
     def __init__(self, stnu, answer):
-        links = [
-            NaturalLink(one.source, one.target, Polynomial.variable(one.name), Interval(one.lower, one.upper))
-            for one in answer.form.stnu.contingents
-        ]
-        self.stnu, self.windows = stnu, Windows(strategy(answer, links))
+        self.stnu, self.windows = stnu, Windows(strategy(answer, answer.form.stnu.contingents))
         self.index = self.windows.network.index
         self.happened(ZERO, Fraction(0))
 

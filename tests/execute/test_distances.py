@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.errors import InputError
-from robust.execute.dispatchable import DispatchNetwork, Windows
 from robust.execute.distances import Edge, EdgeNetwork, constraints_of, edge, is_implied
+from robust.network.dispatchable import DispatchNetwork, Windows
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 from robust.plan.stn import STNConstraint
 

@@ -13,7 +13,7 @@ import pytest
 from benchmarks.irr.stnu import team_network
 from robust import stnu
 from robust.errors import InputError
-from robust.execute.dispatchable import Windows
+from robust.network.dispatchable import Windows
 from robust.plan.model import ZERO
 from tests.execute import controllability_oracles as oracles
 from tests.execute.test_controllability import Executing, chosen_length
@@ -67,7 +67,7 @@ def test_the_minimal_network_is_executed_whatever_nature_draws(seeds, least):
         result = stnu.dispatch(found)
         if result.tables is None:
             continue
-        ends = {link.target: (link.allowed.lower, link.allowed.upper) for link in result.tables.natural.values()}
+        ends = {link.target: (link.lower, link.upper) for link in result.tables.natural.values()}
         between = [
             {end: low + (high - low) * Fraction(rng.randint(0, 12), 12) for end, (low, high) in ends.items()}
             for _ in range(3)
