@@ -156,25 +156,19 @@ class DifferenceNetwork:
         return _strong_components(tight)
 
     @cached_property
-    def _slack(self) -> Following:
+    def _slack(self) -> list[list[tuple[int, int]]]:
         """For each component the components that follow it, with the least slack of a bound between them."""
-        return self._least_slacks(self.component)
-
-    def _least_slacks(self, group: Sequence[int]) -> Following:
-        """For each group of points the groups that follow it, with the least slack of a bound, and its origin."""
-        times = self.times
-        least: dict[tuple[int, int], tuple[int, int]] = {}
-        for (source, target), (weight, origin) in self._bounds.items():
-            pair = (group[source], group[target])
+        times, component = self.times, self.component
+        least: dict[tuple[int, int], int] = {}
+        for (source, target), (weight, _) in self._bounds.items():
+            pair = (component[source], component[target])
             if pair[0] != pair[1]:
                 slack = times[target] - times[source] - weight
-                known = least.get(pair)
-                if known is None or slack < known[0]:
-                    least[pair] = slack, origin
-        leaving: list[list[tuple[int, int, int]]] = [[] for _ in range(max(group, default=-1) + 1)]
-        for (source, target), (slack, origin) in least.items():
-            leaving[source].append((target, slack, origin))
-        return leaving
+                least[pair] = min(slack, least.get(pair, slack))
+        steps: list[list[tuple[int, int]]] = [[] for _ in range(max(component, default=-1) + 1)]
+        for (source, target), slack in least.items():
+            steps[source].append((target, slack))
+        return steps
 
     @cached_property
     def _rows(self) -> dict[int, list[int | None]]:
@@ -184,7 +178,18 @@ class DifferenceNetwork:
         """The least slack of a path from a component to each other; None where there is none."""
         row = self._rows.get(start)
         if row is None:
-            row = self._rows[start] = _nearest(self._slack, start)[0]
+            following = self._slack
+            row = self._rows[start] = [None] * len(following)
+            row[start] = 0
+            heap = [(0, start)]
+            while heap:
+                slack, one = heappop(heap)
+                if row[one] == slack:
+                    for other, more in following[one]:
+                        known = row[other]
+                        if known is None or slack + more < known:
+                            row[other] = slack + more
+                            heappush(heap, (slack + more, other))
         return row
 
     # -- what follows --------------------------------------------------------------------------------------------------
@@ -206,15 +211,29 @@ class DifferenceNetwork:
 
     @cached_property
     def _steps(self) -> Following:
-        """For each point those that it bounds, with the slack."""
-        return self._least_slacks(range(self.size))
+        return following(self.size, ((*pair, weight) for pair, (weight, _) in self._bounds.items()))
 
     def arrivals(self, source: int) -> Sequence[tuple[int, int]]:
         """For each point the one before it on a greatest lower bound from a source, and the origin of the last bound.
 
         (−1, −1) for the source, and for points of which nothing is known. Of several the first by number.
         """
-        return _nearest(self._steps, source)[1]
+        origins = [origin for _, origin in self._bounds.values()]
+        greatest = [self.least(source, target) for target in range(self.size)]
+        arrivals, settled = [(-1, -1)] * self.size, [False] * self.size
+        heap = [(0, source)]  # by slack, as in Dijkstra's algorithm, but along greatest lower bounds only
+        while heap:
+            _, point = heappop(heap)
+            settled[point] = True
+            for other, weight, number in self._steps[point]:
+                arrival = point, origins[number]
+                if settled[other] or greatest[other] != (greatest[point] or 0) + weight:
+                    continue
+                if arrivals[other][0] < 0:
+                    heappush(heap, (self.times[other] - (greatest[other] or 0), other))
+                    arrivals[other] = arrival
+                arrivals[other] = min(arrival, arrivals[other])
+        return arrivals
 
     def at_least(self, source: int, target: int, weight: int) -> bool:
         """Whether t_target − t_source ≥ weight in all schedules."""
@@ -266,7 +285,7 @@ class DifferenceNetwork:
             yield from self._distant_members(points)
         places = {component: [times[point] for point in points] for component, points in members.items()}
         for source, leaving in enumerate(self._slack):
-            for target, slack, _ in leaving:
+            for target, slack in leaving:
                 later, at = members[target], places[target]
                 for point in members[source]:
                     for distance in (0, self._near):
@@ -306,18 +325,17 @@ class DifferenceNetwork:
                 if self._slack_of(bound) < self._slack_of(best[pair]):
                     best[pair] = bound
         fixed = {(component[one[0]], component[one[1]]): self._slack_of(one) for one in given}
-        direct = [{target: slack for target, slack, _ in leaving} for leaving in self._slack]
+        direct = [dict(leaving) for leaving in self._slack]
         for (source, target), bound in best.items():
             slack = self._slack_of(bound)
             if fixed.get((source, target), slack + 1) <= slack:
                 continue
             between = [one for one in self._slack[source] if one[0] != target and one[1] <= slack]
             # Mostly two bounds imply a third one, which takes no search.
-            if any(first + direct[middle].get(target, slack + 1) <= slack for middle, first, _ in between):
+            if any(first + direct[middle].get(target, slack + 1) <= slack for middle, first in between):
                 continue
             if not any(
-                (rest := self._row(middle)[target]) is not None and first + rest <= slack
-                for middle, first, _ in between
+                (rest := self._row(middle)[target]) is not None and first + rest <= slack for middle, first in between
             ):
                 kept.append(bound)
         for bounds_within in inner.values():
@@ -326,27 +344,6 @@ class DifferenceNetwork:
 
     def _slack_of(self, bound: Bound) -> int:
         return self.times[bound[1]] - self.times[bound[0]] - bound[2]
-
-
-def _nearest(steps: Following, start: int) -> tuple[list[int | None], list[tuple[int, int]]]:
-    """Least sums of slacks that are not negative from one node to all [Dijkstra], and the last step to each node."""
-    sums: list[int | None] = [None] * len(steps)
-    arrivals, settled = [(-1, -1)] * len(steps), [False] * len(steps)
-    sums[start] = 0
-    heap = [(0, start)]
-    while heap:
-        total, node = heappop(heap)
-        if sums[node] != total:
-            continue
-        settled[node] = True
-        for other, more, origin in steps[node]:
-            known, reached = sums[other], total + more
-            if known is None or reached < known:
-                sums[other], arrivals[other] = reached, (node, origin)
-                heappush(heap, (reached, other))
-            elif reached == known and not settled[other] and (node, origin) < arrivals[other]:
-                arrivals[other] = node, origin
-    return sums, arrivals
 
 
 def _strong_components(steps: Sequence[Sequence[int]]) -> list[int]:
