@@ -16,7 +16,7 @@ from math import lcm
 from robust.certify.checker.formulas import FALSE, Formulas, constant, plus, replaced
 from robust.certify.checker.reader import Ground, Linear
 from robust.certify.hints import Fact, KnownFacts, Line, Model, Side, implied, model, refutation
-from robust.certify.network import OrderLemmas, Point, positive_circle
+from robust.certify.orders import OrderLemmas, Point, positive_circle
 from robust.certify.tape import Multiples, obligation_lines, schedule_lines, sums, texts
 from robust.encode.interface import Encoding
 from robust.encode.variables import Range

@@ -12,7 +12,7 @@ from pathlib import Path
 from robust.certify.checker.formulas import FALSE, Formulas
 from robust.certify.checker.reader import Ground, Linear
 from robust.certify.hints import Fact, KnownFacts, Line, implied, refutation
-from robust.certify.network import OrderLemmas, affine_times, constant_times, placed, positive_circle
+from robust.certify.orders import OrderLemmas, affine_times, constant_times, placed, positive_circle
 from robust.certify.refute import NotRefutedError
 from robust.encode.variables import Range
 from robust.errors import RefutedError, UnsupportedError

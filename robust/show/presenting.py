@@ -95,7 +95,7 @@ _RESULTS: Mapping[str, Shown] = {
     "stnu.verdicts:CheckResult": Shown(
         "a verdict", "stnu:one_check", "stnu:print_one_check", "results/0/cycle", numbers=("value",)
     ),
-    "stnu.minimal:DispatchResult": Shown(
+    "stnu.verdicts:DispatchResult": Shown(
         "a network", "stnu:one_dispatch", "stnu:print_one_dispatch", "results/0/requirements", numbers=("bound",)
     ),
     "stnu.repairs:Repair": Shown(

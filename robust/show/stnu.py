@@ -21,10 +21,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from robust.errors import RobustError
-    from robust.stnu.minimal import DispatchResult, Execution
     from robust.stnu.network import Network
     from robust.stnu.repairs import Repair
-    from robust.stnu.verdicts import CheckResult
+    from robust.stnu.verdicts import CheckResult, DispatchResult, Execution
 
 Result = TypeVar("Result")
 

@@ -16,17 +16,16 @@ if TYPE_CHECKING:
     from robust.irr.quantities import RepairStatus
     from robust.qe.box import Side
     from robust.stnu.files import load, write
-    from robust.stnu.minimal import DispatchResult, Execution, dispatch
     from robust.stnu.network import Edge, Link, Network
     from robust.stnu.repairs import Change, Repair, repair
-    from robust.stnu.verdicts import CheckResult, Verdict, check, refutes
+    from robust.stnu.verdicts import CheckResult, DispatchResult, Execution, Verdict, check, dispatch, refutes
 
 _HOME = {
     "Change": "robust.stnu.repairs",
     "CheckResult": "robust.stnu.verdicts",
-    "DispatchResult": "robust.stnu.minimal",
+    "DispatchResult": "robust.stnu.verdicts",
     "Edge": "robust.stnu.network",
-    "Execution": "robust.stnu.minimal",
+    "Execution": "robust.stnu.verdicts",
     "Link": "robust.stnu.network",
     "Network": "robust.stnu.network",
     "Repair": "robust.stnu.repairs",
@@ -34,7 +33,7 @@ _HOME = {
     "Side": "robust.qe.box",
     "Verdict": "robust.stnu.verdicts",
     "check": "robust.stnu.verdicts",
-    "dispatch": "robust.stnu.minimal",
+    "dispatch": "robust.stnu.verdicts",
     "load": "robust.stnu.files",
     "refutes": "robust.stnu.verdicts",
     "repair": "robust.stnu.repairs",

@@ -1,4 +1,4 @@
-"""Is a network dynamically controllable, and if not, why not: a witness that a few lines can check.
+"""Is a network dynamically controllable, and how is it dispatched; if not, why not: a witness that few lines can check.
 
 The witness is a semi-reducible negative cycle of the distance graph (Morris, 2006: *A structural characterization of
 temporal dynamic controllability*): its length is negative, and after each lower-case edge comes a piece of negative
@@ -9,16 +9,33 @@ network alone; it shares no code with the search that finds it.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from random import Random
 
-from robust.network.uncertain import dynamic, explain
+from robust.errors import InputError, RefutedError
+from robust.network.dispatchable import (
+    DispatchNetwork,
+    Windows,
+    edges_between,
+    minimal_edges,
+    needed_waits,
+    strategy,
+)
+from robust.network.uncertain import Link, Wait, dynamic, explain
 from robust.numbers import Number
-from robust.presented import Presented, VerdictEnum
+from robust.plan.model import ZERO, TimePoint
+from robust.presented import NoTruthValue, Presented, VerdictEnum
 from robust.smt.limits import OutOfTimeError
 from robust.stnu.files import Source, deadline, network_of
-from robust.stnu.network import Edge, Network, edges_of
+from robust.stnu.network import Edge, Network, edges_of, instant
+
+_NOTHING = Fraction(0)
+GRAIN = 10**6
+"""Drawn durations are multiples of this part of a contingent link's width."""
+UNBOUNDED = 10
+"""How far beyond its least length, in multiples of it and 1, a link without an upper bound is drawn."""
 
 
 class Verdict(VerdictEnum):
@@ -131,3 +148,192 @@ def _distance_graph(network: Network) -> Iterator[_Key]:
     if network.origin is not None:
         for node in network.nodes:
             yield node, network.origin, Fraction(0), "ordinary"
+
+
+# -- dispatch ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """`target − source ≤ bound`, an ordinary edge of a dispatchable network."""
+
+    source: str
+    target: str
+    bound: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Occurrence:
+    """A time point happens: executed by the dispatcher, or observed."""
+
+    time: Fraction
+    point: str
+    observed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Execution(NoTruthValue, ask="violated"):
+    """What happened when nature drew these lengths of contingent links, by their ends; `violated` are requirements."""
+
+    seed: int
+    lengths: Mapping[str, Fraction]
+    events: tuple[Occurrence, ...]
+    violated: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class DispatchResult(Presented, ask="checked"):
+    """A minimal dispatchable network: contingent links as they were, requirements, waits; None of it without control.
+
+    `derived` is how many ordinary edges follow from the network in all.
+    """
+
+    checked: CheckResult
+    requirements: tuple[Requirement, ...]
+    waits: tuple[Wait, ...]
+    derived: int
+    tables: DispatchNetwork[Link[Fraction]] | None
+    seconds: float
+
+    @property
+    def name(self) -> str:
+        """Of the network."""
+        return self.network.name
+
+    @property
+    def network(self) -> Network:
+        return self.checked.network
+
+    def execute(self, seed: int = 0) -> Execution:
+        """An execution as early as possible; lengths of contingent links are drawn uniformly.
+
+        Raises:
+            RefutedError: if the network is not controllable.
+        """
+        if self.tables is None:
+            raise RefutedError(f"{self.network.name} is not controllable; expected a controllable network")
+        draw = Random(seed)  # noqa: S311 - a simulation
+        lengths = {link.target: _drawn(draw, link) for link in self.tables.natural.values()}
+        return self.execute_with(lengths, seed)
+
+    def execute_with(self, lengths: Mapping[TimePoint, Fraction] | Mapping[str, Fraction], seed: int = 0) -> Execution:
+        """The same with given lengths of contingent links, by their ends, from where the link begins.
+
+        Raises:
+            InputError: unless there is a length of each contingent link, and of nothing else.
+            RefutedError: if the network is not controllable.
+        """
+        if self.tables is None:
+            raise RefutedError(f"{self.network.name} is not controllable; expected a controllable network")
+        lengths = {instant(end) if isinstance(end, str) else end: length for end, length in lengths.items()}
+        if lengths.keys() != self.tables.natural.keys():
+            found, expected = (", ".join(map(str, ends)) or "none" for ends in (lengths, self.tables.natural))
+            raise InputError(f"found lengths of {found}, expected those of the contingent links: {expected}")
+        times = dict(run_early(self.tables, lengths))
+        order = {point: number for number, point in enumerate(times)}
+        events = tuple(
+            Occurrence(moment, str(point), point in self.tables.natural)
+            for point, moment in sorted(times.items(), key=lambda item: (item[1], order[item[0]]))
+            if point != ZERO
+        )
+        return Execution(seed, {str(end): size for end, size in lengths.items()}, events, self._violated(times))
+
+    def _violated(self, times: Mapping[TimePoint, Fraction]) -> tuple[str, ...]:
+        return tuple(
+            str(link)
+            for link in self.network.examined.stnu.links
+            if not link.is_contingent
+            and not (
+                (link.lower is None or times[link.target] - times[link.source] >= link.lower)
+                and (link.upper is None or times[link.target] - times[link.source] <= link.upper)
+            )
+        )
+
+
+def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResult:
+    """The minimal dispatchable form of a network; only the verdict if it is not controllable.
+
+    Args:
+        network: a network, or the path of one.
+        timeout: seconds after which the verdict is UNKNOWN.
+
+    Raises:
+        InputError: if there is anything wrong in the file.
+    """
+    started = time.perf_counter()
+    network = network_of(network)
+    checked = check(network, timeout=timeout)
+    if checked.verdict is not Verdict.CONTROLLABLE:
+        return DispatchResult(checked, (), (), 0, None, time.perf_counter() - started)
+    answer = dynamic(network.examined.stnu, deadline(timeout))
+    full = strategy(answer, answer.form.stnu.contingents)
+    index = full.index
+    natural = [
+        edge
+        for link in full.natural.values()
+        for edge in edges_between(index[link.source], index[link.target], link.lower, link.upper)
+    ]
+    kept, waits = tuple(minimal_edges(full)), tuple(needed_waits(full))
+    tables = DispatchNetwork(
+        full.points,
+        full.natural.values(),
+        [*kept, *natural],
+        ((index[one.point], index[one.activation], index[one.end], one.delay) for one in waits),
+        closed=False,
+    )
+    requirements = tuple(
+        Requirement(str(full.points[a]), str(full.points[b]), weight)
+        for a, b, weight in kept
+        if (a, b, weight) not in natural and not (full.points[b] == ZERO and weight >= 0)
+    )
+    derived = sum(map(len, full.above))
+    return DispatchResult(checked, requirements, waits, derived, tables, time.perf_counter() - started)
+
+
+# -- executions --------------------------------------------------------------------------------------------------------
+
+
+def _drawn(draw: Random, link: Link[Fraction]) -> Fraction:
+    low = link.lower or _NOTHING
+    width = UNBOUNDED * (low + 1) if link.upper is None else link.upper - low
+    return low + width * Fraction(draw.randint(0, GRAIN), GRAIN)
+
+
+def run_early(
+    tables: DispatchNetwork[Link[Fraction]], lengths: Mapping[TimePoint, Fraction]
+) -> Iterable[tuple[TimePoint, Fraction]]:
+    """When each time point happens if all happen as early as they may.
+
+    Raises:
+        RuntimeError: if nothing may happen although something has to, which is an error of the network.
+    """
+    windows = Windows(tables)
+    waiting = {point for point in tables.points if point not in tables.natural}
+    now = _NOTHING
+    coming: dict[TimePoint, Fraction] = {}
+
+    def happen(point: TimePoint) -> tuple[TimePoint, Fraction]:
+        windows.happened(tables.index[point], now)
+        for link in tables.natural.values():
+            if link.source == point:
+                coming[link.target] = now + lengths[link.target]
+        return point, now
+
+    waiting.discard(ZERO)
+    yield happen(ZERO)
+    while waiting or coming:
+        ended = next((point for point, moment in sorted(coming.items()) if moment == now), None)
+        if ended is not None:
+            del coming[ended]
+            yield happen(ended)
+            continue
+        ready = {point: windows.ready(tables.index[point]) for point in waiting}
+        chosen = next((point for point in sorted(waiting) if (at := ready[point]) is not None and at <= now), None)
+        if chosen is not None:
+            waiting.discard(chosen)
+            yield happen(chosen)
+            continue
+        moments = [moment for moment in (*ready.values(), *coming.values()) if moment is not None]
+        if not moments:
+            raise RuntimeError(f"nothing may happen, but {', '.join(sorted(map(str, waiting)))} have to")
+        now = min(moments)

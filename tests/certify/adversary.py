@@ -29,7 +29,7 @@ from robust.certify.checker import choices, reader
 from robust.certify.checker.claims import Claim
 from robust.certify.checker.formulas import FALSE, Formulas, plus
 from robust.certify.hints import KnownFacts, Line, implied, model, refutation
-from robust.certify.network import OrderLemmas, constant_times
+from robust.certify.orders import OrderLemmas, constant_times
 from robust.certify.refute import NotRefutedError
 from robust.certify.tape import good_lines, header
 from robust.encode import create_encoding

@@ -14,7 +14,7 @@ from robust.certify.alethe import export
 from robust.certify.bad import declared_bounds, face_lines, region_lines
 from robust.certify.checker import reader
 from robust.certify.checker.formulas import Formulas
-from robust.certify.network import OrderLemmas, affine_times, constant_times, positive_circle
+from robust.certify.orders import OrderLemmas, affine_times, constant_times, positive_circle
 from robust.certify.produce import PlanCertificate, knowledge
 from robust.certify.tape import box_facts, good_lines, header
 from robust.encode import create_encoding
