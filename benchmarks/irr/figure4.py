@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 
 from robust.api import envelope
 from robust.errors import InputError, RobustError
-from robust.execute.controllability import Controllability, Kind
+from robust.execute.controllability import Control, Controllability
 from robust.execute.convert import convert
 from robust.execute.parametrization import option_of
 from robust.plan.load import load_plan
@@ -189,9 +189,9 @@ def _assessment(plan: ParametrizedPlan, limit: float | None) -> Assessment:
         return facts
     try:
         questions = Controllability(plan, found.box, deadline=deadline)
-        dynamic, strong = questions.finding(Kind.DYNAMIC), questions.finding(Kind.STRONG)
+        dynamic, strong = questions.finding(Control.DYNAMIC), questions.finding(Control.STRONG)
         facts = replace(facts, dynamic=dynamic.verdict.value, strong=strong.verdict.value, reason=dynamic.reason)
-        shrunk = questions.shrunk(Kind.DYNAMIC)
+        shrunk = questions.shrunk(Control.DYNAMIC)
     except OutOfTimeError:
         return replace(facts, status="timeout")
     except RobustError as error:

@@ -27,7 +27,7 @@ from robust.execute.dispatcher import LeftBox
 from robust.execute.planners.interface import RememberingPlanner
 from robust.execute.planners.registry import create_planner
 from robust.execute.replan import REPLANS, Mission, Options, Run, RunStatus, Segment, execute, prepare_timed
-from robust.execute.slices import Answer
+from robust.execute.slices import SliceAnswer
 from robust.execute.worlds import Rules, parse_rules
 from robust.plan.parameters import ParameterSpec, parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
@@ -174,7 +174,7 @@ def run_case(table: int, column: int, problem: int, seed: int, conditions: Condi
         promises = (sum(map(_promises, run.segments)), broken_promises(run))
         succeeded = run.status is RunStatus.SUCCEEDED
         answers = [one.answer for segment in run.segments for one in segment.left]
-        looked = (len(answers), answers.count(Answer.OUT_OF_TIME), answers.count(Answer.NOTHING))
+        looked = (len(answers), answers.count(SliceAnswer.OUT_OF_TIME), answers.count(SliceAnswer.NOTHING))
         spent = round(run.seconds, 4)
         rows.append(ExecutionRow(*place, succeeded, run.replans, *promises, spent, run.reason, *looked))
     return tuple(rows)

@@ -13,7 +13,7 @@ from functools import cache
 
 from robust.encode.effects import Writes, mutex_pairs
 from robust.encode.interface import EPSILON, Encoding, Obligation, Stage
-from robust.encode.network import Orders, Slices, TemporalNetwork, duration_rules
+from robust.encode.network import IndependentParts, Orders, TemporalNetwork, duration_rules
 from robust.encode.overall import OverAll
 from robust.encode.settled import proved
 from robust.encode.state import FINALLY, Clock, Moment, States, before
@@ -183,11 +183,11 @@ class RelationalEncoding(Encoding):
         for first, second in self._orders.separate(self._mutex, self.epsilon):
             yield self.network.distance(first, second) - self.epsilon
 
-    def _make_slices(self, stage: Stage) -> Slices:
+    def _make_slices(self, stage: Stage) -> IndependentParts:
         """enc_tn with what the stage assumes; `t ≥ 0` is left out where an earlier time point implies it."""
         supported = set() if stage is Stage.DURATION else self._supported_points()
         network = [i.expression for i in self.network.inequalities if i.not_before_zero not in supported]
-        return Slices(self.terms, [*network, *self._assumed[stage]])
+        return IndependentParts(self.terms, [*network, *self._assumed[stage]])
 
     def _supported_points(self) -> set[TimePoint]:
         """Time points that follow another one, other than zero, in every schedule that respects durations.

@@ -284,7 +284,7 @@ class Orders(Distances[TimePoint]):
         return self.consistent and self.network.at_least(self.index[first], self.index[second], 0)
 
 
-class Slices:
+class IndependentParts:
     """A conjunction of `expression ≥ 0` split into parts that share no unknown."""
 
     def __init__(self, terms: Terms, expressions: Iterable[Linear]) -> None:

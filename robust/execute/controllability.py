@@ -47,7 +47,7 @@ from robust.smt.session import Verdict as SolverVerdict
 from robust.smt.terms import Terms
 
 
-class Kind(Enum):
+class Control(Enum):
     """What the dispatcher has to know: all values beforehand, those revealed so far, or none."""
 
     WEAK = "weak"
@@ -55,7 +55,7 @@ class Kind(Enum):
     STRONG = "strong"
 
 
-class Verdict(VerdictEnum):
+class ControlVerdict(VerdictEnum):
     """What is known about a box."""
 
     CONTROLLABLE = "controllable"
@@ -67,8 +67,8 @@ class Verdict(VerdictEnum):
 class Finding(NoTruthValue, ask="verdict"):
     """A verdict about one kind of controllability; `reason` says why it is not CONTROLLABLE."""
 
-    kind: Kind
-    verdict: Verdict
+    kind: Control
+    verdict: ControlVerdict
     reason: str | None
     seconds: float
 
@@ -100,20 +100,24 @@ class Controllability:
     def __post_init__(self) -> None:
         self.network = boxes.parametric_stnu(self.plan, self.box)
 
-    def finding(self, kind: Kind) -> Finding:
+    def finding(self, kind: Control) -> Finding:
         """The verdict about one kind; UNKNOWN if time runs out."""
         started = time.perf_counter()
         try:
-            verdict, reason = {Kind.WEAK: self._weak, Kind.DYNAMIC: self._dynamic, Kind.STRONG: self._strong}[kind]()
+            verdict, reason = {
+                Control.WEAK: self._weak,
+                Control.DYNAMIC: self._dynamic,
+                Control.STRONG: self._strong,
+            }[kind]()
         except OutOfTimeError as stopped:
-            verdict, reason = Verdict.UNKNOWN, stopped.reason or "out of time"
+            verdict, reason = ControlVerdict.UNKNOWN, stopped.reason or "out of time"
         return Finding(kind, verdict, reason, time.perf_counter() - started)
 
     def findings(self) -> tuple[Finding, ...]:
         """The verdicts about all kinds, weak first."""
-        return tuple(self.finding(kind) for kind in Kind)
+        return tuple(self.finding(kind) for kind in Control)
 
-    def shrunk(self, kind: Kind) -> boxes.Shrunk:
+    def shrunk(self, kind: Control) -> boxes.Shrunk:
         """The max–min fair part of the box that is controllable: see :mod:`robust.execute.controllable_boxes`.
 
         Of a box with vague parameters, it is the part that is dynamically controllable without knowing them, unless one
@@ -123,9 +127,9 @@ class Controllability:
             InputError: if not even the nominal values leave a schedule.
             OutOfTimeError: if the deadline passes first.
         """
-        if kind is Kind.WEAK or (kind is Kind.DYNAMIC and self._is_strong_only()):
+        if kind is Control.WEAK or (kind is Control.DYNAMIC and self._is_strong_only()):
             return boxes.Shrunk(self.box, ())
-        wanted = (boxes.Dynamically if kind is Kind.DYNAMIC else boxes.Strongly)(self.network, self.deadline)
+        wanted = (boxes.Dynamically if kind is Control.DYNAMIC else boxes.Strongly)(self.network, self.deadline)
         return boxes.shrink(self.plan.parameters, self.box, wanted)
 
     def waits(self) -> tuple[Wait, ...]:
@@ -152,7 +156,7 @@ class Controllability:
 
     # -- verdicts ------------------------------------------------------------------------------------------------------
 
-    def _weak(self) -> tuple[Verdict, str | None]:
+    def _weak(self) -> tuple[ControlVerdict, str | None]:
         """Whether every point of the closure of the box has a schedule: none is lost at open ends."""
         terms, statistics = Terms(), Statistics()
         validity = Validity(TemporalNetwork(self.plan), (), terms)
@@ -163,33 +167,39 @@ class Controllability:
         found = validity.broken_facet(self.box.grid, session, self.deadline)
         match found:
             case None:
-                return Verdict.CONTROLLABLE, None
+                return ControlVerdict.CONTROLLABLE, None
             case Facet():
-                return Verdict.NOT_CONTROLLABLE, f"contradiction: {'; '.join(found.origins)}"
+                return ControlVerdict.NOT_CONTROLLABLE, f"contradiction: {'; '.join(found.origins)}"
             case SolverVerdict():
                 raise OutOfTimeError(statistics.failure)
 
-    def _strong(self) -> tuple[Verdict, str | None]:
+    def _strong(self) -> tuple[ControlVerdict, str | None]:
         answer = self.strong_answer()
         if answer.is_controllable:
-            return Verdict.CONTROLLABLE, None
+            return ControlVerdict.CONTROLLABLE, None
         needed = "; ".join(dict.fromkeys(one.origin for one in answer.cycle))
         if answer.endless:
             names = ", ".join(sorted({name for name, _ in answer.endless}))
-            return Verdict.NOT_CONTROLLABLE, f"no time is late enough for all values of {names}: {needed}"
+            return (
+                ControlVerdict.NOT_CONTROLLABLE,
+                f"no time is late enough for all values of {names}: {needed}",
+            )
         names = ", ".join(sorted({name for one in answer.cycle for (name, _), _ in one.form.coefficients()}))
-        return Verdict.NOT_CONTROLLABLE, f"no schedule suits all values of {names or 'the parameters'}: {needed}"
+        return (
+            ControlVerdict.NOT_CONTROLLABLE,
+            f"no schedule suits all values of {names or 'the parameters'}: {needed}",
+        )
 
-    def _dynamic(self) -> tuple[Verdict, str | None]:
+    def _dynamic(self) -> tuple[ControlVerdict, str | None]:
         ends = boxes.ends_of(self.box)
         reason = self._obstacle(ends)
         if reason is None:
-            return Verdict.CONTROLLABLE, None
+            return ControlVerdict.CONTROLLABLE, None
         vague = {name: why for name, why in self.network.vague.items() if name in self.box.intervals}
         if not vague and next(self.network.early(ends), None) is None:
-            return Verdict.NOT_CONTROLLABLE, reason
+            return ControlVerdict.NOT_CONTROLLABLE, reason
         if self.strong_answer().is_controllable:
-            return Verdict.CONTROLLABLE, None
+            return ControlVerdict.CONTROLLABLE, None
         for known, part in self._corners(vague):
             network = boxes.parametric_stnu(self.plan, part)
             if not network.vague and next(network.early(boxes.ends_of(part)), None) is None:
@@ -197,8 +207,11 @@ class Controllability:
                 if answer.cycle is not None:
                     beforehand = ", ".join(f"{name} = {value}" for name, value in known.items())
                     why = explain(answer.form.stnu, answer.cycle)
-                    return Verdict.NOT_CONTROLLABLE, f"{why}, even if {beforehand} is known" if known else why
-        return Verdict.UNKNOWN, "; ".join(vague.values()) or reason
+                    return (
+                        ControlVerdict.NOT_CONTROLLABLE,
+                        f"{why}, even if {beforehand} is known" if known else why,
+                    )
+        return ControlVerdict.UNKNOWN, "; ".join(vague.values()) or reason
 
     def _obstacle(self, ends: boxes.Ends) -> str | None:
         """Why dynamic controllability is not proved; None if it is."""
@@ -230,7 +243,7 @@ class Controllability:
 def shrink(
     plan: ParametrizedPlan,
     box: Box,
-    kind: Kind,
+    kind: Control,
     *,
     deadline: Deadline = NEVER,
 ) -> Box:
@@ -276,7 +289,7 @@ class Objective:
 def widest(
     plan: ParametrizedPlan,
     start: Box,
-    kind: Kind,
+    kind: Control,
     objective: Objective,
     *,
     solver: str = "z3",
@@ -293,8 +306,8 @@ def widest(
     """
     bad = DiscoveredBadSet(create_encoding(objective.encoding, plan, objective.epsilon, deadline), solver=solver)
     network = boxes.parametric_stnu(plan, start)
-    wanted: boxes.Property = (boxes.Dynamically if kind is Kind.DYNAMIC else boxes.Strongly)(network, deadline)
-    if kind is Kind.DYNAMIC and wanted.reason(boxes.ends_of(start)) is not None:
+    wanted: boxes.Property = (boxes.Dynamically if kind is Control.DYNAMIC else boxes.Strongly)(network, deadline)
+    if kind is Control.DYNAMIC and wanted.reason(boxes.ends_of(start)) is not None:
         wanted = boxes.Strongly(network, deadline)  # a fixed schedule is all that is known of vague parameters
     inside = boxes.Controllable(bad, wanted, plan.parameters, start)
     found, bound = [start], None
@@ -315,7 +328,7 @@ class _Maximality:
     """Why no face of a box can move outwards, given the obstacles that were met on the way to it."""
 
     plan: ParametrizedPlan
-    kind: Kind
+    kind: Control
     bad: DiscoveredBadSet
     box: Box
     met: Sequence[Obstacle]
@@ -347,7 +360,11 @@ class _Maximality:
         return None
 
 
-ADVERBS = {Kind.WEAK: "weakly", Kind.DYNAMIC: "dynamically", Kind.STRONG: "strongly"}
+ADVERBS = {
+    Control.WEAK: "weakly",
+    Control.DYNAMIC: "dynamically",
+    Control.STRONG: "strongly",
+}
 
 
 @dataclass(frozen=True)
@@ -359,7 +376,7 @@ class ControllabilityReport(NoTruthValue, ask="was_controllable"):
     are who waits for which end, if the part is dynamically controllable and that was wanted.
     """
 
-    wanted: Kind
+    wanted: Control
     findings: tuple[Finding, ...]
     box: Box
     shrunk: boxes.Shrunk | None
@@ -371,7 +388,7 @@ class ControllabilityReport(NoTruthValue, ask="was_controllable"):
     @property
     def was_controllable(self) -> bool:
         """Whether the box itself is as wanted."""
-        return any(one.kind is self.wanted and one.verdict is Verdict.CONTROLLABLE for one in self.findings)
+        return any(one.kind is self.wanted and one.verdict is ControlVerdict.CONTROLLABLE for one in self.findings)
 
 
 def assess(
@@ -384,21 +401,21 @@ def assess(
     objective: Objective | None = None,
 ) -> ControllabilityReport:
     """Decide all kinds for a box that is inside the envelope, shrink it to the wanted kind, and find the widest one."""
-    kind = Kind(wanted)
+    kind = Control(wanted)
     deadline = Deadline.after(timeout)
     asked = Controllability(plan, box, solver=solver, deadline=deadline)
     findings = asked.findings()
     try:
         shrunk = asked.shrunk(kind)
         inside = Controllability(plan, shrunk.box, solver=solver, deadline=deadline)
-        strategy = inside.waits() if kind is Kind.DYNAMIC else ()
+        strategy = inside.waits() if kind is Control.DYNAMIC else ()
     except OutOfTimeError:
         return ControllabilityReport(kind, findings, box, None, None, "out of time", ())
     except RobustError as error:
         return ControllabilityReport(kind, findings, box, None, None, error.message, ())
     lost = boxes.loss(box, shrunk.box)
     report = ControllabilityReport(kind, findings, box, shrunk, lost, None, tuple(map(str, strategy)))
-    if objective is None or kind is Kind.WEAK or report.was_controllable:
+    if objective is None or kind is Control.WEAK or report.was_controllable:
         return report
     with suppress(OutOfTimeError):
         found = widest(plan, shrunk.box, kind, objective, solver=solver, deadline=deadline)

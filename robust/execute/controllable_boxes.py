@@ -157,7 +157,7 @@ class ParametricStnu:
         return frozenset(found)
 
     @cached_property
-    def differences(self) -> tuple[Difference, ...]:
+    def differences(self) -> tuple[WorstDifference, ...]:
         """The requirements with the worst lengths of contingent links, for every box."""
         return _differences(self)
 
@@ -288,7 +288,7 @@ def _vague(links: Iterable[ParametricLink], box: Box) -> dict[str, str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class WorstDifference:
     """`t_target − t_source ≥ form` between time points that the dispatcher executes; `origin` is the requirement."""
 
     source: TimePoint
@@ -306,7 +306,7 @@ class StrongAnswer(NoTruthValue, ask="is_controllable"):
     """
 
     schedule: Mapping[TimePoint, Fraction] | None
-    cycle: tuple[Difference, ...]
+    cycle: tuple[WorstDifference, ...]
     endless: frozenset[Face]
 
     @property
@@ -314,7 +314,7 @@ class StrongAnswer(NoTruthValue, ask="is_controllable"):
         return self.schedule is not None
 
 
-def _differences(network: ParametricStnu) -> tuple[Difference, ...]:
+def _differences(network: ParametricStnu) -> tuple[WorstDifference, ...]:
     into = {link.target: link for link in network.links if link.is_contingent}
 
     def place(point: TimePoint) -> tuple[TimePoint, Length]:
@@ -326,14 +326,14 @@ def _differences(network: ParametricStnu) -> tuple[Difference, ...]:
         return point, offset
 
     base = {point: place(point) for point in network.points}
-    found: dict[tuple[TimePoint, TimePoint, Form], Difference] = {}
+    found: dict[tuple[TimePoint, TimePoint, Form], WorstDifference] = {}
     for link in network.links:
         if not link.is_contingent:
             (a, before), (b, after) = base[link.source], base[link.target]
             sides = [] if link.lower is None else [(a, b, greatest(link.lower + before - after))]
             sides += [] if link.upper is None else [(b, a, greatest(after - before - link.upper))]
             for side in sides:
-                found.setdefault(side, Difference(*side, link.origin))
+                found.setdefault(side, WorstDifference(*side, link.origin))
     return tuple(found.values())
 
 

@@ -20,7 +20,7 @@ from time import perf_counter
 
 from robust.errors import did_you_mean
 from robust.execute.dispatchable import Dispatchable, Guarantee, Means, NaturalLink
-from robust.execute.slices import Facts, Left, hull
+from robust.execute.slices import Left, Observations, hull
 from robust.network.dispatchable import Windows
 from robust.numbers import format_number
 from robust.plan import model
@@ -632,7 +632,7 @@ class Dispatcher:
         self.left.append(replace(left, seconds=perf_counter() - started))
         return True
 
-    def _facts(self) -> Facts:
+    def _facts(self) -> Observations:
         """What is known now."""
         values: dict[str, list[Fraction]] = {}
         for (name, _), value in self._seen.items():
@@ -645,7 +645,7 @@ class Dispatcher:
                 ((_, factor),) = link.length.coefficients()
                 end = link.revealed(self._now - begun)
                 possible[varying] = Interval(end, None) if factor > 0 else Interval(None, end)
-        return Facts(
+        return Observations(
             now=self._now,
             seen={name: hull(found) for name, found in values.items()},
             settled=frozenset(name for name, found in values.items() if len(found) >= reveals[name]),

@@ -109,7 +109,7 @@ class InvalidPlanError(RefutedError):
 
 
 @dataclass(frozen=True, slots=True)
-class Write:
+class TruthWrite:
     """A time point that gives an atom a truth value, whether or not it had that value before."""
 
     time: Fraction
@@ -165,19 +165,19 @@ class Original:
         """Whether two time points are mutex, the first of them being the earlier one."""
         return (earlier, later) in self._pairs
 
-    def writes(self, atom: Atom) -> tuple[Write, ...]:
+    def writes(self, atom: Atom) -> tuple[TruthWrite, ...]:
         """The writes of an atom by time; conditional effects that do not happen in the schedule are no writes."""
         return self._writes.get(atom, ())
 
     @cached_property
-    def _writes(self) -> Mapping[Atom, tuple[Write, ...]]:
+    def _writes(self) -> Mapping[Atom, tuple[TruthWrite, ...]]:
         values: dict[tuple[Atom, TimePoint], bool] = {}
         for atom, point, value in (*self._effects(), *self._literals()):
             # at one time point an add wins over a delete
             values[atom, point] = values.get((atom, point), False) or value
-        found: dict[Atom, list[Write]] = {}
+        found: dict[Atom, list[TruthWrite]] = {}
         for (atom, point), value in values.items():
-            found.setdefault(atom, []).append(Write(self.times[point], point, value))
+            found.setdefault(atom, []).append(TruthWrite(self.times[point], point, value))
         order = {atom: sorted(writes, key=lambda one: (one.time, str(one.point))) for atom, writes in found.items()}
         return {atom: tuple(writes) for atom, writes in order.items()}
 

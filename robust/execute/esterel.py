@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.execute.distances import Edge, Original, Write, edge
+from robust.execute.distances import Edge, Original, TruthWrite, edge
 from robust.plan import model
 
 
@@ -145,7 +145,7 @@ class _Transformer:
                     yield edge(node.point, breaking.point, Fraction(0) if over_all else self.original.gap)
                     yield self._after(model.ZERO, node.point)
 
-    def _breaks(self, write: Write, leaf: model.Leaf, time: Fraction, over_all: bool) -> bool:
+    def _breaks(self, write: TruthWrite, leaf: model.Leaf, time: Fraction, over_all: bool) -> bool:
         contrary = isinstance(leaf, model.Holds) and write.value is not leaf.value
         later = write.time > time or (over_all and write.time == time)
         return write.point.time is not None and contrary and later

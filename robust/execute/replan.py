@@ -19,7 +19,7 @@ from time import monotonic
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RefutedError, RobustError, SolverError
-from robust.execute.controllability import Kind, shrink
+from robust.execute.controllability import Control, shrink
 from robust.execute.convert import Ended, convert
 from robust.execute.dispatchable import Blex, Dispatchable, Dreex, Executor, Guarantee, Slice, make_dispatchable
 from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, Observation, Rejected
@@ -247,7 +247,7 @@ def computed_box(plan: model.ParametrizedPlan, options: Options) -> Box:
     if options.controllability is None:
         return found.box
     try:  # the part in which a strategy is certain to find the schedules that the box promises
-        return shrink(plan, found.box, Kind(options.controllability), deadline=Deadline.after(options.timeout))
+        return shrink(plan, found.box, Control(options.controllability), deadline=Deadline.after(options.timeout))
     except OutOfTimeError:
         raise SolverError("no controllable part of the box was found in time; expected one, allow more time") from None
 

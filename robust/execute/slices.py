@@ -57,7 +57,7 @@ _STRETCH = "λ"
 
 
 @dataclass(frozen=True)
-class Facts:
+class Observations:
     """What is known at a moment of an execution.
 
     `seen` are the values that were revealed, as the least interval around them; `settled` are parameters of which
@@ -72,7 +72,7 @@ class Facts:
     times: Mapping[TimePoint, Fraction] = field(default_factory=dict)
 
 
-class Answer(VerdictEnum):
+class SliceAnswer(VerdictEnum):
     """What came of looking at what is left."""
 
     PROMISED = "promised"
@@ -93,7 +93,7 @@ class Left(NoTruthValue, ask="answer"):
 
     time: Fraction
     after: str
-    answer: Answer
+    answer: SliceAnswer
     box: Box | None
     kept: bool
     seconds: float
@@ -121,16 +121,16 @@ class Slices:
     def __post_init__(self) -> None:
         self.parts  # noqa: B018 - worked out before the execution begins
 
-    def after(self, facts: Facts, what: str, promised: Box) -> tuple[Left, ParametricStnu]:
+    def after(self, facts: Observations, what: str, promised: Box) -> tuple[Left, ParametricStnu]:
         """What is left once `what` has been observed, and the network with what has happened."""
         started = time.perf_counter()
         network = continued(self.stnu, facts)
         deadline = Deadline.after(None if self.seconds is None else self.seconds / 2)
         try:
-            found = _Search(self, facts, network, deadline).run(promised)
-            answer = Answer.NOTHING if found is None else Answer.PROMISED
+            found = _Promising(self, facts, network, deadline).run(promised)
+            answer = SliceAnswer.NOTHING if found is None else SliceAnswer.PROMISED
         except OutOfTimeError:
-            found, answer = None, Answer.OUT_OF_TIME
+            found, answer = None, SliceAnswer.OUT_OF_TIME
         box, kept = found or (None, False)
         return Left(facts.now, what, answer, box, kept, time.perf_counter() - started), network
 
@@ -140,7 +140,7 @@ class Slices:
         return tuple((base, removed, (*base.complement(), *removed)) for base, removed in self.region.parts())
 
 
-def continued(stnu: ParametricStnu, facts: Facts) -> ParametricStnu:
+def continued(stnu: ParametricStnu, facts: Observations) -> ParametricStnu:
     """The network with what has happened where it was, and what is to be executed from now on.
 
     Lengths that have been revealed are no longer nature's to choose, and time points that have happened are counted
@@ -187,8 +187,8 @@ def _from_zero(link: ParametricLink, times: Mapping[TimePoint, Fraction]) -> Par
     return ParametricLink(ZERO, point, lower, upper, origin=link.origin)
 
 
-class _Search:
-    def __init__(self, slices: Slices, facts: Facts, network: ParametricStnu, deadline: Deadline) -> None:
+class _Promising:
+    def __init__(self, slices: Slices, facts: Observations, network: ParametricStnu, deadline: Deadline) -> None:
         self._slices = slices
         self._facts = facts
         self._deadline = deadline

@@ -331,11 +331,11 @@ class CasedEdge:
     case: Case = Case.ORDINARY
     label: int | None = None
     steps: tuple[Step, ...] = ()
-    search: Search | None = None
+    search: BackwardSearch | None = None
 
 
 @dataclass(slots=True, eq=False)
-class Search:
+class BackwardSearch:
     """The backward search from one negative node: `next` is the edge on the shortest path from each node to it."""
 
     source: int
@@ -347,7 +347,7 @@ class Search:
 
 
 @dataclass(frozen=True)
-class NormalForm:
+class ExtendedForm:
     """The distance graph of the extended normal form.
 
     Nodes are numbered: the network's time points in order, then the starts A′ of contingent links. `start` is the node
@@ -376,7 +376,7 @@ class DynamicAnswer(NoTruthValue, ask="is_controllable"):
     `derived` are the edges that follow from reductions, with which a dispatcher can execute the network.
     """
 
-    form: NormalForm
+    form: ExtendedForm
     cycle: NegativeCycle | None
     derived: tuple[CasedEdge, ...]
 
@@ -398,7 +398,7 @@ def dynamic(stnu: Stnu, deadline: Deadline = NEVER) -> DynamicAnswer:
     return DynamicAnswer(form, cycle, tuple(propagation.derived))
 
 
-def normal_form(stnu: Stnu) -> NormalForm:
+def normal_form(stnu: Stnu) -> ExtendedForm:
     """The distance graph of a network in extended normal form."""
     bounds = [bound for link in stnu.links for bound in (link.lower, link.upper) if bound is not None]
     scale = lcm(*(bound.denominator for bound in bounds))
@@ -426,13 +426,13 @@ def normal_form(stnu: Stnu) -> NormalForm:
             CasedEdge(middle, target, 0, Case.LOWER, index, (Step(index, Way.SHORTEST),)),
             CasedEdge(target, middle, low - high, Case.UPPER, index, (Step(index, Way.LONGEST),)),
         ]
-    return NormalForm(stnu, scale, infinity, start, tuple(edges))
+    return ExtendedForm(stnu, scale, infinity, start, tuple(edges))
 
 
 class _Propagation:
     """One run of the algorithm, with a stack of its own: plans may be longer than Python's."""
 
-    def __init__(self, form: NormalForm, deadline: Deadline) -> None:
+    def __init__(self, form: ExtendedForm, deadline: Deadline) -> None:
         self._deadline = deadline
         self._into: list[list[CasedEdge]] = [[] for _ in range(form.size)]
         for edge in form.edges:
@@ -469,14 +469,14 @@ class _Propagation:
                 stack.append(self._search(blocked))
         return None
 
-    def _search(self, node: int) -> Search:
-        search = Search(node, self._label.get(node))
+    def _search(self, node: int) -> BackwardSearch:
+        search = BackwardSearch(node, self._label.get(node))
         for edge in self._into[node]:
             if edge.weight < 0:
                 self._relax(search, edge, 0)
         return search
 
-    def _relax(self, search: Search, edge: CasedEdge, beyond: int) -> None:
+    def _relax(self, search: BackwardSearch, edge: CasedEdge, beyond: int) -> None:
         distance = beyond + edge.weight
         known = search.distance.get(edge.source)
         if known is None or distance < known:
@@ -484,7 +484,7 @@ class _Propagation:
             search.next[edge.source] = edge
             heapq.heappush(search.queue, (distance, edge.source))
 
-    def _continue(self, search: Search) -> int | None:
+    def _continue(self, search: BackwardSearch) -> int | None:
         """Go on until the search is done, or until a negative node has to be searched from first: that node."""
         while search.queue:
             distance, node = search.queue[0]
@@ -503,7 +503,7 @@ class _Propagation:
                         self._relax(search, edge, distance)
         return None
 
-    def _derive(self, search: Search, node: int, distance: int) -> None:
+    def _derive(self, search: BackwardSearch, node: int, distance: int) -> None:
         """Remember that the node is so far from the source; not negative, it is an edge to go on with."""
         if node == search.source or search.next[node].target == search.source:
             return
@@ -516,7 +516,7 @@ class _Propagation:
         self.derived.append(edge)
 
 
-def _closed_walk(stack: list[Search], node: int) -> list[Step]:
+def _closed_walk(stack: list[BackwardSearch], node: int) -> list[Step]:
     """The walk from the node where the search got stuck, back through the searches that are on, to that node."""
     first = next(index for index, search in enumerate(stack) if search.source == node)
     edges: list[CasedEdge] = []
@@ -527,7 +527,7 @@ def _closed_walk(stack: list[Search], node: int) -> list[Step]:
     return list(_steps(edges))
 
 
-def _path(search: Search, node: int) -> list[CasedEdge]:
+def _path(search: BackwardSearch, node: int) -> list[CasedEdge]:
     path = [search.next[node]]
     while path[-1].target != search.source:
         path.append(search.next[path[-1].target])

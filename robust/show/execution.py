@@ -15,7 +15,7 @@ from robust.execute.controllability import ADVERBS, ControllabilityReport, Wides
 from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
 from robust.execute.dispatchable import Guarantee
 from robust.execute.replan import Run, RunStatus, Segment
-from robust.execute.slices import Answer, Left
+from robust.execute.slices import Left, SliceAnswer
 from robust.execute.worlds import Outcome
 from robust.irr.stops import advice
 from robust.numbers import end, format_number, interval_text, plural, readable
@@ -87,7 +87,7 @@ def _events(segment: Segment) -> Iterator[tuple[Fraction, str, str]]:
 def _left(left: Left) -> str:
     """What is still unknown, and in which values the plan succeeds."""
     if left.box is None:
-        late = left.answer is Answer.OUT_OF_TIME
+        late = left.answer is SliceAnswer.OUT_OF_TIME
         return "not known in time; only the box promised before counts" if late else "nothing of the envelope"
     unknown = [f"{name} in {one.written(format_number)}" for name, one in left.box.intervals.items() if one.width != 0]
     changed = "" if left.kept else "another promise: "

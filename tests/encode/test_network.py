@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from robust.encode.effects import Writes, mutex_pairs
-from robust.encode.network import Difference, Inequality, Orders, Slices, TemporalNetwork, duration_rules
+from robust.encode.network import Difference, IndependentParts, Inequality, Orders, TemporalNetwork, duration_rules
 from robust.encode.variables import Auxiliary, Linear, TimeVariable, constant, least, variable
 from robust.plan import model
 from robust.plan.model import ZERO, DurationConstraint, Parameter, ParameterReference, TimePoint, TimePointKind
@@ -193,7 +193,7 @@ def test_what_duration_constraints_say_of_start_and_end(condition, bounds, exact
 
 def test_slices_join_what_shares_an_unknown() -> None:
     terms = Terms()
-    slices = Slices(terms, [X - Y, Y - 1, Z, constant(-1), W, X - Y])
+    slices = IndependentParts(terms, [X - Y, Y - 1, Z, constant(-1), W, X - Y])
     of_x = slices.touching([terms.greater(X)])
     assert sorted(map(str, of_x)) == sorted(str(terms.at_least(e)) for e in (X - Y, Y - 1, constant(-1)))
     assert slices.touching([terms.greater(Z + W)]) == [terms.false, terms.at_least(W), terms.at_least(Z)]
@@ -209,7 +209,7 @@ def test_what_a_slice_leaves_out_shares_nothing_with_it(rows, question) -> None:
     terms = Terms()
     expressions = [expression(row) for row in rows]
     asked = terms.greater(expression(question))
-    kept = Slices(terms, expressions).touching([asked])
+    kept = IndependentParts(terms, expressions).touching([asked])
     left_out = [terms.at_least(e) for e in expressions if terms.at_least(e) not in kept and e.variables]
     inside = terms.variables(terms.conjunction([asked, *kept]))
     assert inside.isdisjoint(terms.variables(terms.conjunction(left_out)))

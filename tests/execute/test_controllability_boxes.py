@@ -9,7 +9,7 @@ import pytest
 
 import robust
 from robust.errors import InputError, UnsupportedError
-from robust.execute.controllability import Controllability, Kind, Verdict, shrink
+from robust.execute.controllability import Control, Controllability, ControlVerdict, shrink
 from robust.execute.controllable_boxes import HORIZON, ends_of, loss, parametric_stnu
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
@@ -62,7 +62,11 @@ def verdicts(plan, box):
     return tuple(one.verdict for one in Controllability(plan, box).findings())
 
 
-YES, NO, OPEN = Verdict.CONTROLLABLE, Verdict.NOT_CONTROLLABLE, Verdict.UNKNOWN
+YES, NO, OPEN = (
+    ControlVerdict.CONTROLLABLE,
+    ControlVerdict.NOT_CONTROLLABLE,
+    ControlVerdict.UNKNOWN,
+)
 
 
 MINUS = -bound("p")
@@ -164,55 +168,55 @@ def test_a_shared_parameter_is_decided_as_far_as_possible():
     assert verdicts(plan_of(one_of("p"), "ab", again), box) == (YES, YES, NO)
     # c ends with b: found out in time, but not by a network with independent links.
     known = plan_of(one_of("p"), "abc", [*again, ("c.start", "c.end", 1, 1), ("c.end", "b.end", 0, 0)])
-    finding = Controllability(known, box).finding(Kind.DYNAMIC)
+    finding = Controllability(known, box).finding(Control.DYNAMIC)
     reason = "p is the length of 2 links, the first of which reveals the others"
     assert (finding.verdict, finding.reason) == (OPEN, reason)
     # Even who knows p cannot make b end that early.
-    finding = Controllability(plan_of(one_of("p"), "ab", [*again, ("Z", "b.end", 0, 10)]), box).finding(Kind.DYNAMIC)
+    finding = Controllability(plan_of(one_of("p"), "ab", [*again, ("Z", "b.end", 0, 10)]), box).finding(Control.DYNAMIC)
     assert finding.verdict is NO
     assert finding.reason.endswith("even if p = 9 is known")
     # Two that start together and take equally long end together, although neither end is known.
     together = [("a.start", "a.end", "p", "p"), ("b.start", "b.end", "p", "p"), ("a.end", "b.end", 0, 0)]
     asked = Controllability(plan_of(one_of("p"), "ab", together), box)
     assert [one.verdict for one in asked.findings()] == [YES, YES, YES]
-    assert (asked.shrunk(Kind.DYNAMIC).box, asked.waits()) == (box, ())
+    assert (asked.shrunk(Control.DYNAMIC).box, asked.waits()) == (box, ())
 
 
 def test_a_link_that_may_end_before_it_starts_is_left_open():
     chain = [("c.start", "c.end", "p", "p"), ("c.end", "a.start", 0, 0), ("a.start", "b.start", "d", "d")]
     plan, box = plan_of([*one_of("p"), model.Parameter("d", Fraction(1))], "abc", chain), box_of(p=(2, 3), d=(-1, 2))
-    finding = Controllability(plan, box).finding(Kind.DYNAMIC)
+    finding = Controllability(plan, box).finding(Control.DYNAMIC)
     assert finding.verdict is OPEN
     assert "may end before it starts" in finding.reason
-    assert shrink(plan, box, Kind.DYNAMIC) == box_of(p=(2, 3), d=(0, 2))
-    assert shrink(WINDOW, box_of(w=(2, 8)), Kind.DYNAMIC) == box_of(w=("5/2", "11/2"))
+    assert shrink(plan, box, Control.DYNAMIC) == box_of(p=(2, 3), d=(0, 2))
+    assert shrink(WINDOW, box_of(w=(2, 8)), Control.DYNAMIC) == box_of(w=("5/2", "11/2"))
 
 
 def test_running_out_of_time_is_unknown():
     asked = Controllability(MEET, box_of(p=(3, 7), q=(1, 9)), deadline=Deadline.after(0))
-    assert asked.finding(Kind.DYNAMIC).verdict is OPEN
-    assert asked.finding(Kind.DYNAMIC).reason == "out of time"
+    assert asked.finding(Control.DYNAMIC).verdict is OPEN
+    assert asked.finding(Control.DYNAMIC).reason == "out of time"
     with pytest.raises(OutOfTimeError):
-        asked.shrunk(Kind.DYNAMIC)
+        asked.shrunk(Control.DYNAMIC)
 
 
 @pytest.mark.parametrize(
     ("plan", "kind", "p", "q", "expected"),
     [
-        (two(BEFORE), Kind.DYNAMIC, "[1, 9]", "[1, 9]", "[3, 5]"),
-        (MEET, Kind.STRONG, "[1, 9]", "[1, 9]", "[5/2, 11/2]"),
-        (MEET, Kind.STRONG, "[3, 9]", "[1, 9]", "[3, 6]"),
+        (two(BEFORE), Control.DYNAMIC, "[1, 9]", "[1, 9]", "[3, 5]"),
+        (MEET, Control.STRONG, "[1, 9]", "[1, 9]", "[5/2, 11/2]"),
+        (MEET, Control.STRONG, "[3, 9]", "[1, 9]", "[3, 6]"),
         # Infinite ends come back where they have to.
-        (LONG_BEFORE, Kind.DYNAMIC, "[3, inf)", "[1, inf)", "[3, 8]"),
-        (LONG_BEFORE, Kind.STRONG, "[1, inf)", "[1, inf)", "[3/2, 13/2]"),
+        (LONG_BEFORE, Control.DYNAMIC, "[3, inf)", "[1, inf)", "[3, 8]"),
+        (LONG_BEFORE, Control.STRONG, "[1, inf)", "[1, inf)", "[3/2, 13/2]"),
         # Open ends stay open.
-        (LONG_BEFORE, Kind.DYNAMIC, "(1, 9]", "[1, inf)", "[3/2, 13/2]"),
-        (LONG_BEFORE, Kind.DYNAMIC, "(3, 9]", "[1, inf)", "(3, 8]"),
-        (LONG_BEFORE, Kind.DYNAMIC, "[1, 8)", "[1, inf)", "[3/2, 13/2]"),
-        (LONG_BEFORE, Kind.DYNAMIC, "[3, 8)", "[1, inf)", "[3, 8)"),
+        (LONG_BEFORE, Control.DYNAMIC, "(1, 9]", "[1, inf)", "[3/2, 13/2]"),
+        (LONG_BEFORE, Control.DYNAMIC, "(3, 9]", "[1, inf)", "(3, 8]"),
+        (LONG_BEFORE, Control.DYNAMIC, "[1, 8)", "[1, inf)", "[3/2, 13/2]"),
+        (LONG_BEFORE, Control.DYNAMIC, "[3, 8)", "[1, inf)", "[3, 8)"),
         # Weakly controllable is the box itself; one beside the nominal point shrinks to its middle.
-        (MEET, Kind.WEAK, "[1, 9]", "[1, 9]", "[1, 9]"),
-        (two(BEFORE), Kind.DYNAMIC, "[10, 20]", "[1, 9]", "[14, 16]"),
+        (MEET, Control.WEAK, "[1, 9]", "[1, 9]", "[1, 9]"),
+        (two(BEFORE), Control.DYNAMIC, "[10, 20]", "[1, 9]", "[14, 16]"),
     ],
 )
 def test_the_controllable_part_is_max_min_fair(plan, kind, p, q, expected):
@@ -223,7 +227,7 @@ def test_the_controllable_part_is_max_min_fair(plan, kind, p, q, expected):
 def test_weights_and_what_is_lost():
     weighted = [model.Parameter("p", NOMINAL, Fraction(2)), model.Parameter("q", NOMINAL)]
     heavy, box = plan_of(weighted, "ab", [*TWO, ("a.end", "b.end", -3, 3)]), box_of(p=(0, 9), q=(0, 9))
-    part = shrink(heavy, box, Kind.STRONG)
+    part = shrink(heavy, box, Control.STRONG)
     assert part == box_of(p=(2, 6), q=(3, 5))
     assert loss(box, part).share == Fraction(12, 18)
 
@@ -231,13 +235,13 @@ def test_weights_and_what_is_lost():
 def test_faces_that_may_be_anywhere_but_not_nowhere():
     after = two(("a.end", "b.start", 0, None))
     box = box_of(p=(1, None), q=(1, None))
-    shrunk = Controllability(after, box).shrunk(Kind.STRONG)
+    shrunk = Controllability(after, box).shrunk(Control.STRONG)
     assert shrunk.box == box_of(p=(1, NOMINAL + HORIZON), q=(1, None))
     assert shrunk.cut == (("p", Side.UPPER),)
     assert verdicts(after, shrunk.box) == (YES, YES, YES)
     lost = loss(box, shrunk.box)
     assert (lost.share, lost.faces["p", Side.UPPER], lost.faces["q", Side.UPPER]) == (None, None, 0)
-    assert Controllability(after, box).shrunk(Kind.DYNAMIC).box == box
+    assert Controllability(after, box).shrunk(Control.DYNAMIC).box == box
 
 
 def random_plan(rng):
@@ -283,8 +287,8 @@ def widened(plan, part, box, name, side):
 
 
 ORACLES = {
-    Kind.DYNAMIC: lambda plan, box: dynamic_by_reductions(parametric_stnu(plan, box).at(ends_of(box))),
-    Kind.STRONG: strong_oracle,
+    Control.DYNAMIC: lambda plan, box: dynamic_by_reductions(parametric_stnu(plan, box).at(ends_of(box))),
+    Control.STRONG: strong_oracle,
 }
 
 
@@ -294,7 +298,7 @@ def test_parts_are_controllable_and_no_face_can_move(kind):
     for seed in range(150):
         plan = random_plan(random.Random(seed))  # noqa: S311
         box = box_of(**{p.name: (1, random.Random(seed).choice([6, 9])) for p in plan.parameters})  # noqa: S311
-        if not ORACLES[Kind.DYNAMIC](plan, Box.nominal(plan.parameters)):
+        if not ORACLES[Control.DYNAMIC](plan, Box.nominal(plan.parameters)):
             with pytest.raises(InputError, match="no schedule at the nominal values"):
                 shrink(plan, box, kind)
             continue
@@ -359,7 +363,7 @@ def test_recorded_boxes_with_rigid_plans(dataset):
         plan = robust.load_plan(*(dataset / instance[key] for key in ("domain", "problem", "plan")))
         box = Box({name: Interval(Fraction(low), Fraction(high)) for name, (low, high) in instance["irr_box"].items()})
         assert verdicts(plan, box) == (YES, YES, NO)
-        assert shrink(plan, box, Kind.STRONG) == Box.nominal(plan.parameters)
+        assert shrink(plan, box, Control.STRONG) == Box.nominal(plan.parameters)
 
 
 # -- what `robust envelope` says; more is in tests/recordings ----------------------------------------------------------

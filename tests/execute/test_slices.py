@@ -14,7 +14,7 @@ from robust.execute.dispatchable import Dispatchable, Guarantee, Slice, make_dis
 from robust.execute.dispatcher import Completed, Dispatcher, Failed, LeftBox
 from robust.execute.drive import run_in_world
 from robust.execute.replan import Options, prepare_plan
-from robust.execute.slices import Answer, Facts, continued
+from robust.execute.slices import Observations, SliceAnswer, continued
 from robust.execute.worlds import Luck, SimulatedWorld
 from robust.plan.simulate import simulate
 from robust.qe.box import Box, Interval
@@ -74,7 +74,7 @@ def test_what_the_first_task_leaves_is_the_seconds():
     dispatcher.step(F(0))
     dispatcher.step(F(4), [Completed("w1", F(4))])
     grown = {"first": "[4, 4]", "second": "[1, 25999/1000]"}
-    assert boxes_of(dispatcher) == [("first = 4", Answer.PROMISED, grown, True)]
+    assert boxes_of(dispatcher) == [("first = 4", SliceAnswer.PROMISED, grown, True)]
     assert dispatcher.dispatchable.guarantee is Guarantee.DYNAMIC
     dispatcher.step(F(4001, 1000))
     dispatcher.step(F(30), [Completed("w2", F(30))])
@@ -89,7 +89,7 @@ def test_an_action_that_takes_longer_than_its_interval_leaves_less_to_the_next()
     dispatcher.step(dispatcher.wake)
     # 14.9985 are left, 4.9985 more than the second is planned for: both share them
     (look,) = boxes_of(dispatcher)
-    assert look[:2] == ("first exceeds 14.9995", Answer.PROMISED)
+    assert look[:2] == ("first exceeds 14.9995", SliceAnswer.PROMISED)
     assert (look[2], look[3]) == ({"first": "[30001/2000, 69999/4000]", "second": "[1, 49997/4000]"}, False)
     dispatcher.step(F(16), [Completed("w1", F(16))])
     assert dispatcher.left[-1].box == Box({"first": interval("[16, 16]"), "second": interval("[1, 13999/1000]")})
@@ -105,8 +105,8 @@ def test_nothing_is_left_once_the_second_task_cannot_be_in_time():
         dispatcher.step(now)
     assert isinstance(dispatcher.ending, LeftBox)
     assert F(28999, 1000) < now < 29, "the second task takes at least 1"
-    assert Counter(one.answer for one in dispatcher.left[:-1]).keys() == {Answer.PROMISED}
-    assert dispatcher.left[-1].answer is Answer.NOTHING
+    assert Counter(one.answer for one in dispatcher.left[:-1]).keys() == {SliceAnswer.PROMISED}
+    assert dispatcher.left[-1].answer is SliceAnswer.NOTHING
     assert len(dispatcher.left) < 30, "each time half of what was left"
 
 
@@ -124,7 +124,7 @@ def test_without_time_only_the_box_counts():
     dispatcher = Dispatcher(replace(in_series(), slices=replace(in_series().slices, seconds=0.0)))
     dispatcher.step(F(0))
     dispatcher.step(F(4), [Completed("w1", F(4))])
-    assert [one.answer for one in dispatcher.left] == [Answer.OUT_OF_TIME]
+    assert [one.answer for one in dispatcher.left] == [SliceAnswer.OUT_OF_TIME]
     assert dispatcher.ending is None
     late = Dispatcher(replace(in_series(), slices=replace(in_series().slices, seconds=0.0)))
     late.step(F(0))
@@ -140,7 +140,7 @@ def test_a_box_that_is_not_controllable_is_replaced_at_the_beginning():
     assert weak.guarantee is Guarantee.WEAK
     dispatcher = Dispatcher(sliced(weak))
     dispatcher.step(F(0))
-    assert boxes_of(dispatcher) == [("the beginning", Answer.PROMISED, {"first": "[19/2, 21/2]"}, False)]
+    assert boxes_of(dispatcher) == [("the beginning", SliceAnswer.PROMISED, {"first": "[19/2, 21/2]"}, False)]
     assert dispatcher.dispatchable.guarantee is Guarantee.DYNAMIC
 
 
@@ -205,7 +205,7 @@ def executed(dispatchable, values, seed):
     assert values not in dispatcher.dispatchable.box
     slices = dispatchable.slices
     if slices.exact and isinstance(dispatcher.ending, LeftBox):
-        assert dispatcher.left[-1].answer is Answer.NOTHING
+        assert dispatcher.left[-1].answer is SliceAnswer.NOTHING
         now = dispatcher.ending.time
         assert values not in slices.region or not consistent(dispatchable.plan, values, dispatcher.times, now), values
     return "lost"
@@ -262,6 +262,6 @@ def test_the_network_with_what_has_happened_is_the_plans(seed):
                 if start + length <= now:
                     times[one.end] = start + length
         seen = {name: Interval(value, value) for name, value in values.items()}
-        facts = Facts(now=now, seen=seen, settled=frozenset(values), times=times)
+        facts = Observations(now=now, seen=seen, settled=frozenset(values), times=times)
         stnu = continued(parametric_stnu(plan, nominal), facts)
         assert (Dynamically(stnu, NEVER).reason(ends_of(box)) is None) == consistent(plan, values, times, now)

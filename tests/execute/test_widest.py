@@ -8,7 +8,14 @@ import pytest
 
 from robust.api import envelope
 from robust.encode import create_encoding
-from robust.execute.controllability import Controllability, Kind, Objective, Verdict, shrink, widest
+from robust.execute.controllability import (
+    Control,
+    Controllability,
+    ControlVerdict,
+    Objective,
+    shrink,
+    widest,
+)
 from robust.irr.containment import Containment
 from robust.plan.load import load_plan
 from robust.qe.box import Box, Interval, Side
@@ -43,9 +50,9 @@ def test_what_one_parameter_gives_back_another_one_takes():
     assert box == box_of(first="[1, 34999/2000]", third="[1, 24999/2000]") or box["third"] == interval(
         "[1, 24999/2000]"
     )
-    shrunk = shrink(plan, box, Kind.DYNAMIC)
+    shrunk = shrink(plan, box, Control.DYNAMIC)
     assert shrunk["first"] == interval("[19/2, 21/2]")
-    found = widest(plan, shrunk, Kind.DYNAMIC, GROWN)
+    found = widest(plan, shrunk, Control.DYNAMIC, GROWN)
     assert found.box["first"] == interval("[19/2, 21/2]")
     assert found.box["third"] == interval("[1, 19499/1000]")
     assert {(face[0], face[1].value): stop.name.partition(":")[0] for face, stop in found.stops.items()} == {
@@ -60,7 +67,7 @@ def test_what_one_parameter_gives_back_another_one_takes():
 def test_the_widest_of_all_is_proved_by_cutting_planes():
     plan = overlapping()
     start = Box.nominal(plan.parameters)
-    around, anywhere = (widest(plan, start, Kind.DYNAMIC, objective) for objective in (AROUND, ANYWHERE))
+    around, anywhere = (widest(plan, start, Control.DYNAMIC, objective) for objective in (AROUND, ANYWHERE))
     assert around.box == box_of(first="[9, 10]", third="[1, 19999/1000]")
     assert anywhere.box == box_of(first="[1, 1]", third="[1, 28999/1000]"), (
         "what is certain of the first is all for the third"
@@ -68,7 +75,7 @@ def test_the_widest_of_all_is_proved_by_cutting_planes():
     assert (around.bound, anywhere.bound) == (F(19999, 1000), F(27999, 1000))
 
 
-@pytest.mark.parametrize("kind", [Kind.DYNAMIC, Kind.STRONG], ids=lambda kind: kind.value)
+@pytest.mark.parametrize("kind", [Control.DYNAMIC, Control.STRONG], ids=lambda kind: kind.value)
 @pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan[3])
 def test_it_is_nowhere_narrower_than_what_shrinking_leaves(plan, kind):
     folder, domain, problem, name = plan
@@ -77,17 +84,19 @@ def test_it_is_nowhere_narrower_than_what_shrinking_leaves(plan, kind):
     shrunk = shrink(loaded, envelope(loaded).box, kind)
     found = widest(loaded, shrunk, kind, GROWN).box
     assert all(one.is_within(found[each]) for each, one in shrunk.intervals.items())
-    if (name, kind) == ("plan-yield", Kind.STRONG):
+    if (name, kind) == ("plan-yield", Control.STRONG):
         assert (shrunk.total_width, found.total_width) == (F(35, 18), F(7, 3))
 
 
 def stands(plan, box, kind):
     """Whether a box is in the envelope and controllable, asked of what widening does not use."""
     asked = Containment(create_encoding("relational", plan, EPSILON))
-    return asked.contains(box, NEVER) and Controllability(plan, box).finding(kind).verdict is Verdict.CONTROLLABLE
+    return (
+        asked.contains(box, NEVER) and Controllability(plan, box).finding(kind).verdict is ControlVerdict.CONTROLLABLE
+    )
 
 
-@pytest.mark.parametrize("kind", [Kind.DYNAMIC, Kind.STRONG], ids=lambda kind: kind.value)
+@pytest.mark.parametrize("kind", [Control.DYNAMIC, Control.STRONG], ids=lambda kind: kind.value)
 @pytest.mark.parametrize("seed", [*range(10), *(pytest.param(n, marks=pytest.mark.slow) for n in range(10, 60))])
 def test_no_face_can_move_outwards(seed, kind):
     plan, valid = drawn_with_box(Random(f"widest {seed}"))  # noqa: S311 - reproducible
@@ -106,7 +115,7 @@ def test_no_face_can_move_outwards(seed, kind):
         assert best.box.total_width >= box.total_width
 
 
-@pytest.mark.parametrize("kind", [Kind.DYNAMIC, Kind.STRONG], ids=lambda kind: kind.value)
+@pytest.mark.parametrize("kind", [Control.DYNAMIC, Control.STRONG], ids=lambda kind: kind.value)
 def test_no_box_on_a_grid_is_wider_than_the_widest(kind):
     """All boxes around the nominal point whose ends are integers, of a plan with two parameters."""
     plan = overlapping()
@@ -118,5 +127,5 @@ def test_no_box_on_a_grid_is_wider_than_the_widest(kind):
         if box.total_width > best:
             tried += 1
             inside = asked.contains(box, NEVER)
-            assert not (inside and Controllability(plan, box).finding(kind).verdict is Verdict.CONTROLLABLE), box
+            assert not (inside and Controllability(plan, box).finding(kind).verdict is ControlVerdict.CONTROLLABLE), box
     assert tried > 3

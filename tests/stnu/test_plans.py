@@ -2,7 +2,7 @@
 
 from robust import stnu
 from robust.errors import InputError
-from robust.execute.controllability import Controllability, Kind, Verdict
+from robust.execute.controllability import Control, Controllability, ControlVerdict
 from robust.stnu.files import graphml, network_json, parse_graphml, parse_network_json
 from robust.stnu.plans import network_of
 from tests.execute.test_controllability_boxes import MEET, box_of, random_box
@@ -12,16 +12,16 @@ def test_the_network_of_a_plan_is_as_controllable_as_the_box():
     seen = {True: 0, False: 0}
     for seed in range(150):
         _, plan, box = random_box(seed, 2)
-        verdict = Controllability(plan, box).finding(Kind.DYNAMIC).verdict
+        verdict = Controllability(plan, box).finding(Control.DYNAMIC).verdict
         try:
             found = network_of(plan, box, "plan")
         except InputError as error:
             assert "contradiction" in error.message  # noqa: PT017 - the others are judged
-            assert verdict is not Verdict.CONTROLLABLE
+            assert verdict is not ControlVerdict.CONTROLLABLE
             continue
         for again in (found, parse_graphml(graphml(found)[0], "plan"), parse_network_json(network_json(found), "plan")):
-            assert stnu.check(again).is_controllable is (verdict is Verdict.CONTROLLABLE), seed
-        seen[verdict is Verdict.CONTROLLABLE] += 1
+            assert stnu.check(again).is_controllable is (verdict is ControlVerdict.CONTROLLABLE), seed
+        seen[verdict is ControlVerdict.CONTROLLABLE] += 1
     assert min(seen.values()) > 20
 
 

@@ -23,7 +23,7 @@ from robust.smt.limits import NEVER, Deadline
 Range = tuple[Fraction | int | None, Fraction | int | None]
 
 
-class Edge(NamedTuple):
+class ParametricEdge(NamedTuple):
     """`t(target) − t(source) ≤ constant + Σ factor · parameter`, or < if it is strict."""
 
     source: str
@@ -36,7 +36,7 @@ class Edge(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Cycle:
+class CycleCondition:
     """An inequality that the parameters must satisfy, and the origins of the edges that it comes from."""
 
     constraint: LinearConstraint
@@ -123,7 +123,9 @@ class _ParametricElimination(Elimination[list[_Weight]]):
         return total
 
 
-def cycles(edges: Iterable[Edge], parameters: Sequence[Parameter], deadline: Deadline = NEVER) -> tuple[Cycle, ...]:
+def cycles(
+    edges: Iterable[ParametricEdge], parameters: Sequence[Parameter], deadline: Deadline = NEVER
+) -> tuple[CycleCondition, ...]:
     """The inequalities over the parameters, within their bounds, under which the network has a solution.
 
     Those that hold throughout the bounds are left out; one that never holds is `0 ≤ −1`.
@@ -151,7 +153,7 @@ def cycles(edges: Iterable[Edge], parameters: Sequence[Parameter], deadline: Dea
     return tuple(_cycle(found, parameters, unit) for found in (*graph.ends.values(), *graph.cycles))
 
 
-def _representatives(edges: Iterable[Edge]) -> dict[str, str]:
+def _representatives(edges: Iterable[ParametricEdge]) -> dict[str, str]:
     """For each event that is at the same time as another, one for all of those."""
     at_most = {
         (edge.source, edge.target) for edge in edges if not (edge.constant or edge.strict or any(edge.factors.values()))
@@ -166,8 +168,8 @@ def _representatives(edges: Iterable[Edge]) -> dict[str, str]:
     return {name: group[0] for name, group in groups.items()}
 
 
-def _cycle(found: _Weight, parameters: Sequence[Parameter], unit: int) -> Cycle:
+def _cycle(found: _Weight, parameters: Sequence[Parameter], unit: int) -> CycleCondition:
     """With scaled parameters and scaled constant, factors are as they were."""
     factors = {one.name: factor for one, factor in zip(parameters, found.form[1:], strict=True)}
     constraint = LinearConstraint.of(factors, ">" if found.strict else ">=", -Fraction(found.form[0], unit))
-    return Cycle(constraint, tuple(dict.fromkeys(found.origins)))
+    return CycleCondition(constraint, tuple(dict.fromkeys(found.origins)))

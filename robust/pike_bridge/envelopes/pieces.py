@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
-from robust.pike_bridge.envelopes.differences import Cycle, Edge, cycles
+from robust.pike_bridge.envelopes.differences import CycleCondition, ParametricEdge, cycles
 from robust.pike_bridge.envelopes.parameters import ParametricPlan
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, contradicts
@@ -219,8 +219,8 @@ class Pieces:
         if not implicant(whole, values, chosen):
             raise ValueError("the solver's model does not satisfy the plan's formulas")
         statements: list[Statement] = []
-        edges: list[Edge] = []
-        found: list[Cycle] = []
+        edges: list[ParametricEdge] = []
+        found: list[CycleCondition] = []
         for leaf in chosen:
             if not isinstance(leaf, LinearConstraint):
                 continue
@@ -228,7 +228,7 @@ class Pieces:
             for half in leaf.halves():
                 edge = self._edge(half, len(statements) - 1)
                 if edge is None:
-                    found.append(Cycle(half, (len(statements) - 1,)))
+                    found.append(CycleCondition(half, (len(statements) - 1,)))
                 else:
                     edges.append(edge)
         found += cycles(edges, self._parameters, deadline)
@@ -236,7 +236,7 @@ class Pieces:
         polyhedron = Polyhedron(self._names, tuple(because))
         return Piece(self._asked.label(values), polyhedron, because)
 
-    def _edge(self, constraint: LinearConstraint, origin: int) -> Edge | None:
+    def _edge(self, constraint: LinearConstraint, origin: int) -> ParametricEdge | None:
         """The edge that an inequality is; None if it is about parameters only."""
         factors = dict(constraint.coefficients)
         own = {name: -factors.pop(name) for name in self._names if name in factors}
@@ -244,7 +244,7 @@ class Pieces:
             return None
         [target] = [name for name, factor in factors.items() if factor == 1]
         [source] = [name for name, factor in factors.items() if factor == -1]
-        return Edge(source, target, constraint.constant, own, constraint.is_strict, origin)
+        return ParametricEdge(source, target, constraint.constant, own, constraint.is_strict, origin)
 
 
 def declared_bounds(parameters: Iterable[Parameter]) -> Iterator[LinearConstraint]:

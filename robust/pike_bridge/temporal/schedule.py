@@ -73,7 +73,7 @@ def temporal_conflicts(
         OutOfTimeError: if the deadline passes first.
         SolverError: if the solver is unknown or not installed.
     """
-    search = _Search(network, theory, deadline, solver)
+    search = _ConflictSearch(network, theory, deadline, solver)
     plain = search.ask(())
     search.exhaust(plain)
     contracted = search.contracted(plain)
@@ -100,7 +100,7 @@ def circulation(terms: Terms, propositions: Propositions, graph: DistanceGraph) 
     yield terms.equal(sum(weighted, Polynomial.constant(1)))
 
 
-class _Search:
+class _ConflictSearch:
     """The theory, the network, and the conflicts found so far."""
 
     def __init__(self, network: Tpnu, theory: Theory, deadline: Deadline, solver: str) -> None:

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import pytest
 
-from robust.pike_bridge.envelopes.differences import Edge, cycles
+from robust.pike_bridge.envelopes.differences import ParametricEdge, cycles
 from robust.plan.model import Parameter
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
@@ -17,7 +17,7 @@ def random_edges(draw, names, events=5):
     for number in range(draw.randint(3, 9)):
         source, target = draw.sample(points, 2)
         factors = {name: draw.choice((-1, 1)) for name in names if draw.random() < 0.35}
-        yield Edge(source, target, Fraction(draw.randint(-4, 6), 2), factors, draw.random() < 0.3, number)
+        yield ParametricEdge(source, target, Fraction(draw.randint(-4, 6), 2), factors, draw.random() < 0.3, number)
 
 
 def by_fourier_motzkin(edges, parameters, bounds):
@@ -70,15 +70,18 @@ def test_origins_are_edges_that_say_so_by_themselves():
 
 
 def test_events_at_the_same_time_are_one():
-    same = [Edge("a", "b", Fraction(0), {}, False, 0), Edge("b", "a", Fraction(0), {}, False, 1)]
-    between = [Edge("a", "c", Fraction(0), {"p": 1}, False, 2), Edge("c", "b", Fraction(-3), {}, False, 3)]
+    same = [ParametricEdge("a", "b", Fraction(0), {}, False, 0), ParametricEdge("b", "a", Fraction(0), {}, False, 1)]
+    between = [
+        ParametricEdge("a", "c", Fraction(0), {"p": 1}, False, 2),
+        ParametricEdge("c", "b", Fraction(-3), {}, False, 3),
+    ]
     [found] = cycles([*same, *between], [Parameter("p", Fraction(1))])
     assert str(found.constraint) == "p ≥ 3"
-    strictly = [Edge("a", "b", Fraction(0), {}, True, 0), same[1]]
+    strictly = [ParametricEdge("a", "b", Fraction(0), {}, True, 0), same[1]]
     assert [one.constraint.is_false for one in cycles(strictly, [])] == [True]
 
 
 def test_elimination_heeds_a_deadline():
-    edges = [Edge("a", "b", Fraction(1), {}, False, 0), Edge("b", "a", Fraction(0), {}, False, 1)]
+    edges = [ParametricEdge("a", "b", Fraction(1), {}, False, 0), ParametricEdge("b", "a", Fraction(0), {}, False, 1)]
     with pytest.raises(OutOfTimeError):
         cycles(edges, [], Deadline.after(0))
