@@ -71,6 +71,7 @@ PARTS = {
         ("tests/qe/backends", "tests/qe/test_region.py"),
         "recorded or sweeps or points_are_inside or sympy_agrees",
     ),
+    "network": Part(("robust/network/*",), ("tests/network",)),
     "encode": Part(
         ("robust/encode/*",),
         ("tests/encode",),

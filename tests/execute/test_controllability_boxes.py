@@ -17,9 +17,9 @@ from robust.qe.box import Box, Interval, Side
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.cli import inputs
 from tests.cli.running import answer_of, command, example
-from tests.execute.controllability_oracles import bound as bound_distance
-from tests.execute.controllability_oracles import consistent, dynamic_by_reductions, satisfies, weak_by_corners
 from tests.execute.plans import durative, interval
+from tests.network.oracles import bound as bound_distance
+from tests.network.oracles import consistent, dynamic_by_reductions, satisfies, weak_by_corners
 
 NOMINAL = Fraction(4)
 

@@ -1,11 +1,13 @@
 """Greatest lower bounds of networks, against the closure that Floyd and Warshall compute."""
 
-from itertools import product
+from fractions import Fraction
+from itertools import pairwise, product
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.network.differences import Bound, DifferenceNetwork
+from robust.network.differences import Bound, DifferenceNetwork, Distances, Elimination, delay, following
 
 SIZE = 6
 points = st.integers(0, SIZE - 1)
@@ -60,3 +62,78 @@ def test_no_bound_that_is_needed_can_go(network: list[Bound], given_count: int) 
 def test_a_known_schedule_is_taken() -> None:
     assert DifferenceNetwork(2, [(0, 1, 3)], schedule=[5, 9]).schedule == [5, 9]
     assert DifferenceNetwork(2, [(0, 1, 3)]).schedule == [0, 3]
+
+
+@given(bounds)
+def test_contradictions_are_cycles_that_add_up(network: list[Bound]) -> None:
+    cycle = DifferenceNetwork(SIZE, network).cycle
+    assert (cycle is None) == is_consistent(network)
+    if cycle is not None:
+        steps = [network[origin] for origin in cycle.origins]
+        assert all(steps[at - 1][1] == step[0] for at, step in enumerate(steps))
+        assert len({source for source, _, _ in steps}) == len(steps)
+        assert sum(weight for _, _, weight in steps) > 0
+
+
+@given(bounds)
+def test_paths_to_the_source_add_up_to_what_is_known(network: list[Bound]) -> None:
+    paths, known = DifferenceNetwork(SIZE, network), closure(network)
+    if paths.schedule is None:
+        return
+    assert set(paths.closure()) == {(*pair, weight) for pair, weight in known.items()}
+    for source in range(SIZE):
+        arrivals = paths.arrivals(source)
+        for target in range(SIZE):
+            place, total, steps = target, 0, 0
+            while arrivals[place] != (-1, -1) and steps <= SIZE:
+                before, origin = arrivals[place]
+                assert network[origin][:2] == (before, place)
+                place, total, steps = before, total + network[origin][2], steps + 1
+            assert (place == source) == ((source, target) in known)
+            assert place != source or total == known[source, target]
+
+
+@given(bounds, st.lists(st.integers(-9, 9), min_size=SIZE, max_size=SIZE))
+def test_delays_are_the_least_from_any_times(network: list[Bound], first: list[int]) -> None:
+    times, known = list(first), closure(network)
+    if delay(times, following(SIZE, network), range(SIZE)) is not None:
+        assert not is_consistent(network)
+        return
+    assert times == [max(first[a] + known[a, b] for a in range(SIZE) if (a, b) in known) for b in range(SIZE)]
+
+
+class Sums(Elimination[int]):
+    """Shortest paths, and whether a cycle is negative."""
+
+    negative = False
+
+    def join(self, source: int, first: int, node: int, second: int, target: int) -> None:
+        if source == target:
+            self.negative |= first + second < 0
+        else:
+            self.connect(source, target, min(first + second, self.after[source].get(target, first + second)))
+
+
+@given(bounds, st.permutations(range(SIZE)))
+def test_elimination_keeps_distances_and_finds_contradictions(network: list[Bound], order: list[int]) -> None:
+    known, sums = closure(network), Sums(SIZE)
+    for source, target, weight in network:
+        if source == target:
+            sums.negative |= weight > 0
+        else:
+            sums.connect(source, target, min(-weight, sums.after[source].get(target, -weight)))
+    for node in order[2:]:
+        sums.eliminate(node)
+    if not sums.negative and is_consistent(network):
+        assert all(sums.after[a].get(b) == (-known[a, b] if (a, b) in known else None) for a, b in pairwise(order[:2]))
+    sums.eliminate(order[1])
+    assert sums.negative != is_consistent(network)
+
+
+def test_points_with_names_have_their_own_unit() -> None:
+    distances = Distances("abc", [("a", "b", Fraction(1, 2)), ("b", "c", Fraction(-1, 3))], [Fraction(1, 4)])
+    assert (distances.scale, distances.in_units("b", "a", Fraction(3, 4))) == (12, (1, 0, 9))
+    assert distances.times == {"a": 0, "b": Fraction(1, 2), "c": Fraction(1, 6)}
+    assert (distances.least("a", "c"), distances.least("c", "a")) == (Fraction(1, 6), None)
+    with pytest.raises(ValueError, match="without schedule"):
+        Distances("a", [("a", "a", Fraction(1))]).times  # noqa: B018 - the access is the test

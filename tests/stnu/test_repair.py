@@ -13,7 +13,7 @@ from robust.errors import InputError
 from robust.smt.limits import Deadline
 from robust.stnu import RepairStatus, Side
 from robust.stnu.repairs import RepairSearch, _Candidate
-from tests.execute import controllability_oracles as oracles
+from tests.network import oracles
 from tests.stnu.networks import explicit, network, random_network
 
 LATE = network(("A", "C", 1, 10, "contingent"), ("C", "D", 1, 2), ("A", "D", None, 8))

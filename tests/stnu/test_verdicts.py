@@ -15,8 +15,8 @@ from robust import stnu
 from robust.errors import InputError
 from robust.network.dispatchable import Windows
 from robust.plan.model import ZERO
-from tests.execute import controllability_oracles as oracles
-from tests.execute.test_controllability import Executing, chosen_length
+from tests.network import oracles
+from tests.network.test_uncertain import Executing, chosen_length
 from tests.stnu.networks import corners, explicit, network, random_network
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "stnu"

@@ -24,7 +24,7 @@ from robust.network.uncertain import (
 )
 from robust.plan.model import ZERO
 from robust.smt.limits import Deadline, OutOfTimeError
-from tests.execute.controllability_oracles import (
+from tests.network.oracles import (
     dynamic_by_game,
     dynamic_by_reductions,
     network,

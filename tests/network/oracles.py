@@ -207,3 +207,13 @@ def dynamic_by_game(stnu, horizon):
 
     start = tuple(0 if p == ZERO else None for p in stnu.points)
     return nature(start, 0, frozenset())
+
+
+def longest_paths(points, edges, source):
+    """Bellman and Ford: the longest paths from a time point to all that it reaches."""
+    longest = {source: Fraction(0)}
+    for _ in points:
+        for one, other, weight in edges:
+            if one in longest:
+                longest[other] = max(longest[one] + weight, longest.get(other, longest[one] + weight))
+    return longest
