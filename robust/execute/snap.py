@@ -17,7 +17,7 @@ from operator import le
 
 from robust.encode.effects import names_in
 from robust.errors import RefutedError
-from robust.network.differences import Bound, DifferenceNetwork, delay, following
+from robust.network.differences import Bound, delay, following
 from robust.numbers import format_number, plural, round_up
 from robust.plan.model import (
     ZERO,
@@ -39,8 +39,8 @@ from robust.plan.timeline import Execution, Reading
 class NearSchedules:
     """Times within windows that satisfy bounds between points; point 0 is zero, at time 0.
 
-    Bounds are kept by propagation: `low` and `high` are the least and the greatest times of each point, and both are
-    schedules. None of this has a meaning once :attr:`possible` is False.
+    Bounds are kept by propagation of the least and, negated, the greatest times of each point; both are schedules. None
+    of this has a meaning once :attr:`possible` is False.
     """
 
     def __init__(self, bounds: Sequence[Bound], low: Sequence[int], high: Sequence[int]) -> None:
@@ -52,10 +52,6 @@ class NearSchedules:
         self.possible = cycle is None and all(map(le, self.low, high))
         if self.possible:
             delay(self._below, self._before, range(size))
-
-    @property
-    def high(self) -> list[int]:
-        return [-end for end in self._below]
 
     def place(self, wished: Sequence[int]) -> list[int]:
         """A schedule in which points, the earlier ones first, are as near to their wished times as they can."""
@@ -74,16 +70,14 @@ def least_shift(bounds: Sequence[Bound], printed: Sequence[int]) -> int | None:
     Times must be even numbers, because a shift may have halves: that of an odd distance is rounded up.
     """
     size = len(printed)
-    network, later = DifferenceNetwork(size, bounds), list(printed)
-    if network.schedule is None:
+    between = following(size, (bound for bound in bounds if 0 not in bound[:2]))
+    never = min(0, *printed) - sum(abs(weight) for _, _, weight in bounds)
+    later, forced = list(printed), [0, *[never] * (size - 1)]
+    if delay(later, between, range(size)) is not None or delay(forced, following(size, bounds), [0]) is not None:
         return None
-    delay(later, following(size, (bound for bound in bounds if 0 not in bound[:2])), range(size))
     shift = 0
     for point in range(1, size):
-        shift = max(shift, -((printed[point] - later[point]) // 2))
-        earliest = network.least(0, point)
-        if earliest is not None:
-            shift = max(shift, earliest - printed[point])
+        shift = max(shift, -((printed[point] - later[point]) // 2), forced[point] - printed[point])
     return max([shift, *(later[source] + weight for source, target, weight in bounds if source and not target)])
 
 

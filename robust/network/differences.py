@@ -116,21 +116,35 @@ class DifferenceNetwork:
     ) -> None:
         self.size = size
         self._near = near
-        strongest: dict[tuple[int, int], tuple[int, int]] = {}
-        for origin, (source, target, weight) in enumerate(bounds):
+        self._given = tuple(bounds)
+        strongest: dict[tuple[int, int], int] = {}
+        for source, target, weight in self._given:
             pair = (source, target)
             known = strongest.get(pair)
-            if known is None or known[0] < weight:
-                strongest[pair] = weight, origin
+            if known is None or known < weight:
+                strongest[pair] = weight
         self._bounds = strongest
         self.cycle: Cycle | None = None
         if schedule is None:
-            leaving: list[list[tuple[int, int, int]]] = [[] for _ in range(size)]
-            for (source, target), (weight, origin) in strongest.items():
-                leaving[source].append((target, weight, origin))
             schedule = [0] * size
-            self.cycle = delay(schedule, leaving, range(size))
+            cycle = delay(schedule, self._steps, range(size))
+            if cycle is not None:
+                self.cycle = Cycle(tuple(self._origins[number] for number in cycle.origins))
         self.schedule: Sequence[int] | None = schedule if self.cycle is None else None
+
+    @cached_property
+    def _steps(self) -> Following:
+        """The strongest bounds by the points that they leave; in place of origins, which of the strongest."""
+        return following(self.size, ((*pair, weight) for pair, weight in self._bounds.items()))
+
+    @cached_property
+    def _origins(self) -> list[int]:
+        """The origins of the strongest bounds; of equal bounds that of the first."""
+        first: dict[tuple[int, int], int] = {}
+        for origin, (source, target, weight) in enumerate(self._given):
+            if self._bounds[source, target] == weight:
+                first.setdefault((source, target), origin)
+        return [first[pair] for pair in self._bounds]
 
     @property
     def times(self) -> Sequence[int]:
@@ -150,7 +164,7 @@ class DifferenceNetwork:
         """The component of every point: distances within one are the same in all schedules."""
         times = self.times
         tight: list[list[int]] = [[] for _ in range(self.size)]
-        for (source, target), (weight, _) in self._bounds.items():
+        for (source, target), weight in self._bounds.items():
             if times[target] - times[source] == weight:
                 tight[source].append(target)
         return _strong_components(tight)
@@ -160,7 +174,7 @@ class DifferenceNetwork:
         """For each component the components that follow it, with the least slack of a bound between them."""
         times, component = self.times, self.component
         least: dict[tuple[int, int], int] = {}
-        for (source, target), (weight, _) in self._bounds.items():
+        for (source, target), weight in self._bounds.items():
             pair = (component[source], component[target])
             if pair[0] != pair[1]:
                 slack = times[target] - times[source] - weight
@@ -209,16 +223,11 @@ class DifferenceNetwork:
                 if slack is not None:
                     yield source, target, times[target] - times[source] - slack
 
-    @cached_property
-    def _steps(self) -> Following:
-        return following(self.size, ((*pair, weight) for pair, (weight, _) in self._bounds.items()))
-
     def arrivals(self, source: int) -> Sequence[tuple[int, int]]:
         """For each point the one before it on a greatest lower bound from a source, and the origin of the last bound.
 
         (−1, −1) for the source, and for points of which nothing is known. Of several the first by number.
         """
-        origins = [origin for _, origin in self._bounds.values()]
         greatest = [self.least(source, target) for target in range(self.size)]
         arrivals, settled = [(-1, -1)] * self.size, [False] * self.size
         heap = [(0, source)]  # by slack, as in Dijkstra's algorithm, but along greatest lower bounds only
@@ -226,7 +235,7 @@ class DifferenceNetwork:
             _, point = heappop(heap)
             settled[point] = True
             for other, weight, number in self._steps[point]:
-                arrival = point, origins[number]
+                arrival = point, self._origins[number]
                 if settled[other] or greatest[other] != (greatest[point] or 0) + weight:
                     continue
                 if arrivals[other][0] < 0:
