@@ -187,9 +187,13 @@ class Validity:
             facet = Facet(bound.expression, bound.origins)
             if facet.breaks_in(grid):
                 return facet
-        # All time points, also those that equalities tie together: the equalities may be what contradicts.
-        cycle = Cycles(self._network.differences).suspicious(grid)
+        cycle = self._all_cycles.suspicious(grid)
         return None if cycle is None else facet_of(cycle)
+
+    @cached_property
+    def _all_cycles(self) -> Cycles:
+        """Over all time points, also those that equalities tie together: the equalities may be what contradicts."""
+        return Cycles(self._network.differences)
 
     @cached_property
     def _edges(self) -> list[Difference]:

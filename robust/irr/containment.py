@@ -131,27 +131,26 @@ class Questions(ABC, Generic[Found]):
 
     # -- what ends the sides of a box ----------------------------------------------------------------------------------
 
-    def ended_by_network(self, box: Box, reach: Margins, deadline: Deadline) -> dict[Face, dict[str, Fraction]]:
-        """The faces just beyond which some parameter values leave no schedule, with such values.
+    def ended_by_network(self, box: Box, reach: Margins, deadline: Deadline) -> dict[Face, Facet | None]:
+        """The faces just beyond which some parameter values leave no schedule, with what contradicts itself there.
 
         They are found by questions with one answer each, so that they are the same whatever was asked before.
         """
         if not self._no_schedule(_moved(box, reach), deadline):
             return {}
-        found = {}
+        ended: dict[Face, Facet | None] = {}
         for face, margin in reach.items():
             step = margin
             while (facet := self._no_schedule(beyond := _moved(box, {face: step}), deadline)) is not None:
                 near = self._distance(facet, face, step, box)
                 if not near:
-                    values = self._unschedulable(beyond, deadline)
-                    facet = self.encoding.validity.contradiction(values)
+                    facet = self.encoding.validity.contradiction(self._unschedulable(beyond, deadline))
                     near = None if facet is None else self._distance(facet, face, step, box)
                 if not near:
-                    found[face] = values
+                    ended[face] = facet
                     break
                 step = near / 2
-        return found
+        return ended
 
     def _no_schedule(self, box: Box, deadline: Deadline) -> Facet | None:
         """A facet of the network alone that some point of the box breaks; whatever ended a search has been met."""

@@ -286,8 +286,7 @@ def stops_at(questions: Questions[Any], box: Box, reach: Margins, deadline: Dead
         OutOfTimeError: if the deadline passes first.
     """
     network = questions.ended_by_network(box, reach, deadline)
-    for face, values in network.items():
-        facet = questions.encoding.validity.contradiction(values)
+    for face, facet in network.items():
         yield face, Stop(NO_SCHEDULE, () if facet is None else facet.origins)
     rest = {face: step for face, step in reach.items() if face not in network}
     for face, names in questions.ended_by(box, rest, deadline).items():
