@@ -9,10 +9,10 @@ are texts such as `(at rover base)`. All of a text stays in the trees, because w
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 Tree = Any
 Linear = dict[str, Fraction]
@@ -103,15 +103,15 @@ def typed(words: list[Tree], mark: str = "", default: str = "object") -> list[tu
     return found + [(name, [default]) for name in names]
 
 
-def words_of(tree: Tree, least: int = 0, most: int | None = None) -> list[Tree]:
-    """A form with as many operands as that."""
+def words_of(tree: Tree) -> list[Tree]:
+    """A form with as many operands as its first word takes."""
     need(type(tree) is list and tree and type(tree[0]) is str, f"found {tree!r}, expected a form")
-    need(least < len(tree) and (most is None or len(tree) <= most + 1), f"found {tree[0]} with other operands")
+    least, most = OPERANDS.get(tree[0], (0, len(tree)))
+    need(least < len(tree) <= most + 1, f"found {tree[0]} with other operands")
     return list(tree)
 
 
-@dataclass(frozen=True)
-class Action:
+class Action(NamedTuple):
     """An action's text: `parameters` with their types, and `synth`, the envelope's parameters of each instance."""
 
     durative: bool
@@ -120,8 +120,7 @@ class Action:
     parts: Mapping[str, Tree]
 
 
-@dataclass(frozen=True)
-class Scope:
+class Scope(NamedTuple):
     """What variables stand for: objects, and parameters of the envelope.
 
     Where an action is read as such (`lifted`), each stands for something of its types.
@@ -139,12 +138,14 @@ COMMON = {":parameters", ":effect", ":synth-parameters"}
 DOMAIN = {":requirements", ":types", ":constants", ":predicates", ":functions", ":synth-parameters", *PARTS}
 PROBLEM = {":domain", ":requirements", ":objects", ":init", ":goal", ":metric", ":length"}
 LOGIC = "negative|disjunctive|existential|universal|quantified"
-CHANGES = "conditional-effects|continuous-effects|timed-effects|timed-initial-(literals|fluents)|(numeric-)?fluents"
+EFFECTS = "conditional-effects|continuous-effects|timed-effects|timed-initial-(literals|fluents)|(numeric-)?fluents"
 OTHERS = "adl|time|durative-actions|duration-inequalities|action-costs|preferences|constraints|synth-parameters"
-REQUIREMENT = re.compile(f":(strips|typing|equality|({LOGIC})-preconditions|{CHANGES}|{OTHERS})")
-COMPARISONS = {"<", "<=", "=", ">=", ">"}
-RESERVED = {"and", "or", "not", "imply", "forall", "exists", "when", "preference", "increase", "decrease", "assign"}
-RESERVED |= {"scale-up", "scale-down", "either", "define"}
+REQUIREMENT = re.compile(f":(strips|typing|equality|({LOGIC})-preconditions|{EFFECTS}|{OTHERS})")
+COMPARISONS, CHANGES = {"<", "<=", "=", ">=", ">"}, {"increase", "decrease", "assign", "scale-up", "scale-down"}
+TWO = COMPARISONS | CHANGES | {"imply", "forall", "exists", "when", "/"}
+OPERANDS = {"not": (1, 1), "-": (1, 2), "+": (1, 1 << 60), "*": (1, 1 << 60)} | dict.fromkeys(TWO, (2, 2))
+"""How many operands these take; any other form, as many as there are."""
+RESERVED = {"and", "or", "preference", "either", "define", *OPERANDS}
 
 
 class Model:
@@ -270,10 +271,9 @@ class Model:
     def stated(self, fact: Tree) -> tuple[str, bool | Fraction]:
         words = words_of(fact)
         if words[0] == "=":
-            words_of(fact, 2, 2)
             return self.ground(words[1], LIFTED, self.functions), number(words[2])
         if words[0] == "not":
-            return self.ground(words_of(fact, 1, 1)[1], LIFTED, self.predicates), False
+            return self.ground(words[1], LIFTED, self.predicates), False
         return self.ground(fact, LIFTED, self.predicates), True
 
     def ground(self, term: Tree, scope: Scope, table: Signatures) -> str:
@@ -305,7 +305,7 @@ class Model:
         else:
             choices = [[one for one in self.objects if self.fits(one, kinds)] for _, kinds in listed]
         for chosen in product(*choices):
-            yield replace(scope, bound={**scope.bound, **dict(zip(names, chosen))})
+            yield scope._replace(bound={**scope.bound, **dict(zip(names, chosen))})
 
     def fits(self, one: str, kinds: list[str]) -> bool:
         return not self.objects.get(one, set()).isdisjoint(kinds)
@@ -317,9 +317,7 @@ class Model:
         if head in ("and", "or"):
             return (head, *(self.condition(each, scope) for each in rest))
         if head == "not":
-            return ("not", self.condition(words_of(tree, 1, 1)[1], scope))
-        if head in ("imply", "forall", "exists", *COMPARISONS):
-            words_of(tree, 2, 2)
+            return ("not", self.condition(rest[0], scope))
         if head == "imply":
             return ("or", ("not", self.condition(rest[0], scope)), self.condition(rest[1], scope))
         if head in ("forall", "exists"):
@@ -340,8 +338,7 @@ class Model:
                 return ("parameter", scope.synth[tree])
             return ("number", number(tree))
         if type(tree) is list and tree and tree[0] in ("+", "-", "*", "/"):
-            words_of(tree, *{"-": (1, 2), "/": (2, 2)}.get(tree[0], (1, None)))
-            parts = [self.expression(each, scope) for each in tree[1:]]
+            parts = [self.expression(each, scope) for each in words_of(tree)[1:]]
             return self.quotient(parts[0], parts[1], scope) if tree[0] == "/" else (tree[0], *parts)
         return ("fluent", self.ground(tree, scope, self.functions))
 
@@ -368,19 +365,20 @@ def decided(tree: Tree) -> bool | None:
     return strong if strong in found else None if None in found else not strong
 
 
-@dataclass(frozen=True)
-class Effect:
+Ends = tuple[int, int]
+
+
+class Effect(NamedTuple):
     """At a time point: `add`, `delete`, `assign` or `increase`, if a condition holds in the state before it."""
 
     kind: str
     target: str
     amount: Tree
     when: Tree
-    owner: tuple[int, int] | None
+    owner: Ends | None
 
 
-@dataclass(frozen=True)
-class Duty:
+class Duty(NamedTuple):
     """A condition that has to hold just before the time point `first`, or all over (`first`, `last`), or at the end.
 
     `owner` are the ends of the action, for `?duration`.
@@ -390,14 +388,13 @@ class Duty:
     condition: Tree
     first: int | None = None
     last: int | None = None
-    owner: tuple[int, int] | None = None
+    owner: Ends | None = None
 
 
-@dataclass
-class Parameter:
-    nominal: Fraction | None = None
-    lower: Fraction | None = None
-    upper: Fraction | None = None
+class Parameter(NamedTuple):
+    nominal: Fraction | None
+    lower: Fraction | None
+    upper: Fraction | None
 
 
 NAME, IDENTIFIER = r"[A-Za-z_](?:[A-Za-z0-9_.-]*[A-Za-z0-9_])?", r"[A-Za-z0-9_]+(?:-+[A-Za-z0-9_]+)*"
@@ -555,65 +552,64 @@ class Ground:
             self.state(f"{name}: condition", condition, ends, ends[0])
             self.add_effects(action.parts.get(":effect", []), scope, ends, True, ends[0])
 
-    def state(self, label: str, condition: Tree, ends: tuple[int, int], first: int, last: int | None = None) -> None:
+    def state(self, label: str, condition: Tree, ends: Ends, first: int, last: int | None = None) -> None:
         self.duties += [Duty(label, part, first, last, ends) for part in conjuncts(condition)]
 
-    def spread(self, tree: Tree, scope: Scope) -> Iterator[tuple[str, list[Tree], Scope]]:
-        """The parts of conjunctions, those of `forall` object by object: head, operands, and what variables mean."""
-        if tree:
-            head, *rest = words_of(tree)
-            if head == "and":
-                for each in rest:
-                    yield from self.spread(each, scope)
-            elif head == "forall":
-                words_of(tree, 2, 2)
-                for inner in self.model.bindings(rest[0], scope):
-                    yield from self.spread(rest[1], inner)
-            else:
-                yield head, rest, scope
+    def spread(self, tree: Tree, scope: Scope, ends: tuple[int, ...], at: int | None) -> Iterator[tuple[Any, ...]]:
+        """The parts of conjunctions, those of `forall` object by object, those `at` one of the ends with its number."""
+        head, *rest = words_of(tree) if tree else ["and"]
+        if head == "and":
+            for each in rest:
+                yield from self.spread(each, scope, ends, at)
+        elif head == "forall":
+            for inner in self.model.bindings(rest[0], scope):
+                yield from self.spread(rest[1], inner, ends, at)
+        elif ends and head == "at" and len(rest) == 2 and rest[0] in ("start", "end"):
+            need(at is None, "found something with two times")
+            yield from self.spread(rest[1], scope, ends, ends[rest[0] == "end"])
+        else:
+            yield tree, scope, at
 
-    def durations(self, name: str, tree: Tree, scope: Scope, ends: tuple[int, int], point: int) -> None:
-        for head, rest, inner in self.spread(tree, scope):
-            if head == "at":
-                need(len(rest) == 2 and rest[0] in ("start", "end"), f"{name}: a duration's time")
-                self.durations(name, rest[1], inner, ends, ends[rest[0] == "end"])
-            else:
-                one = head in COMPARISONS and rest[:1] == ["?duration"] and inner is scope
-                need(one, f"found a malformed duration in {name}")
-                condition = self.model.condition([head, *rest], inner)
-                if head == "=" and ("duration", name) in self.varied:
-                    self.instead.setdefault(name, []).append(written(rest[1], inner.bound))
-                    condition = (head, ("duration",), ("parameter", self.varied["duration", name]))
-                self.state(f"{name}: duration", condition, ends, point)
+    def durations(self, name: str, tree: Tree, scope: Scope, ends: Ends, point: int) -> None:
+        for part, inner, _ in self.spread(tree, scope, (), None):
+            if part[0] == "at" and part[1:-1] in (["start"], ["end"]):
+                self.durations(name, part[2], inner, ends, ends[part[1] == "end"])
+                continue
+            one = part[0] in COMPARISONS and part[1] == "?duration" and inner is scope
+            need(one, f"found a malformed duration in {name}")
+            condition = self.model.condition(part, inner)
+            if part[0] == "=" and ("duration", name) in self.varied:
+                self.instead.setdefault(name, []).append(written(part[2], inner.bound))
+                condition = ("=", ("duration",), ("parameter", self.varied["duration", name]))
+            self.state(f"{name}: duration", condition, ends, point)
 
-    def conditions(self, name: str, tree: Tree, scope: Scope, ends: tuple[int, int]) -> None:
-        where = {("at", "start"): ends[:1], ("at", "end"): ends[1:], ("over", "all"): ends}
-        for head, rest, inner in self.spread(tree, scope):
-            words = (head, *rest[:1])
-            need(len(rest) == 2 and type(rest[0]) is str and words in where, f"{name}: a condition without a time")
-            self.state(f"{name}: {' '.join(words)}", self.model.condition(rest[1], inner), ends, *where[words])
+    def conditions(self, name: str, tree: Tree, scope: Scope, ends: Ends) -> None:
+        where = {"at start": ends[:1], "at end": ends[1:], "over all": ends}
+        for part, inner, _ in self.spread(tree, scope, (), None):
+            words = " ".join(map(str, part[:2]))
+            need(len(part) == 3 and words in where, f"{name}: a condition without a time")
+            self.state(f"{name}: {words}", self.model.condition(part[2], inner), ends, *where[words])
 
-    def add_effects(self, tree: Tree, scope: Scope, ends: tuple[int, int], when: Tree, point: int | None) -> None:
-        """The effects in a tree, if `when` holds; they happen at `point`, which is not known yet at the top."""
-        for head, rest, inner in self.spread(tree, scope):
-            if head == "at" and len(rest) == 2 and rest[0] in ("start", "end"):
-                need(point is None, "found an effect with two times")
-                self.add_effects(rest[1], inner, ends, when, ends[rest[0] == "end"])
-            elif head == "when":
-                condition, effect = words_of([head, *rest], 2, 2)[1:]
+    def add_effects(self, tree: Tree, scope: Scope, ends: Ends, when: Tree, at: int | None) -> None:
+        """The effects in a tree, if `when` holds; they happen at `at`, which is not known yet at the top."""
+        for part, inner, point in self.spread(tree, scope, ends, at):
+            head, *rest = part
+            if head == "when":
+                condition, effect = rest
                 if point is None:
-                    at, time, condition = words_of(condition, 2, 2)
-                    need(at == "at" and effect[:2] == [at, time], "found an effect between two times")
+                    apart = len(condition) != 3 or condition[0] != "at" or effect[:2] != condition[:2]
+                    need(not apart, "found an effect between two times")
+                    condition = condition[2]
                 guard = ("and", when, self.model.condition(condition, inner))
                 if inner.lifted or decided(guard) is not False:
                     self.add_effects(effect, inner, ends, guard, point)
             elif point is not None:
-                self.effects[point].append(Effect(*self.effect([head, *rest], inner), when, ends))
+                self.effects[point].append(Effect(*self.effect(head, rest, inner), when, ends))
             else:
-                rate = words_of([head, *rest], 2, 2)[2]
-                known = head in ("increase", "decrease") and len(rate) == 3 and rate[0] == "*" and rate.count("#t") == 1
+                rate = rest[1] if head in ("increase", "decrease") else []
+                known = len(rate) == 3 and rate[0] == "*" and rate.count("#t") == 1
                 need(known, "found an effect without a time, or another rate than (* #t RATE)")
-                slope = self.model.expression(rate[2] if rate[1] == "#t" else rate[1], replace(inner, durative=False))
+                slope = self.model.expression(rate[2] if rate[1] == "#t" else rate[1], inner._replace(durative=False))
                 slope = slope if head == "increase" else ("-", slope)
                 self.flows.append((*ends, self.changed(rest[0], inner), slope))
 
@@ -622,13 +618,10 @@ class Ground:
         self.model.written.add(fluent.strip("()").split()[0])
         return fluent
 
-    def effect(self, tree: Tree, scope: Scope) -> tuple[str, str, Tree]:
-        head, *rest = words_of(tree)
-        if head == "not":
-            return "delete", self.model.ground(words_of(tree, 1, 1)[1], scope, self.model.predicates), None
-        if head not in ("assign", "increase", "decrease", "scale-up", "scale-down"):
-            return "add", self.model.ground(tree, scope, self.model.predicates), None
-        words_of(tree, 2, 2)
+    def effect(self, head: str, rest: list[Tree], scope: Scope) -> tuple[str, str, Tree]:
+        if head not in CHANGES:
+            kind, atom = ("delete", rest[0]) if head == "not" else ("add", [head, *rest])
+            return kind, self.model.ground(atom, scope, self.model.predicates), None
         fluent = self.changed(rest[0], scope)
         amount = self.model.expression(rest[1], scope)
         if head == "scale-down":
