@@ -101,10 +101,9 @@ def require(plan: Ground, claim: Claim, demanded: Any) -> None:
     if demanded.box is not None:
         text = demanded.box if demanded.box[:1] == "{" else Path(demanded.box).read_bytes()
         wanted = box_in(plan, json.loads(text, object_pairs_hook=members))
-        if claim.box is None:
-            raise Rejected(f"expected a box, {said}")
-        inside = (values.within(claim.box[name]) for name, values in wanted.items())
-        enough = claim.box == wanted if demanded.kind == "maximal" else all(inside)
+        demand(claim.box is not None, f"expected a box, {said}")
+        within = (values.within((claim.box or {})[name]) for name, values in wanted.items())
+        enough = claim.box == wanted if demanded.kind == "maximal" else all(within)
         demand(enough, "the box that is demanded is another one")
 
 
@@ -119,7 +118,7 @@ def box_in(plan: Ground, document: Any) -> Box:
         low, high = (None if each[key] in ("inf", "-inf", "+inf") else number(each[key]) for key in ("lower", "upper"))
         closed = [each.get(f"{key}_closed") is not False for key in ("lower", "upper")]
         found[name] = Range(low, closed[0] and low is not None, high, closed[1] and high is not None)
-        demand(not found[name].empty, "the box that is demanded is empty")
+        demand(found[name].within(found[name]), "the box that is demanded is empty")
     return {name: found[name] for name in known}
 
 

@@ -13,11 +13,13 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from .claims import Claim
-from .formulas import FALSE, TRUE, Formulas, constant, names_in, plus
+from .formulas import FALSE, TRUE, Formulas, names_in, plus
 from .proofs import Facts, Tape, demand, listed, rational, refute, whole
-from .reader import Ground, Linear, Model, Scope, Tree, conjuncts, need, number
+from .reader import Ground, Model, Scope, Tree, conjuncts, constant, need, number
 
 Guard = dict[str, str]
+Files = tuple[dict[str, Any], str, str]
+"""A network, and the texts of domain and problem."""
 
 
 class Numeral(str):
@@ -32,8 +34,6 @@ KEYS: dict[str, dict[str, set[type]]] = {
     "constraints": SPAN,
     "activities": {**SPAN, "lower": {str, Numeral}, "action": {str}, "agent": {str, type(None)}},
 }
-OPTIONAL = {"guard", "agent"}
-CALL = re.compile(r"\( *[^ ()]+(?: +[^ ()]+)* *\)")
 
 
 def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -46,7 +46,7 @@ def is_name(text: Any) -> bool:
 
 
 def network_of(text: str) -> dict[str, Any]:
-    """The network, each of its lists there, numbers as text."""
+    """The network, each of its lists there."""
     found = json.loads(text, parse_int=Numeral, parse_float=Numeral, object_pairs_hook=members)
     need(type(found) is dict and found.get("format") == "tpnu/1", "expected a network of format tpnu/1")
     need(found.keys() <= {"format", "name", "domain", "problem", "parameters", *KEYS}, "found an unknown key")
@@ -55,11 +55,14 @@ def network_of(text: str) -> dict[str, Any]:
     for kind, types in KEYS.items():
         need(type(found.setdefault(kind, [])) is list, f"expected a list of {kind}")
         for each in found[kind]:
-            complete = type(each) is dict and types.keys() - OPTIONAL <= each.keys() <= types.keys()
+            complete = type(each) is dict and types.keys() - {"guard", "agent"} <= each.keys() <= types.keys()
             need(complete and all(type(each[key]) in types[key] for key in each), f"found {kind} malformed")
             texts = [value for value in each.values() if type(value) is str] + each.get("domain", [])
             texts += [text for pair in each.setdefault("guard", {}).items() for text in pair]
             need(all(map(is_name, texts)), f"found {kind} with something that is no name")
+            each |= {key: number(str(each[key])) for key in ("lower", "upper") if each.get(key) is not None}
+        names = [each["name"] for each in found[kind] if "name" in each]
+        need(len({*names}) == len(names), f"found two {kind} of one name")
     return dict(found)
 
 
@@ -80,9 +83,8 @@ class Choices:
     If an execution is given, by the number of each choice's value and by each event's time or None, they are constant.
     """
 
-    def __init__(
-        self, network: dict[str, Any], domain: str, problem: str, epsilon: Fraction, execution: list[Any] | None = None
-    ) -> None:
+    def __init__(self, files: Files, epsilon: Fraction, execution: list[Any] | None = None) -> None:
+        network, domain, problem = files
         self.model = Model(domain, problem)
         need(not self.model.timed, "found timed initial literals in a plan with choices")
         need(epsilon > 0, "epsilon has to be above 0 in a plan with choices")
@@ -90,8 +92,6 @@ class Choices:
         ground.point("start")
         self.domains = {each["name"]: each["domain"] for each in network["choices"]}
         self.guards: dict[str, Guard] = {each["name"]: each["guard"] for each in network["events"]}
-        for kind, names in (("choices", self.domains), ("events", self.guards)):
-            need(len(names) == len(network[kind]), f"found two {kind} of one name")
         edges = [*network["constraints"], *network["activities"]]
         named = {each["at"] for each in network["choices"]} | {each[end] for each in edges for end in ("from", "to")}
         need(named <= self.guards.keys(), "found an event that is not declared")
@@ -101,8 +101,8 @@ class Choices:
         self.times = {event: {f"@{index}": Fraction(1)} for index, event in enumerate(self.guards, start=1)}
         if execution is not None:
             numbers, texts = listed(execution[0], len(self.domains)), listed(execution[1], len(self.guards))
-            for place, (name, values) in zip(numbers, self.domains.items()):
-                self.chosen[name] = values[whole(place, len(values))]
+            places = zip(numbers, self.domains.items())
+            self.chosen = {name: values[whole(place, len(values))] for place, (name, values) in places}
             for text, (event, guard) in zip(texts, self.guards.items()):
                 happens = guard.items() <= self.chosen.items()
                 demand((text is not None) == happens, f"found a time, or none, of {event}")
@@ -110,12 +110,13 @@ class Choices:
         self.ends: dict[int | None, str] = {}  # the event of each time point of an activity
         parameters = {*self.model.synth}
         for place, activity in enumerate(network["activities"]):
-            need(CALL.fullmatch(activity["action"]), f"found {activity['action']}, expected an action")
+            need(re.fullmatch(r"\( *[^ ()]+( +[^ ()]+)* *\)", activity["action"]), "expected an action in brackets")
             call = activity["action"].lower().replace("(", " ").replace(")", " ").split()
             parameters |= ground.instance(str(place), True, call)
             self.ends |= {2 * place + 1: activity["from"], 2 * place + 2: activity["to"]}
         need(not ground.flows and not parameters, "found continuous effects or parameters")
-        self.formulas = Formulas(ground, epsilon, {f"@{point}": self.time(event) for point, event in self.ends.items()})
+        given = {f"@{point}": self.times[event] for point, event in self.ends.items()}
+        self.formulas = Formulas(ground, epsilon, given)
         self.circuit = self.formulas.circuit
         self.parts, self.values = list[int](), dict[tuple[str, str], int]()
         for i, (name, values) in enumerate(self.domains.items()):
@@ -123,7 +124,6 @@ class Choices:
             for j, value in enumerate(values):
                 known = {"": Fraction(self.chosen[name] == value)} if self.chosen else {f"?{i}.{j}": Fraction(1)}
                 self.values[name, value] = self.circuit.compare(known, True)
-        for name, values in self.domains.items():
             each = [self.values[name, value] for value in values]
             self.parts.append(self.circuit.any(each))
             self.parts += [-self.circuit.all([a, b]) for i, a in enumerate(each) for b in each[:i]]
@@ -132,12 +132,9 @@ class Choices:
                 if a != b:
                     self.constrain(guard, a, b, epsilon, None)
         for edge in edges:
-            low, high = bounds(edge)
-            need(low is None or high is None or low <= high, "found bounds without a value between them")
-            self.constrain(edge["guard"], edge["from"], edge["to"], low, high)
+            self.constrain(edge["guard"], edge["from"], edge["to"], edge["lower"], edge["upper"])
         self.ordered(network, edges)
-        self.conditions: list[Condition] = []
-        self.effects: list[Condition] = []
+        self.conditions, self.effects = list[Condition](), list[Condition]()
         for place, activity in enumerate(network["activities"]):
             self.activity(place, activity)
         self.require(self.model.condition(self.model.goal, Scope({}, {})), None, ("e_goal", "e_goal", {}, None))
@@ -151,7 +148,7 @@ class Choices:
         where = {each["name"]: each["at"] for each in network["choices"]}
         steps = list[tuple[str, str, Guard]]()
         for edge in edges:
-            (low, high), ends = bounds(edge), (edge["from"], edge["to"])
+            low, high, ends = edge["lower"], edge["upper"], (edge["from"], edge["to"])
             steps += [(*ends, edge["guard"])] if low is not None and low >= 0 else []
             steps += [(*ends[::-1], edge["guard"])] if high is not None and high <= 0 else []
         for each in (*network["events"], *edges):
@@ -161,14 +158,10 @@ class Choices:
                 need(inside, f"found {choice} in a guard where it is not made")
                 reached, more = {made}, {made}
                 while more:
-                    more = {b for a, b, label in steps if a in more and agree(guard, label)} - reached
+                    more = {b for a, b, label in steps if a in more and guard | label == label | guard} - reached
                     reached |= more
                 after = event in (None, *reached) or made == "e_initial"
                 need(after, f"found {choice} in a guard of {event}, which may come before the choice")
-
-    def time(self, event: str) -> Linear:
-        need(event in self.times, f"found {event}, expected a declared event")
-        return self.times[event]
 
     def holds(self, guard: Guard) -> int:
         need(all((name, value) in self.values for name, value in guard.items()), f"found an unknown value in {guard}")
@@ -178,10 +171,11 @@ class Choices:
         return self.circuit.any([-self.holds(guard), literal])
 
     def before(self, a: str, b: str) -> int:
-        return self.circuit.compare(plus(plus(self.time(b), self.time(a), -1), constant(self.formulas.epsilon), -1))
+        return self.circuit.compare(plus(plus(self.times[b], self.times[a], -1), constant(self.formulas.epsilon), -1))
 
     def constrain(self, guard: Guard, a: str, b: str, low: Fraction | None, high: Fraction | None) -> None:
-        gap = plus(self.time(b), self.time(a), -1)
+        need(low is None or high is None or low <= high, "found bounds without a value between them")
+        gap = plus(self.times[b], self.times[a], -1)
         implied = {*self.guards[a].items(), *self.guards[b].items()}
         need(implied <= {*guard.items()}, f"found {a} and {b} related where they do not happen")
         if low is not None:
@@ -194,7 +188,9 @@ class Choices:
     def activity(self, place: int, activity: dict[str, Any]) -> None:
         """Its durations, conditions and effects."""
         ends, guard = {point: self.ends[point] for point in (2 * place + 1, 2 * place + 2)}, activity["guard"]
-        lows, highs = ([bound for bound in (end,) if bound is not None] for end in bounds(activity))
+        lows, highs = (
+            [bound for bound in (end,) if bound is not None] for end in (activity["lower"], activity["upper"])
+        )
         need(lows[0] > 0 and len({*ends.values()} - {"e_initial", "e_goal"}) == 2, "found an activity without time")
         for duty in self.formulas.ground.duties:
             if duty.first in ends:
@@ -226,10 +222,8 @@ class Choices:
         """The literals of a conjunction, and what is said of durations and of what never changes."""
         for part in conjuncts(tree):
             match part:
-                case ("atom", atom):
-                    self.conditions.append(Condition(atom, True, *where))
-                case ("not", ("atom", atom)):
-                    self.conditions.append(Condition(atom, False, *where))
+                case ("atom", atom) | ("not", ("atom", atom)):
+                    self.conditions.append(Condition(atom, part[0] == "atom", *where))
                 case _:
                     self.parts.append(self.unless(where[2], self.settled(part, owner)))
 
@@ -253,29 +247,17 @@ class Choices:
         return self.unless(condition.guard, self.circuit.any(supports))
 
 
-def bounds(edge: dict[str, Any]) -> tuple[Fraction | None, Fraction | None]:
-    low, high = (None if edge[key] is None else number(str(edge[key])) for key in ("lower", "upper"))
-    return low, high
-
-
-def agree(one: Guard, other: Guard) -> bool:
-    return all(other.get(choice, value) == value for choice, value in one.items())
-
-
-def check_choices(
-    tape: Tape, files: tuple[dict[str, Any], str, str], kind: str, stated: object, epsilon: Fraction
-) -> Claim:
+def check_choices(tape: Tape, files: Files, kind: str, stated: object, epsilon: Fraction) -> Claim:
     """Of a network and its PDDL: that some execution is correct, or that none is with the choices that are stated."""
     if kind == "execution":
         demand(stated is None, "the certificate of an execution has no assumptions")
-        choices = Choices(*files, epsilon, listed(tape.next("execution"), 2))
+        choices = Choices(files, epsilon, listed(tape.next("execution"), 2))
         demand(all(part == TRUE for part in choices.parts), "the execution is not correct")
-        times = {event: choices.time(event).get("", Fraction(0)) for event in choices.guards}
-        happens = {event: time for event, time in times.items() if choices.holds(choices.guards[event]) == TRUE}
-        shown_times = ", ".join(f"{quoted(event)} at {time}" for event, time in happens.items())
-        text = f"correct execution of the plan with choices: {shown(choices.chosen)}; {shown_times}"
+        happens = [event for event, guard in choices.guards.items() if choices.holds(guard) == TRUE]
+        times = ", ".join(f"{quoted(event)} at {choices.times[event].get('', Fraction(0))}" for event in happens)
+        text = f"correct execution of the plan with choices: {shown(choices.chosen)}; {times}"
     else:
-        choices = Choices(*files, epsilon)
+        choices = Choices(files, epsilon)
         choices.chosen = dict(listed(stated))
         parts = [*choices.parts, choices.holds(choices.chosen)]
         refute(tape, choices.formulas, Facts([]), choices.circuit.all(parts))

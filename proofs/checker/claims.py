@@ -9,17 +9,17 @@ schedule that keeps the network and breaks one obligation.
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import Any, NamedTuple
 
-from .formulas import Formulas, constant, plus, replaced
-from .proofs import Facts, Tape, all_hold, demand, linear, listed, orders, rational, refute, schedule, sides, whole
-from .reader import Fact, Ground, Linear, need
+from .formulas import Formulas, plus, replaced
+from .proofs import Facts, Tape, all_hold, demand, linear, listed, orders, rational, refute, schedule, sides, way, whole
+from .reader import Fact, Ground, Linear, constant, need
 
 SEGMENT = "~"
 """How far along a segment: more than 0, and at most 1."""
 
 
-@dataclass(frozen=True)
-class Range:
+class Range(NamedTuple):
     """The values of one parameter; None is infinite."""
 
     lower: Fraction | None
@@ -37,21 +37,19 @@ class Range:
         if self.upper is not None:
             yield plus({name: Fraction(-1)}, constant(self.upper)), not self.upper_closed
 
-    @property
-    def empty(self) -> bool:
-        ends = [] if self.lower is None or self.upper is None else [self.lower, self.upper]
-        return ends != sorted(ends) or (len({*ends}) == 1 and not (self.lower_closed and self.upper_closed))
-
-    def holds(self, value: Fraction, closure: bool = False) -> bool:
-        facts = [(form.get("", Fraction(0)) + form["x"] * value, strict) for form, strict in self.facts("x")]
-        return all(level > 0 or (level == 0 and (closure or not strict)) for level, strict in facts)
+    def ends(self) -> tuple[Any, Any]:
+        """What compares with `(value, False)` and `(value, True)`; an empty range does not begin before it ends."""
+        low = float("-inf") if self.lower is None else self.lower
+        high = float("inf") if self.upper is None else self.upper
+        return (low, not self.lower_closed), (high, self.upper_closed)
 
     def within(self, other: "Range") -> bool:
         """Whether every value of this range, which is not empty, is one of the other."""
-        low, least = (self.lower, not self.lower_closed), (other.lower, not other.lower_closed)
-        high, most = (self.upper, self.upper_closed), (other.upper, other.upper_closed)
-        above = other.lower is None or (self.lower is not None and low >= least)
-        return above and (other.upper is None or (self.upper is not None and high <= most))
+        (low, high), (least, most) = self.ends(), other.ends()
+        return bool(least <= low < high <= most)
+
+    def holds(self, value: Fraction) -> bool:
+        return Range(value, True, value, True).within(self)
 
 
 Box = dict[str, Range]
@@ -80,15 +78,18 @@ def check(tape: Tape, ground: Ground, kind: str, stated: object, epsilon: Fracti
         Unsupported: if the checker does not know what the plan means.
     """
     claim = Claim(kind, epsilon)
+    demand((stated is None) == (kind in ("plan", "region")), f"found a box of a certificate of kind {kind}, or none")
     if kind == "region":
-        demand(stated is None, "the certificate of a region has no box")
         check_region(tape, ground, claim)
     else:
         claim.box = nominal(ground) if kind == "plan" else box_of(ground, stated)
-        demand(kind != "plan" or stated is None, "the certificate of a plan has no box")
         for name, values in claim.box.items():
             demand(values.within(declared(ground, name)), f"the box leaves the declared bounds of {name}")
-        good(tape, ground, claim, [fact for name, values in claim.box.items() for fact in values.facts(name)])
+        formulas = Formulas(ground, epsilon)
+        facts = Facts([fact for name, values in claim.box.items() for fact in values.facts(name)], formulas)
+        orders(tape, formulas, facts)
+        schedule(tape, formulas, facts)
+        claim.obligations, claim.refuted = all_hold(tape, formulas, facts)
         place = " x ".join(map(str, claim.box.values()))
         claim.text = "valid for every schedule" + (f", for all ({', '.join(claim.box)}) in {place}" if place else "")
         if kind == "maximal":
@@ -113,9 +114,7 @@ def meaning(ground: Ground, of: tuple[str, str], name: str) -> str:
 
 def declared(ground: Ground, name: str) -> Range:
     parameter = ground.parameters[name]
-    found = Range(parameter.lower, parameter.lower is not None, parameter.upper, parameter.upper is not None)
-    need(not found.empty, f"the declared bounds of {name} leave no value")
-    return found
+    return Range(parameter.lower, parameter.lower is not None, parameter.upper, parameter.upper is not None)
 
 
 def nominal(ground: Ground) -> Box:
@@ -132,19 +131,8 @@ def box_of(ground: Ground, stated: object) -> Box:
         ends = (None if low is None else rational(low), None if high is None else rational(high))
         demand(not (low is None and low_closed) and not (high is None and high_closed), "an infinite end is closed")
         found[name] = Range(ends[0], low_closed, ends[1], high_closed)
-        demand(not found[name].empty, "the box is empty")
+        demand(found[name].within(found[name]), "the box is empty")
     return found
-
-
-def good(tape: Tape, ground: Ground, claim: Claim, region: list[Fact]) -> None:
-    """All values of a region have a schedule, and none that breaks an obligation."""
-    formulas = Formulas(ground, claim.epsilon)
-    facts = Facts(region, formulas)
-    orders(tape, formulas, facts)
-    schedule(tape, formulas, facts)
-    obligations, refuted = all_hold(tape, formulas, facts)
-    claim.obligations += obligations
-    claim.refuted += refuted
 
 
 def bad(tape: Tape, ground: Ground, claim: Claim, region: list[Fact], given: dict[str, Linear]) -> None:
@@ -153,14 +141,9 @@ def bad(tape: Tape, ground: Ground, claim: Claim, region: list[Fact], given: dic
     kind, *rest = tape.next("cycle", "broken")
     if kind == "cycle":
         steps, multiples = listed(rest, 2)
-        demand(len(listed(steps)) <= len(ground.points), "the constraints form more than one circle")
-        total, start, place = Linear(), None, None
-        for step in steps:
-            a, b, length = ground.edges[whole(step, len(ground.edges))]
-            demand(place is None or a == place, "the constraints do not form a path")
-            total, start, place = plus(total, replaced(length, given)), a if start is None else start, b
-        demand(start is not None and start == place, "the constraints do not form a circle")
-        Facts(region).imply(total, multiples, strictly=True)
+        start, end, total = way(ground.edges, steps, len(ground.points))
+        demand(start is not None and start == end, "the constraints do not form a circle")
+        Facts(region).imply(replaced(total, given), multiples, strictly=True)
         return
     number, texts, proofs, instant = listed(rest, 4)
     times = [linear(text, names) for text in listed(texts, len(ground.points) - 1)]
@@ -182,10 +165,8 @@ def check_faces(tape: Tape, ground: Ground, claim: Claim, box: Box, name: str) -
     box in all other directions.
     """
     allowed, values = declared(ground, name), box[name]
-    for end, closed, bound, sign in (
-        (values.lower, values.lower_closed, allowed.lower, -1),
-        (values.upper, values.upper_closed, allowed.upper, 1),
-    ):
+    lower = (values.lower, values.lower_closed, allowed.lower, -1)
+    for end, closed, bound, sign in (lower, (values.upper, values.upper_closed, allowed.upper, 1)):
         if end is None or (closed and end == bound):
             continue
         texts = listed(tape.next("face"), 2)
@@ -194,7 +175,8 @@ def check_faces(tape: Tape, ground: Ground, claim: Claim, box: Box, name: str) -
         away = sign * (beyond[name] - end)
         demand(away > 0 if closed else away == 0, "the segment does not begin just outside of the face")
         for other in box.keys() - {name}:
-            inside = box[other].holds(limit[other], closure=True) and box[other].holds(beyond[other])
+            closure = box[other]._replace(lower_closed=True, upper_closed=True)
+            inside = closure.holds(limit[other]) and box[other].holds(beyond[other])
             demand(inside, "the segment leaves the box in another direction")
         given = {each: plus(constant(limit[each]), plus({}, {SEGMENT: beyond[each] - limit[each]})) for each in box}
         segment: list[Fact] = [({SEGMENT: Fraction(1)}, True), ({SEGMENT: Fraction(-1), "": Fraction(1)}, False)]

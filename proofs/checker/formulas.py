@@ -14,10 +14,11 @@ from itertools import combinations
 from math import gcd, lcm
 from typing import Any
 
-from .reader import Duty, Effect, Ground, Linear, Tree, decided, need
+from .reader import Duty, Effect, Ground, Linear, Tree, constant, decided, need
 
 Moment = tuple[str, Any]
 Node = tuple[Any, ...]
+Obligation = tuple[str, Callable[[], int]]
 TRUE, FALSE = 1, -1
 NUMERIC = {"assign", "increase"}
 LARGEST, TOO_LONG = 1 << 20_000, "found numbers of more than 6,000 digits"
@@ -41,10 +42,6 @@ def plus(left: Linear, right: Linear, factor: Fraction | int = 1) -> Linear:
     total = dict(left)
     add(total, right, factor)
     return total
-
-
-def constant(value: Fraction) -> Linear:
-    return {"": value} if value else {}
 
 
 def replaced(expression: Linear, given: Mapping[str, Linear]) -> Linear:
@@ -109,25 +106,21 @@ class Formulas:
     """The formulas of one plan. `given` are expressions for parameters and points (`@3`), where they are not free."""
 
     def __init__(self, ground: Ground, epsilon: Fraction, given: Mapping[str, Linear] | None = None) -> None:
-        self.ground, self.epsilon, self.circuit = ground, epsilon, Circuit()
+        self.ground, self.epsilon, self.circuit, self.given = ground, epsilon, Circuit(), given or {}
         self.known: dict[tuple[int, int], Fraction] = {}  # (a, b): t_b - t_a is at least that, as has been proved
         self.definitions: dict[str, list[int]] = {}  # auxiliary value: the literals that define it
         self.instants: dict[str, tuple[int, int]] = {}  # instants inside actions, with the ends of the actions
-        self.given = given
-        self.truths: dict[tuple[str, Moment], int | None] = {}
-        self.levels: dict[tuple[str, Moment], Linear | None] = {}
-        self.writes: dict[str, list[tuple[int, Effect]]] = {}
-        self.flows: dict[str, list[tuple[int, int, Tree]]] = {}
+        self.states: dict[tuple[str, Moment], Any] = {}  # of atoms and fluents; None while they are looked for
+        self.writes, self.flows = dict[str, list[tuple[int, Effect]]](), dict[str, list[tuple[int, int, Tree]]]()
         for point, effects in enumerate(ground.effects):
             for effect in effects:
                 self.writes.setdefault(effect.target, []).append((point, effect))
         for start, end, fluent, rate in ground.flows:
             self.flows.setdefault(fluent, []).append((start, end, rate))
-        self.ties: dict[int, Linear] = {0: {}}
+        known = {point: given[f"@{point}"] for point in range(1, len(ground.points)) if given}
+        self.ties: dict[int, Linear] = {0: {}, **known}
         if given is None:
             self.tie()
-        else:
-            self.ties |= {point: given[f"@{point}"] for point in range(1, len(ground.points))}
 
     # -- time ----------------------------------------------------------------------------------------------------------
 
@@ -137,9 +130,8 @@ class Formulas:
         tied: dict[int, list[tuple[int, Linear]]] = {}
         for a, b, w in self.ground.edges:
             back = plus({}, w, -1)
-            if (b, a, frozenset(back.items())) in edges:
+            if (b, a, frozenset(back.items())) in edges:  # which comes by itself
                 tied.setdefault(a, []).append((b, w))
-                tied.setdefault(b, []).append((a, back))
         for root in range(len(self.ground.points)):
             self.ties.setdefault(root, {f"@{root}": Fraction(1)})
             queue = [root]
@@ -155,9 +147,7 @@ class Formulas:
 
     def at(self, moment: Moment) -> Linear:
         kind, where = moment
-        if kind != "instant":
-            return self.ties[where]
-        return self.given[where] if self.given is not None and where in self.given else {where: Fraction(1)}
+        return self.ties[where] if kind != "instant" else replaced({where: Fraction(1)}, self.given)
 
     def gap(self, a: int, b: int) -> Linear:
         """t_b - t_a."""
@@ -166,7 +156,7 @@ class Formulas:
     def slack(self, edge: tuple[int, int, Linear]) -> Linear:
         """What a constraint of the network says is not negative."""
         a, b, w = edge
-        return plus(self.gap(a, b), replaced(w, self.given or {}), -1)
+        return plus(self.gap(a, b), replaced(w, self.given), -1)
 
     def earlier(self, a: int, b: int, strict: bool = True) -> int:
         """t_a < t_b, or <=."""
@@ -193,29 +183,29 @@ class Formulas:
 
     # -- state ---------------------------------------------------------------------------------------------------------
 
-    def happened(self, write: tuple[int, Effect], moment: Moment) -> int:
-        point, effect = write
-        passed = self.passed(point, moment)
-        if passed == FALSE or effect.when is True:
-            return passed
-        return self.circuit.all([passed, self.truth(effect.when, ("before", point), effect.owner)])
+    def happened(self, target: str, kind: str, moment: Moment) -> Iterator[tuple[int, Effect, int]]:
+        """The changes of a kind that may have happened, and whether they have."""
+        for point, effect in self.writes.get(target, ()):
+            done = self.passed(point, moment) if effect.kind == kind else FALSE
+            if done != FALSE and effect.when is not True:
+                done = self.circuit.all([done, self.truth(effect.when, ("before", point), effect.owner)])
+            if done != FALSE:
+                yield point, effect, done
+
+    def state(self, name: str, moment: Moment, find: Callable[[str, Moment], Any]) -> Any:
+        if (name, moment) not in self.states:
+            self.states[name, moment] = None
+            self.states[name, moment] = find(name, moment)
+        need(self.states[name, moment] is not None, f"{name} depends on itself")
+        return self.states[name, moment]
 
     def holds(self, atom: str, moment: Moment) -> int:
-        key = atom, moment
-        if key not in self.truths:
-            self.truths[key] = None
-            done = [(write, self.happened(write, moment)) for write in self.writes.get(atom, ())]
-            done = [(write, each) for write, each in done if each != FALSE]
-            deletes = [(point, each) for (point, effect), each in done if effect.kind == "delete"]
-            cases = [-self.circuit.any([each for _, each in deletes])] if self.ground.model.initial.get(atom) else []
-            for (point, effect), each in done:
-                if effect.kind == "add":
-                    kept = [-self.circuit.all([gone, self.earlier(point, other)]) for other, gone in deletes]
-                    cases.append(self.circuit.all([each, *kept]))
-            self.truths[key] = self.circuit.any(cases)
-        found = self.truths[key]
-        need(found is not None, f"conditional effects on {atom} depend on each other")
-        return found or 0
+        deletes = [*self.happened(atom, "delete", moment)]
+        cases = [-self.circuit.any([gone for *_, gone in deletes])] if self.ground.model.initial.get(atom) else []
+        for point, _, added in self.happened(atom, "add", moment):
+            kept = [-self.circuit.all([gone, self.earlier(point, other)]) for other, _, gone in deletes]
+            cases.append(self.circuit.all([added, *kept]))
+        return self.circuit.any(cases)
 
     def choice(self, cases: list[tuple[int, Linear]]) -> Linear:
         """The value of the first case whose condition is true; that of the last one is."""
@@ -233,46 +223,35 @@ class Formulas:
 
     def level(self, fluent: str, moment: Moment) -> Linear:
         """The value of a fluent at a moment."""
-        key = fluent, moment
-        if key not in self.levels:
-            self.levels[key] = None
-            begins = self.initially(fluent)
-            writes = [(write, self.happened(write, moment)) for write in self.writes.get(fluent, ())]
-            assigned = [(write, done) for write, done in writes if write[1].kind == "assign" and done != FALSE]
-            cases: list[tuple[int, Linear]] = []
-            for rank, ((point, effect), done) in enumerate(assigned):
-                others = [(r, other, was) for r, ((other, _), was) in enumerate(assigned) if r != rank]
-                later = [self.circuit.all([was, self.earlier(point, other, r < rank)]) for r, other, was in others]
-                last = self.circuit.all([done, *(-each for each in later)])
-                if last != FALSE:
-                    value = self.expression(effect.amount, ("before", point), effect.owner)
-                    cases.append((last, plus(value, self.change(fluent, point, moment))))
-            if cases and any(done == TRUE for _, done in assigned):
-                cases[-1] = (TRUE, cases[-1][1])
-            else:
-                cases.append((TRUE, plus(begins, self.change(fluent, None, moment))))
-            self.levels[key] = self.choice(cases)
-        found = self.levels[key]
-        need(found is not None, f"{fluent} depends on itself")
-        return found or {}
+        begins = self.initially(fluent)
+        assigned = [*self.happened(fluent, "assign", moment)]
+        cases: list[tuple[int, Linear]] = []
+        for rank, (point, effect, done) in enumerate(assigned):
+            others = [(r, other, was) for r, (other, _, was) in enumerate(assigned) if r != rank]
+            later = [self.circuit.all([was, self.earlier(point, other, r < rank)]) for r, other, was in others]
+            last = self.circuit.all([done, *(-each for each in later)])
+            if last != FALSE:
+                value = self.expression(effect.amount, ("before", point), effect.owner)
+                cases.append((last, plus(value, self.change(fluent, point, moment))))
+        if cases and any(done == TRUE for *_, done in assigned):
+            cases[-1] = (TRUE, cases[-1][1])
+        else:
+            cases.append((TRUE, plus(begins, self.change(fluent, None, moment))))
+        return self.choice(cases)
 
     def initially(self, fluent: str) -> Linear:
         value, name = self.ground.model.initial.get(fluent), self.ground.varied.get(("fluent", fluent))
         need(type(value) is Fraction, f"{fluent} has no initial value")
-        return replaced({name: Fraction(1)}, self.given or {}) if name else constant(Fraction(value or 0))
+        return replaced({name: Fraction(1)}, self.given) if name else constant(Fraction(value or 0))
 
     def change(self, fluent: str, since: int | None, moment: Moment) -> Linear:
         """What increases and continuous effects add, since the beginning or since an assignment."""
         total: Linear = {}
-        for write in self.writes.get(fluent, ()):
-            point, effect = write
-            if effect.kind == "increase":
-                counts = self.happened(write, moment)
-                if since is not None and counts != FALSE:
-                    counts = self.circuit.all([counts, self.earlier(since, point, False)])
-                if counts != FALSE:
-                    amount = self.expression(effect.amount, ("before", point), effect.owner)
-                    total = plus(total, self.choice([(counts, amount), (TRUE, {})]))
+        for point, effect, done in self.happened(fluent, "increase", moment):
+            counts = done if since is None else self.circuit.all([done, self.earlier(since, point, False)])
+            if counts != FALSE:
+                amount = self.expression(effect.amount, ("before", point), effect.owner)
+                total = plus(total, self.choice([(counts, amount), (TRUE, {})]))
         for start, end, rate in self.flows.get(fluent, ()):
             total = plus(total, self.flowed(start, end, rate, moment))
             if since is not None:
@@ -297,12 +276,11 @@ class Formulas:
         if kind == "number":
             return constant(rest[0])
         if kind == "parameter":
-            return replaced({rest[0]: Fraction(1)}, self.given or {})
-        if kind == "duration":
-            need(owner is not None, "found ?duration outside of an action")
-            return self.gap(*owner) if owner is not None else {}
+            return replaced({rest[0]: Fraction(1)}, self.given)
+        if kind == "duration" and owner is not None:
+            return self.gap(*owner)
         if kind == "fluent":
-            return self.level(rest[0], moment)
+            return dict(self.state(rest[0], moment, self.level))
         total, *parts = [self.expression(each, moment, owner) for each in rest]
         if kind == "-" and not parts:
             return plus({}, total, -1)
@@ -321,7 +299,7 @@ class Formulas:
             return TRUE if tree else FALSE
         kind, *rest = tree
         if kind == "atom":
-            return self.holds(rest[0], moment)
+            return int(self.state(rest[0], moment, self.holds))
         if kind == "not":
             return -self.truth(rest[0], moment, owner)
         if kind in ("and", "or"):
@@ -335,14 +313,11 @@ class Formulas:
 
     # -- obligations ---------------------------------------------------------------------------------------------------
 
-    def obligations(self) -> list[tuple[str, Callable[[], int]]]:
+    def obligations(self) -> list[Obligation]:
         """Each obligation, with the literal of what breaks it: durations, conditions, goal, separations, conflicts."""
-        found: list[tuple[str, Callable[[], int]]] = []
-        for index, duty in enumerate(self.ground.duties):
-            found.append((duty.label, partial(self.broken, f"!{index}", duty)))
-        names = self.ground.points
-        for a, b in mutex(self.ground):
-            found.append((f"separation: {names[a]}, {names[b]}", partial(self.separation, a, b)))
+        names, duties, apart = self.ground.points, self.ground.duties, mutex(self.ground)
+        found: list[Obligation] = [(each.label, partial(self.broken, f"!{i}", each)) for i, each in enumerate(duties)]
+        found += [(f"separation: {names[a]}, {names[b]}", partial(self.separation, a, b)) for a, b in apart]
         for point, effects in enumerate(self.ground.effects):
             for one, other in combinations([each for each in effects if each.kind in NUMERIC], 2):
                 if one.target == other.target and "assign" in (one.kind, other.kind):
@@ -364,21 +339,19 @@ class Formulas:
 
     def evaluate(self) -> None:
         """All effects have a meaning, also where nothing reads what they change."""
-        for point, effects in enumerate(self.ground.effects):
-            for effect in effects:
-                self.truth(effect.when, ("before", point), effect.owner)
-                if effect.kind in NUMERIC:
-                    self.initially(effect.target)
-                    self.expression(effect.amount, ("before", point), effect.owner)
-        for start, end, fluent, rate in self.ground.flows:
-            self.initially(fluent)
-            self.expression(rate, ("before", start), (start, end))
+        changes = [each for writes in self.writes.values() for each in writes]
+        flows = self.ground.flows
+        changes += [(start, Effect("increase", fluent, rate, True, (start, end))) for start, end, fluent, rate in flows]
+        for point, effect in changes:
+            self.truth(effect.when, ("before", point), effect.owner)
+            if effect.kind in NUMERIC:
+                self.initially(effect.target)
+                self.expression(effect.amount, ("before", point), effect.owner)
 
     def broken(self, instant: str, duty: Duty) -> int:
-        if duty.first is None:
-            return -self.truth(duty.condition, ("final", None), None)
-        if duty.last is None:
-            return -self.truth(duty.condition, ("before", duty.first), duty.owner)
+        if duty.first is None or duty.last is None:
+            moment = ("final", None) if duty.first is None else ("before", duty.first)
+            return -self.truth(duty.condition, moment, duty.owner)
         return self.circuit.any(list(self.broken_inside(instant, duty.condition, duty.first, duty.last)))
 
     def broken_inside(self, instant: str, condition: Tree, start: int, end: int) -> Iterator[int]:
@@ -434,27 +407,23 @@ def names_in(tree: Tree) -> Iterator[str]:
                 yield from names_in(each)
 
 
-HARM = {"add": ("read", "delete"), "delete": ("read",), "assign": ("read", "assign", "increase"), "increase": ("read",)}
+HARM = {"add": ["read", "delete"], "assign": ["read", "assign", "increase"], "read": []}
+HARM |= {"delete": ["read"], "increase": ["read"]}
 
 
 @cache
 def mutex(ground: Ground) -> list[tuple[int, int]]:
     """The pairs of time points that must be apart: no moving targets [PDDL 2.1]. What a text mentions, it reads."""
     changes = [(point, effect) for point, effects in enumerate(ground.effects) for effect in effects]
-    flows = [(point, fluent, rate) for start, end, fluent, rate in ground.flows for point in (start, end)]
+    flows = [(point, fluent, rate) for *ends, fluent, rate in ground.flows for point in ends]
+    changes += [(point, Effect("increase", fluent, rate, True, None)) for point, fluent, rate in flows]
     reads = [(duty.first, duty.condition) for duty in ground.duties if duty.first is not None and duty.last is None]
     reads += [(point, ("", effect.amount, effect.when)) for point, effect in changes]
-    reads += [(point, rate) for point, _, rate in flows]
     done = [(name, point, "read") for point, trees in reads for name in names_in(trees)]
     done += [(effect.target, point, effect.kind) for point, effect in changes]
-    done += [(fluent, point, "increase") for point, fluent, _ in flows]
-    does: dict[str, set[tuple[int, str]]] = {}
+    does: dict[tuple[str, str], set[int]] = {}
     for name, point, kind in done:
-        does.setdefault(name, set()).add((point, kind))
-    pairs = set[tuple[int, int]]()
-    for every in does.values():
-        for a, kind in every:
-            for b, other in every if kind in HARM else ():
-                if a != b and other in HARM[kind] and not {a, b} <= ground.timed:
-                    pairs.add((min(a, b), max(a, b)))
-    return sorted(pairs)
+        does.setdefault((name, kind), set()).add(point)
+    harms = [(points, does.get((name, other), ())) for (name, kind), points in does.items() for other in HARM[kind]]
+    pairs = {(min(a, b), max(a, b)) for some, others in harms for a in some for b in others if a != b}
+    return sorted(pair for pair in pairs if not ground.timed.issuperset(pair))

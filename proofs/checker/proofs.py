@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from fractions import Fraction
 from typing import Any
 
-from .formulas import FALSE, Formulas, add, constant, plus, replaced
-from .reader import Fact, Linear
+from .formulas import FALSE, Formulas, add, plus, replaced
+from .reader import Fact, Linear, constant
 
 RATIONAL = re.compile("-?[1-9][0-9]{0,999}(?:/[1-9][0-9]{0,999})?|0")
 
@@ -46,7 +46,6 @@ def rational(value: Any) -> Fraction:
 def linear(value: Any, names: Iterable[str]) -> Linear:
     """Pairs of name and coefficient, each name once."""
     terms = [listed(each, 2) for each in listed(value)]
-    demand(all(type(name) is str for name, _ in terms), "expected a name")
     found = {name: rational(factor) for name, factor in terms}
     demand(len(found) == len(terms) and found.keys() <= {"", *names} and all(found.values()), "found a malformed sum")
     return found
@@ -106,23 +105,29 @@ class Facts:
         demand(not rest and (value > 0 or (value == 0 and (strict or not strictly))), "the multiples do not add up")
 
 
+def way(edges: list[tuple[int, int, Linear]], steps: Any, most: int) -> tuple[int | None, int | None, Linear]:
+    """From where to where some constraints lead, one after the other, and how long that takes at least."""
+    start, place, total = None, None, Linear()
+    demand(len(listed(steps)) <= most, "found more constraints than time points")
+    for step in steps:
+        source, target, length = edges[whole(step, len(edges))]
+        demand(place in (None, source), "the constraints do not form a path")
+        start, place = source if start is None else start, target
+        add(total, length)
+    return start, place, total
+
+
 def orders(tape: Tape, formulas: Formulas, facts: Facts) -> None:
     """Order lemmas: t_b - t_a is at least a number, by constraints of the network, or earlier lemmas, from a to b."""
-    edges, lemmas = formulas.ground.edges, list[tuple[int, int, Linear]]()
+    edges, points = [*formulas.ground.edges], len(formulas.ground.points)
     for a, b, path, text, multiples in (listed(each, 5) for each in tape.next("orders")):
-        place, total = whole(a, len(formulas.ground.points)), Linear()
-        demand(len(listed(path)) < len(formulas.ground.points), "the constraints do not form a path")
-        for step in path:
-            number = whole(step, len(edges) + len(lemmas))
-            source, target, length = edges[number] if number < len(edges) else lemmas[number - len(edges)]
-            demand(source == place, "the constraints do not form a path")
-            place = target
-            add(total, length)
+        start, end, total = way(edges, path, points - 1)
         bound = rational(text)
-        demand(place == whole(b) and a != b and (a, b) not in formulas.known, "a path to elsewhere, or an order twice")
+        demand((start, end) == (whole(a), whole(b)) and a != b, "a path from or to elsewhere")
+        demand((a, b) not in formulas.known, "an order twice")
         facts.imply(plus(total, constant(bound), -1), multiples)
         formulas.known[a, b] = bound
-        lemmas.append((a, b, constant(bound)))
+        edges.append((a, b, constant(bound)))
 
 
 def schedule(tape: Tape, formulas: Formulas, facts: Facts) -> None:

@@ -8,8 +8,7 @@ are texts such as `(at rover base)`. All of a text stays in the trees, because w
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from itertools import product
 from typing import Any, NamedTuple
@@ -17,10 +16,16 @@ from typing import Any, NamedTuple
 Tree = Any
 Linear = dict[str, Fraction]
 """Coefficients by name; that of "" is the constant. No coefficient is zero."""
+Names = list[tuple[str, list[str]]]
+"""With the types of each."""
 Signatures = dict[str, list[list[str]]]
 """Predicates, or functions: the types of each of their arguments."""
 Fact = tuple[Linear, bool]
 """`expression >= 0`, or `> 0`."""
+
+
+def constant(value: Fraction) -> Linear:
+    return {"": value} if value else {}
 
 
 class Unsupported(Exception):
@@ -85,9 +90,9 @@ def parse(text: str, kind: str, known: set[str]) -> list[Tree]:
     return sections
 
 
-def typed(words: list[Tree], mark: str = "", default: str = "object") -> list[tuple[str, list[str]]]:
+def typed(words: list[Tree], mark: str = "", default: str = "object") -> Names:
     """`a b - t c`: names, or with a mark variables, each with its types."""
-    found: list[tuple[str, list[str]]] = []
+    found = Names()
     names: list[str] = []
     rest = iter(words)
     for word in rest:
@@ -115,7 +120,7 @@ class Action(NamedTuple):
     """An action's text: `parameters` with their types, and `synth`, the envelope's parameters of each instance."""
 
     durative: bool
-    parameters: list[tuple[str, list[str]]]
+    parameters: Names
     synth: list[str]
     parts: Mapping[str, Tree]
 
@@ -157,7 +162,7 @@ class Model:
         self.kinds = dict[str, list[str]]()  # the types of objects, and of what variables of actions stand for
         self.predicates, self.functions = Signatures(), Signatures()
         self.split, self.guessed = dict[str, str](), set[str]()  # undeclared predicates of one type; what is read how
-        self.initial, self.timed = dict[str, bool | Fraction](), dict[tuple[Fraction, str], bool | Fraction]()
+        self.initial, self.timed = dict[str, bool | Fraction](), dict[Fraction, dict[str, bool | Fraction]]()
         self.synth, self.written = dict[str, str](), set[str]()  # what actions and timed initial literals change
         sections = [*parse(domain, "domain", DOMAIN), *parse(problem, "problem", PROBLEM)]
         parts = {each[0]: each[1:] for each in sections}
@@ -193,7 +198,7 @@ class Model:
             need({*self.kinds.setdefault(name, kinds)} == {*kinds}, f"found two types of {name}")
             self.objects[name] = {each for kind in kinds for each in self.types_above[kind]}
 
-    def types(self, listed: list[tuple[str, list[str]]]) -> None:
+    def types(self, listed: Names) -> None:
         for name, kinds in listed:
             need(name != "object" or kinds == ["object"], "found a type above 'object'")
             if self.parents.setdefault(name, {*kinds}) != {*kinds}:
@@ -212,11 +217,12 @@ class Model:
         need(self.types_above[kind], f"found type {kind} above itself")
         return self.types_above[kind]
 
-    def variables(self, words: list[Tree]) -> list[tuple[str, list[str]]]:
-        """Variables of different names, with types that are known."""
-        listed = typed(words, "?")
-        need(len({"?duration", *(name for name, _ in listed)}) == len(listed) + 1, "found a variable twice")
-        need(all(kind in self.parents for _, kinds in listed for kind in kinds), "found an unknown type")
+    def variables(self, words: list[Tree], taken: Iterable[str] = (), default: str = "object") -> Names:
+        """Variables of different names, with types that are known; those whose types are numbers have no other one."""
+        listed, taken = typed(words, "?", default), {"?duration", *taken}
+        need(len(taken.union(name for name, _ in listed)) == len(listed) + len(taken), "found a variable twice")
+        known = self.parents.keys() if default == "object" else {default}
+        need({kind for _, kinds in listed for kind in kinds} <= known, "found an unknown type")
         return listed
 
     def declare(self, table: Signatures, signatures: list[Tree]) -> None:
@@ -229,11 +235,8 @@ class Model:
             self.split.update((f"{name}_{kind}", name) for kinds in several for kind in kinds if "_" not in kind)
 
     def parameters_in(self, words: list[Tree]) -> list[str]:
-        listed = typed(words[0] if len(words) == 1 and type(words[0]) is list else words, "?", "number")
-        need(all(kinds == ["number"] for _, kinds in listed), "found parameters that are no numbers")
-        names = [name for name, _ in listed]
-        need(len({"?duration", *names, *self.synth}) == 1 + len(names) + len(self.synth), "found a parameter twice")
-        return names
+        words = words[0] if len(words) == 1 and type(words[0]) is list else words
+        return [name for name, _ in self.variables(words, self.synth, "number")]
 
     def action(self, kind: str, rest: list[Tree]) -> None:
         need(rest and is_word(rest[0]) and rest[0] not in self.actions, "found an action without a name of its own")
@@ -259,22 +262,20 @@ class Model:
     def fact(self, fact: Tree) -> None:
         words = words_of(fact)
         timed = words[0] == "at" and len(words) == 3 and type(words[2]) is list
-        target, value = self.stated(words[2] if timed else fact)
+        target, value = self.stated(words_of(words[2] if timed else fact))
         if timed:
             time = number(str(words[1]))
             self.written.add(target.strip("()").split()[0])
-            known = self.timed.setdefault((time, target), value)
+            known = self.timed.setdefault(time, {}).setdefault(target, value)
             need(time >= 0 and known == value, f"found two values of {target} at {time}, or one before zero")
         else:
             need(self.initial.setdefault(target, value) == value, f"found two initial values of {target}")
 
-    def stated(self, fact: Tree) -> tuple[str, bool | Fraction]:
-        words = words_of(fact)
+    def stated(self, words: list[Tree]) -> tuple[str, bool | Fraction]:
         if words[0] == "=":
             return self.ground(words[1], LIFTED, self.functions), number(words[2])
-        if words[0] == "not":
-            return self.ground(words[1], LIFTED, self.predicates), False
-        return self.ground(fact, LIFTED, self.predicates), True
+        negated = words[0] == "not"
+        return self.ground(words[1] if negated else words, LIFTED, self.predicates), not negated
 
     def ground(self, term: Tree, scope: Scope, table: Signatures) -> str:
         """A ground atom or fluent, as text."""
@@ -296,9 +297,8 @@ class Model:
     def bindings(self, variables: Tree, scope: Scope) -> Iterator[Scope]:
         """Every choice of objects for variables, or of one thing of its types for each."""
         need(type(variables) is list, "found a quantifier without variables")
-        listed = self.variables(variables)
+        listed = self.variables(variables, scope.synth)
         names = [name for name, _ in listed]
-        need(not scope.synth.keys() & {*names}, "found a variable twice")
         choices = [[f"{name} of {kinds}"] for name, kinds in listed]
         if scope.lifted:
             self.kinds |= {each: kinds for [each], (_, kinds) in zip(choices, listed)}
@@ -399,35 +399,26 @@ class Parameter(NamedTuple):
 
 NAME, IDENTIFIER = r"[A-Za-z_](?:[A-Za-z0-9_.-]*[A-Za-z0-9_])?", r"[A-Za-z0-9_]+(?:-+[A-Za-z0-9_]+)*"
 POINT, BOUND = rf"(?>\.zero\b|{IDENTIFIER}(?:\.[A-Za-z0-9_]+)?)", r"[^\s\[\](),;:#]+"
-STATEMENT = re.compile(
-    rf"""\s*(?:
+STATEMENT = re.compile(rf"""(?x)\s*(?:
     parameter\s+(?P<parameter>{NAME})(?P<attributes>(?:\s+[a-z]+\s+{BOUND})*) |
     (?P<kind>durative-action|action)\s+instance\s+(?P<instance>{IDENTIFIER})\s*:\s*\((?P<call>[A-Za-z0-9_\s-]*)\) |
     c\s*:\s*(?P<target>{POINT})\s*-\s*(?P<source>{POINT})\s*in\s*\[\s*(?P<low>{BOUND})\s*,\s*(?P<high>{BOUND})\s*\]
-    )\s*;\s*""",
-    re.VERBOSE,
-)
+    )\s*;\s*""")
 
 
-@dataclass(eq=False)
 class Ground:
     """The plan: time points by number (0 is zero), the network, what has to hold, and what happens.
 
     `edges` are (a, b, w): t_b - t_a >= w, with w linear in the parameters. `flows` are (start, end, fluent, rate).
-    `varied` are the parameters of ("duration", instance) and ("fluent", f).
+    `varied` are the parameters of ("duration", instance) and ("fluent", f), `instead` those durations in the domain.
     """
 
-    model: Model
-    points: list[str] = field(default_factory=list)
-    number: dict[str, int] = field(default_factory=dict)
-    parameters: dict[str, Parameter] = field(default_factory=dict)
-    edges: list[tuple[int, int, Linear]] = field(default_factory=list)
-    duties: list[Duty] = field(default_factory=list)
-    effects: list[list[Effect]] = field(default_factory=list)
-    flows: list[tuple[int, int, str, Tree]] = field(default_factory=list)
-    timed: set[int] = field(default_factory=set)
-    varied: dict[tuple[str, str], str] = field(default_factory=dict)
-    instead: dict[str, list[str]] = field(default_factory=dict)  # of these instances, the durations in the domain
+    def __init__(self, model: Model) -> None:
+        self.model, self.parameters = model, dict[str, Parameter]()
+        self.points, self.number, self.timed = list[str](), dict[str, int](), set[int]()
+        self.edges, self.duties = list[tuple[int, int, Linear]](), list[Duty]()
+        self.effects, self.flows = list[list[Effect]](), list[tuple[int, int, str, Tree]]()
+        self.varied, self.instead = dict[tuple[str, str], str](), dict[str, list[str]]()
 
     def point(self, name: str) -> int:
         need(name not in self.number, f"found time point {name} twice")
@@ -453,9 +444,8 @@ class Ground:
         text, place = re.sub(r"#[^\n]*", " ", plan), 0
         used = {*self.model.synth.values()}
         while place < len(text.rstrip()):
-            match = STATEMENT.match(text, place)
-            if match is None:
-                raise Unsupported(f"found {text[place : place + 40].strip()!r}, expected a statement of a plan")
+            match: Any = STATEMENT.match(text, place)
+            need(match, f"found {text[place : place + 40].strip()!r}, expected a statement of a plan")
             place = match.end()
             if match["parameter"]:
                 self.parameter(match["parameter"], match["attributes"].split())
@@ -472,7 +462,7 @@ class Ground:
         for name in (name for kind, name in self.varied if kind == "duration"):
             self.varied_duration(name, self.varied["duration", name])
         need(used == self.parameters.keys(), f"found {used ^ self.parameters.keys()} not declared, or not used")
-        for time in sorted({time for time, _ in self.model.timed}):
+        for time in sorted(self.model.timed):
             self.timed_literals(time)
         self.edges += [(0, point, {}) for point in range(1, len(self.points))]
         goal = self.model.condition(self.model.goal, Scope({}, self.model.synth))
@@ -492,11 +482,10 @@ class Ground:
     def timed_literals(self, time: Fraction) -> None:
         point = self.point(f"@{time}")
         self.timed.add(point)
-        self.edges += [(0, point, {"": time} if time else {}), (point, 0, {"": -time} if time else {})]
-        for (when, target), value in self.model.timed.items():
-            if when == time:
-                kind = "assign" if type(value) is Fraction else "add" if value else "delete"
-                self.effects[point].append(Effect(kind, target, ("number", value), True, None))
+        self.edges += [(0, point, constant(time)), (point, 0, constant(-time))]
+        for target, value in self.model.timed[time].items():
+            kind = "assign" if type(value) is Fraction else "add" if value else "delete"
+            self.effects[point].append(Effect(kind, target, ("number", value), True, None))
 
     def parameter(self, name: str, words: list[str]) -> None:
         values = dict(zip(words[::2], words[1::2]))
@@ -520,10 +509,7 @@ class Ground:
             self.edges.append((b, a, {name: -value for name, value in self.bound(high).items()}))
 
     def bound(self, text: str) -> Linear:
-        if text in self.parameters:
-            return {text: Fraction(1)}
-        value = number(text)
-        return {"": value} if value else {}
+        return {text: Fraction(1)} if text in self.parameters else constant(number(text))
 
     def instance(self, name: str, durative: bool, call: list[str]) -> set[str]:
         """Ground one action; the parameters that it has of its own."""
@@ -541,16 +527,14 @@ class Ground:
         """The time points, conditions and effects of an action."""
         if action.durative:
             ends = (self.point(f"{name}.start"), self.point(f"{name}.end"))
-            length = (">=", ("duration",), ("number", Fraction(0)))
-            self.duties.append(Duty(f"{name}: non-negative duration", length, ends[0], owner=ends))
+            self.state(f"{name}: non-negative duration", (">=", ("duration",), ("number", Fraction(0))), ends, ends[0])
             self.durations(name, action.parts.get(":duration", []), scope, ends, ends[0])
             self.conditions(name, action.parts.get(":condition", []), scope, ends)
-            self.add_effects(action.parts.get(":effect", []), scope, ends, True, None)
         else:
             ends = (self.point(name),) * 2
             condition = self.model.condition(action.parts.get(":precondition", []), scope)
             self.state(f"{name}: condition", condition, ends, ends[0])
-            self.add_effects(action.parts.get(":effect", []), scope, ends, True, ends[0])
+        self.add_effects(action.parts.get(":effect", []), scope, ends, True, None if action.durative else ends[0])
 
     def state(self, label: str, condition: Tree, ends: Ends, first: int, last: int | None = None) -> None:
         self.duties += [Duty(label, part, first, last, ends) for part in conjuncts(condition)]
@@ -633,9 +617,7 @@ class Ground:
 
 def written(tree: Tree, bound: Mapping[str, str]) -> str:
     """A form as its text says it, with objects for variables."""
-    if type(tree) is list:
-        return f"({' '.join(written(each, bound) for each in tree)})"
-    return bound.get(tree, tree)
+    return f"({' '.join(written(each, bound) for each in tree)})" if type(tree) is list else bound.get(tree, tree)
 
 
 def conjuncts(tree: Tree) -> Iterator[Tree]:

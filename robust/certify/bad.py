@@ -13,8 +13,8 @@ from fractions import Fraction
 from functools import cache
 from math import lcm
 
-from robust.certify.checker.formulas import FALSE, Formulas, constant, plus, replaced
-from robust.certify.checker.reader import Ground, Linear
+from robust.certify.checker.formulas import FALSE, Formulas, plus, replaced
+from robust.certify.checker.reader import Ground, Linear, constant
 from robust.certify.hints import Fact, KnownFacts, Line, Model, Side, implied, model, refutation
 from robust.certify.orders import OrderLemmas, Point, positive_circle
 from robust.certify.tape import Multiples, obligation_lines, schedule_lines, sums, texts

@@ -8,8 +8,8 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any
 
-from robust.certify.checker.formulas import Formulas, constant, plus, replaced
-from robust.certify.checker.reader import Ground, Linear
+from robust.certify.checker.formulas import Formulas, plus, replaced
+from robust.certify.checker.reader import Ground, Linear, constant
 from robust.certify.hints import Fact
 from robust.encode.variables import Auxiliary, Range, variable
 from robust.encode.variables import constant as term_of

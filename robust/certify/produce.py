@@ -154,4 +154,4 @@ def stated_choices(network: Path, epsilon: Fraction) -> choices.Choices:
     """What the checker makes of a network and its PDDL."""
     document = supported(lambda: choices.network_of(read_text(network)))
     texts = [read_text(network.parent / document[key]) for key in ("domain", "problem")]
-    return supported(lambda: choices.Choices(document, texts[0], texts[1], epsilon))
+    return supported(lambda: choices.Choices((document, texts[0], texts[1]), epsilon))

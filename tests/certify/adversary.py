@@ -347,7 +347,7 @@ def network_case(seed: int) -> Case | None:
 
 def _choices(instance: Instance, by: tools.Checker = tools.CHECKER) -> choices.Choices:
     document = by.choices.network_of(tpnu_text(instance.network, domain="domain", problem="problem"))
-    return by.choices.Choices(document, instance.domain, instance.problem, tools.EPSILON)
+    return by.choices.Choices((document, instance.domain, instance.problem), tools.EPSILON)
 
 
 # -- tapes -------------------------------------------------------------------------------------------------------------

@@ -31,7 +31,7 @@ Document = dict[str, Any]
 def stated(by: Checker, path: Path, found: list[Any] | None) -> Any:
     document = by.choices.network_of(path.read_text(encoding="utf-8"))
     texts = [(path.parent / document[each]).read_text(encoding="utf-8") for each in ("domain", "problem")]
-    return by.choices.Choices(document, *texts, tools.EPSILON, found)
+    return by.choices.Choices((document, *texts), tools.EPSILON, found)
 
 
 def decides(by: Checker, path: Path, exists: bool) -> bool:
