@@ -51,7 +51,8 @@ MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeE
 
 def made(files: Sequence[Path], kind: str, *, box: Box | None = None, epsilon: Fraction = EPSILON) -> list[Line]:
     """The lines of a certificate of the plan in `files`."""
-    plan = load_plan(*files)
+    beside = files[2].with_suffix(".toml")
+    plan = load_plan(*files, parameter_file=beside if beside.is_file() else None)
     certificate = PlanCertificate(tuple(files), plan, epsilon)
     if kind == "plan":
         return certificate.of_plan()
