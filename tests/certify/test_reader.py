@@ -273,15 +273,19 @@ def read_here(texts: Sequence[str]) -> tuple[ParametrizedPlan | str, list[str]]:
 
 
 def read_there(texts: Sequence[str]) -> tuple[reader.Ground | str, bool]:
-    """What the checker reads, or why it does not; and whether it can write down all obligations."""
+    """What the checker reads, or why it does not; and whether all obligations and effects have a meaning."""
     try:
         ground = reader.ground(*texts)
     except (reader.Unsupported, tomllib.TOMLDecodeError) as error:
         return str(error), False
     try:
-        return ground, bool([make() for _, make in Formulas(ground, tools.EPSILON).obligations()])
+        formulas = Formulas(ground, tools.EPSILON)
+        for _, make in formulas.obligations():
+            make()
+        formulas.evaluate()
     except reader.Unsupported:
         return ground, False
+    return ground, True
 
 
 def judge_changed(seed: int) -> Counter[tuple[str, str]]:
