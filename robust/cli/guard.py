@@ -363,7 +363,7 @@ class Run:
             raise _given_up(stopped) from None
         if self.guard.cause is not None and result.cut_short:
             # What was interrupted by the time limit is out of time.
-            return so_far() or result
+            return result if (known := so_far()) is None else known
         return result
 
     def reply(self, begin: Callable[[], Search[Known]]) -> Known:

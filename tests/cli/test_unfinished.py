@@ -121,6 +121,7 @@ def run_out_of_time(name, seconds, tmp_path, full):
         word: tmp_path / f"{name}{word.removeprefix('FILE')}" for word in COMMANDS[name] if word.startswith("FILE")
     }
     ended = command(*(files.get(word, word) for word in COMMANDS[name]), "--timeout", seconds)
+    assert "internal error" not in ended.err
     unwritten = re.findall(r"robust: (\S.*) was not written: the answer has nothing for it\n", ended.err)
     assert sorted(unwritten) == sorted(str(one) for one in files.values() if not one.exists())
     if ended.code == 3:
