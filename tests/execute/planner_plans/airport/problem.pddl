@@ -1,0 +1,6 @@
+(define (problem p1) (:domain AIRPORT_fixed_structure)
+ (:init (has-type airplane_CFBEG medium) (at-segment airplane_CFBEG seg_pp_0_60) (facing airplane_CFBEG south)
+  (occupied seg_pp_0_60) (blocked seg_pp_0_60 airplane_CFBEG) (is-start-runway seg_rw_0_400 south)
+  (can-move seg_pp_0_60 seg_rw_0_400 south) (is-pushing airplane_CFBEG) (= (engines airplane_CFBEG) 2)
+  (= (length seg_pp_0_60) 60.5) (= (length seg_rw_0_400) 400))
+ (:goal (and (airborne airplane_CFBEG seg_rw_0_400) (not (occupied seg_rw_0_400)))))

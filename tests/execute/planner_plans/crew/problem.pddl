@@ -1,0 +1,6 @@
+(define (problem CrewPlanning_1)
+  (:domain crewplanning)
+  (:objects c1 c2 - CrewMember d1 d2 - day)
+  (:init (currentday c1 d1) (currentday C2 d1) (done_sleep c1 d1) (done_sleep c2 d1) (next d1 d2))
+  (:goal (and (done_exercise c1 d2) (done_meal c2 d2)))
+  (:metric minimize (total-time)))

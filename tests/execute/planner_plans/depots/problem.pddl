@@ -1,0 +1,7 @@
+(define (problem depotprob1818) (:domain Depot)
+(:objects depot0 - depot distributor0 - distributor truck0 - truck pallet0 - pallet crate0 - crate hoist0 - hoist)
+(:init (at pallet0 depot0) (clear crate0) (at truck0 distributor0) (= (speed truck0) 6) (at hoist0 depot0)
+ (available hoist0) (= (power hoist0) 7) (at crate0 depot0) (on crate0 pallet0) (= (weight crate0) 99)
+ (= (distance distributor0 depot0) 10) (= (distance depot0 distributor0) 10))
+(:goal (and (in crate0 truck0) (at truck0 distributor0)))
+(:metric minimize (total-time)))

@@ -1,0 +1,6 @@
+(define (problem DLOG-1-1) (:domain driverlogshift)
+  (:objects driver1 - driver truck1 - truck package1 - obj s0 s1 - location)
+  (:init (at driver1 s0) (at truck1 s0) (empty truck1) (at package1 s0) (link s0 s1) (link s1 s0) (working driver1)
+    (= (time-to-drive s0 s1) 6.5) (= (time-to-drive s1 s0) 6.5) (= (driven) 0) (at 20 (not (working driver1))))
+  (:goal (and (in package1 truck1) (at truck1 s1) (rested driver1) (<= (driven) 10)))
+  (:metric minimize (+ (* 2 (total-time)) (* 1 (driven)))))

@@ -1,0 +1,7 @@
+(define (problem elevators-time-p1) (:domain elevators-time)
+(:objects n0 n1 n2 - count p0 - passenger slow0-0 - slow-elevator)
+(:init (next n0 n1) (next n1 n2) (above n0 n1) (above n0 n2) (above n1 n2) (lift-at slow0-0 n0)
+  (passengers slow0-0 n0) (can-hold slow0-0 n1) (reachable-floor slow0-0 n0) (reachable-floor slow0-0 n2)
+  (passenger-at p0 n0) (= (travel-slow n0 n1) 12) (= (travel-slow n0 n2) 20) (= (travel-slow n1 n2) 12))
+(:goal (and (passenger-at p0 n2)))
+(:metric minimize (total-time)))

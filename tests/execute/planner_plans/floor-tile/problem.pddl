@@ -1,0 +1,7 @@
+(define (problem p01) (:domain floor-tile)
+ (:objects tile_0-1 tile_1-1 tile_2-1 - tile robot1 - robot white black - color)
+ (:init (robot-at robot1 tile_1-1) (robot-has robot1 white) (available-color white) (available-color black)
+   (clear tile_2-1) (clear tile_0-1) (up tile_2-1 tile_1-1) (up tile_1-1 tile_0-1) (down tile_1-1 tile_2-1)
+   (down tile_0-1 tile_1-1))
+ (:goal (and (painted tile_2-1 white) (painted tile_1-1 black)))
+ (:metric minimize (total-time)))

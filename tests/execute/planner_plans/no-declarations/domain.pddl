@@ -1,0 +1,8 @@
+(define (domain tiny)
+  (:predicates (on) (warm))
+  (:functions (heat) (total-cost))
+  (:durative-action idle :parameters () :duration (= ?duration 1) :condition () :effect ())
+  (:action press :parameters () :precondition () :effect ())
+  (:action switch :precondition (and) :effect (and (on) (increase (total-cost) 1)))
+  (:durative-action boil :parameters () :duration (= ?duration (/ (heat) 3))
+    :condition (over all (on)) :effect (and (at end (warm)) (at end (increase (total-cost) ?duration)))))

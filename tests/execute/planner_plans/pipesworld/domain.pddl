@@ -1,0 +1,23 @@
+; deadlines as windows
+(define (domain pipesworld_strips_deadlines)
+ (:requirements :strips :typing :durative-actions :fluents :timed-initial-literals)
+ (:types pipe area product batch-atom)
+ (:constants lco gasoleo - product)
+ (:predicates (on ?batch-atom - batch-atom ?area - area) (first ?batch-atom - batch-atom ?pipe - pipe)
+   (connect ?from ?to - area ?pipe - pipe) (is-product ?batch-atom - batch-atom ?product - product)
+   (may-interface ?product-a ?product-b - product) (normal ?pipe - pipe) (not-timed-out ?b - batch-atom)
+   (deliverable ?batch-atom - batch-atom ?product - product ?area - area) (delivered ?batch-atom - batch-atom))
+ (:functions (speed ?pipe - pipe))
+ (:durative-action PUSH-UNITARYPIPE
+   :parameters (?pipe - pipe ?batch-atom-in ?batch-atom-out - batch-atom ?from-area ?to-area - area
+     ?product-in ?product-out - product)
+   :duration (= ?duration (/ 2 (speed ?pipe)))
+   :condition (and (over all (normal ?pipe)) (at start (first ?batch-atom-out ?pipe))
+     (over all (connect ?from-area ?to-area ?pipe)) (at start (on ?batch-atom-in ?from-area))
+     (over all (is-product ?batch-atom-in ?product-in)) (over all (is-product ?batch-atom-out ?product-out))
+     (over all (may-interface ?product-in ?product-out)))
+   :effect (and (at start (not (first ?batch-atom-out ?pipe))) (at end (first ?batch-atom-in ?pipe))
+     (at start (not (on ?batch-atom-in ?from-area))) (at end (on ?batch-atom-out ?to-area))))
+ (:action DELIVER :parameters (?b - batch-atom ?p - product ?a - area)
+   :precondition (and (on ?b ?a) (is-product ?b ?p) (deliverable ?b ?p ?a))
+   :effect (and (not (on ?b ?a)) (delivered ?b))))

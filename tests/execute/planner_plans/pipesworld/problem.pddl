@@ -1,0 +1,7 @@
+(define (problem P01_NET1_B2) (:domain pipesworld_strips_deadlines)
+ (:objects B0 B1 - batch-atom A1 A2 - area S12 - pipe)
+ (:init (normal S12) (may-interface lco gasoleo) (may-interface gasoleo lco) (connect A1 A2 S12) (is-product B0 lco)
+   (is-product B1 gasoleo) (on B0 A1) (first B1 S12) (= (speed S12) 3) (at 0.5 (deliverable B1 gasoleo A2))
+   (at 8 (not (deliverable B1 gasoleo A2))))
+ (:goal (and (delivered B1) (first B0 S12)))
+ (:metric minimize (total-time)))

@@ -1,0 +1,5 @@
+(define (problem evening) (:domain Lab)
+  (:objects d1 d2 - door l1 l2 - lamp)
+  (:init (open d1) (power) (= (level main) 1.5) (= (rate main) 2) (= (limit main) 9) (at 1 (spare))
+    (at 9 (not (power))))
+  (:goal (and (checked) (>= (level main) 7) (imply (alarm) (open d1)))))

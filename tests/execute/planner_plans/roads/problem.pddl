@@ -1,0 +1,5 @@
+(define (problem crash) (:domain RTAM)
+  (:objects p1 - police_car t1 - tow_truck c1 - car place1 - accident_location)
+  (:init (at p1 police_station) (at t1 police_station) (at c1 place1) (road police_station place1)
+    (= (distance police_station place1) 100) (= (speed p1) 70) (= (speed t1) 60))
+  (:goal (loaded c1 t1)))

@@ -1,0 +1,10 @@
+(define (problem strips-sat-x-1) (:domain satellite)
+  (:objects satellite0 - satellite instrument0 - instrument infrared0 - mode
+    Star0 Planet1 - direction antenna0 - antenna)
+  (:init (on_board instrument0 satellite0) (supports instrument0 infrared0) (calibration_target instrument0 Star0)
+    (pointing satellite0 Planet1) (power_avail satellite0) (= (slew_time Planet1 Star0) 11.57)
+    (= (slew_time Star0 Planet1) 11.57) (= (calibration_time instrument0 Star0) 3.4) (= (data_capacity satellite0) 100)
+    (= (data Planet1 infrared0) 22.5) (= (data-stored) 0) (= (fuel satellite0) 60) (available antenna0)
+    (at 30 (visible antenna0 satellite0)) (at 60 (not (visible antenna0 satellite0))))
+  (:goal (and (sent_image Planet1 infrared0) (pointing satellite0 planet1)))
+  (:metric minimize (total-time)))

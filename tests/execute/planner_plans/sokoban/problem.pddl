@@ -1,0 +1,6 @@
+(define (problem p01-small) (:domain Sokoban-Temporal)
+  (:objects dir-right - direction player-01 - player stone-01 - stone pos-1-1 pos-2-1 pos-3-1 pos-4-1 - location)
+  (:init (IS-GOAL pos-4-1) (IS-NONGOAL pos-1-1) (IS-NONGOAL pos-2-1) (IS-NONGOAL pos-3-1)
+    (MOVE-DIR pos-1-1 pos-2-1 dir-right) (MOVE-DIR pos-2-1 pos-3-1 dir-right) (MOVE-DIR pos-3-1 pos-4-1 dir-right)
+    (at player-01 pos-1-1) (at stone-01 pos-3-1) (clear pos-2-1) (clear pos-4-1))
+  (:goal (at-goal stone-01)))

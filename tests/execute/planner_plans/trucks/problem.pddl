@@ -1,0 +1,6 @@
+(define (problem truck-1) (:domain Trucks-Time)
+(:objects truck1 - truck package1 - package l1 l2 - location a1 a2 - truckarea)
+(:init (at truck1 l1) (free a1 truck1) (free a2 truck1) (closer a1 a2) (at package1 l1) (connected l1 l2)
+  (= (drive-time l1 l2) 543.2) (deliverable package1 l2) (at 547.001 (not (deliverable package1 l2))))
+(:goal (and (delivered package1 l2)))
+(:metric minimize (total-time)))

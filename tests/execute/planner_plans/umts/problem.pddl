@@ -1,0 +1,7 @@
+(define (problem umts-1) (:domain UMTS)
+ (:objects app1 app2 - application mob1 - mobile act1 - actions)
+ (:init (initiated app1 mob1) (initiated app2 mob1) (trm-possible) (= (num-mobiles) 0) (= (max-num-mobile) 4)
+  (= (num-calls) 0) (= (max-num-calls) 6) (= (num-network) 1) (= (max-num-network) 3) (= (time-trm app1) 76)
+  (= (time-trm app2) 31) (= (d-trm act1) 2) (= (time-trm-ue app1) 6.25) (= (time-trm-ue app2) 4.125))
+ (:goal (and (setup app1) (setup app2)))
+ (:metric minimize (total-time)))

@@ -1,0 +1,8 @@
+(define (problem ZTRAVEL-1-2) (:domain zeno-travel)
+(:objects plane1 - aircraft person1 - person city0 city1 - city)
+(:init (at plane1 city0) (= (slow-speed plane1) 198) (= (capacity plane1) 10232) (= (fuel plane1) 2000)
+  (= (slow-burn plane1) 4) (= (refuel-rate plane1) 733) (at person1 city0) (= (distance city0 city1) 678)
+  (= (distance city1 city0) 678) (= (distance city0 city0) 0) (= (distance city1 city1) 0) (= (total-fuel-used) 0)
+  (= (boarding-time) 0.3) (= (debarking-time) 0.6))
+(:goal (and (in person1 plane1) (at plane1 city1)))
+(:metric minimize (+ (* 4 (total-time)) (* 0.005 (total-fuel-used)))))
