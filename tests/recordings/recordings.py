@@ -68,9 +68,8 @@ LIMIT = 900.0
 
 
 SLOW = re.compile(
-    r"bench|batch|compare-(?!timeout|navigation|flexible)|certify-(json|positions|text-maximal|generator|delivery|box-file|box-not|alethe$)"
-    r"|envelope-optimal-positions|execute-(aries|kairos)$|pike-check-cross|region-(positions|generator-(z3|cvc5))"
-    r"|pike-compile-(.*-)?sat$|pike-run-(disturb-explained|explain|fails-json|patience-margin|windows-explain)"
+    r"bench|batch|compare-(?!flexible)|certify-(json|box-file|alethe$)|execute-planners|pike-check-cross"
+    r"|pike-run-(disturb-explained|fails|patience-margin|windows-explain)"
 )
 """Names of cases, from the beginning, that take more than about 1.5 s."""
 MASKED = re.compile(r"(bench|batch)-.*-text|(check|envelope)-verbose")
@@ -95,12 +94,12 @@ class Case:
     @property
     def files(self) -> Mapping[str, bytes]:
         """What is in the directory beside the inputs."""
-        return _BAD_INPUTS.get(self.name, {})
+        return _bad_inputs() if self.name == "bad-inputs" else {}
 
     @property
     def needs_process(self) -> bool:
         """Whether what it says depends on the process: on stdin, on how long a start takes, on the memory of cvc5."""
-        if self.name.startswith("help-"):
+        if self.name == "help":
             return False
         # What is wrong ends before anything is read from stdin or computed, but some commands change the process.
         wrong = self.name.startswith("bad-")
@@ -122,18 +121,14 @@ def cases() -> list[Case]:
     return [Case(name, tuple(_LINE.findall(text))) for name, text in recordings]
 
 
-def _bad_inputs() -> Iterator[tuple[str, dict[str, bytes]]]:
-    """A case for each row of the table of wrong inputs, and for files that are no text or none at all: the files."""
+def _bad_inputs() -> dict[str, bytes]:
+    """A directory of files for each row of the table of wrong inputs, and for files that are no text or none at all."""
     right = {name: text.encode() for name, text in RIGHT.items()}
-    for bad in BAD_INPUTS:
-        slug = re.sub(r"[^a-z0-9]+", "-", bad.name.lower())
-        yield f"bad-input-{slug}", {**right, bad.file: RIGHT[bad.file].replace(bad.old, bad.new).encode()}
+    wrong = {bad.name: {bad.file: RIGHT[bad.file].replace(bad.old, bad.new).encode()} for bad in BAD_INPUTS}
     for name in right:
-        yield f"bad-input-{Path(name).stem}-binary", {**right, name: bytes(range(256)) * 8}
-        yield f"bad-input-{Path(name).stem}-empty", {**right, name: b""}
-
-
-_BAD_INPUTS = dict(_bad_inputs())
+        wrong |= {f"{Path(name).stem} binary": {name: bytes(range(256)) * 8}, f"{Path(name).stem} empty": {name: b""}}
+    slugs = {name: re.sub(r"[^a-z0-9]+", "-", name.lower()) for name in wrong}
+    return {f"{slugs[name]}/{file}": text for name, files in wrong.items() for file, text in {**right, **files}.items()}
 
 
 # -- running -----------------------------------------------------------------------------------------------------------
@@ -204,6 +199,7 @@ class Place:
         if self.dataset.is_dir():
             (directory / "dataset").symlink_to(self.dataset.resolve())
         for name, content in case.files.items():
+            (directory / name).parent.mkdir(exist_ok=True)
             (directory / name).write_bytes(content)
 
     def recorded(self, case: Case) -> str:

@@ -1,6 +1,0 @@
-(define (problem sat)
-  (:domain sat)
-  (:init
-  )
-  (:goal (and ))
-)
