@@ -12,6 +12,9 @@ from hypothesis import settings
 settings.register_profile("any machine", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("any machine")
 
+# Processes that tests start would compile the package each time, which takes as long as many tests.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 
 def pytest_collection_finish() -> None:
     """All tests and what they import stay until the end: garbage collection need not look at them again and again."""

@@ -10,15 +10,20 @@ from typing import Any
 
 import z3
 
+from robust.api import check
 from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
-from robust.encode.interface import Encoding, Facet, Obligation
+from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
 from robust.encode.positions.encoding import PositionsEncoding
 from robust.encode.variables import Grid, Range
 from robust.irr.check import Answer, CheckResult
+from robust.irr.containment import Containment
 from robust.plan.model import ParametrizedPlan, TimePoint
+from robust.qe.box import Box
+from robust.smt.limits import NEVER
 from robust.smt.session import Session, Verdict
 from robust.smt.terms import Formula
+from tests.sampling import Network
 
 
 def refuted(result: CheckResult) -> list[str]:
@@ -124,3 +129,25 @@ def sampled(ranges: Mapping[str, Range], random: Random, count: int) -> list[dic
 def _ends(low: Fraction | None, high: Fraction | None) -> tuple[Fraction, Fraction]:
     low = low if low is not None else (high if high is not None else Fraction(0)) - FAR
     return low, high if high is not None else low + 2 * FAR
+
+
+class Judge:
+    """Whether boxes are inside the envelope, without the encoding that searches for boxes.
+
+    The positions encoding decides. What it refutes, shortest paths confirm by values that leave no schedule, or the
+    simulator by a schedule that breaks the plan.
+    """
+
+    def __init__(self, plan: ParametrizedPlan, epsilon: Fraction = EPSILON) -> None:
+        self.plan, self.epsilon = plan, epsilon
+        self._asked = Containment(PositionsEncoding(plan, epsilon))
+
+    def contains(self, box: Box) -> bool:
+        refutation = self._asked.refute(box, NEVER)
+        if refutation is None:
+            return True
+        assert refutation.values in box
+        if Network(self.plan, refutation.values).consistent:
+            result = check(self.plan, at=refutation.values, encoding="positions", epsilon=self.epsilon)
+            assert any(not broken.simulation.valid for broken in result.counterexamples.values()), refutation
+        return False

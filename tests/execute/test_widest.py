@@ -7,19 +7,10 @@ from random import Random
 import pytest
 
 from robust.api import envelope
-from robust.encode import create_encoding
-from robust.execute.controllability import (
-    Control,
-    Controllability,
-    ControlVerdict,
-    Objective,
-    shrink,
-    widest,
-)
-from robust.irr.containment import Containment
+from robust.execute.controllability import Control, Controllability, ControlVerdict, Objective, shrink, widest
 from robust.plan.load import load_plan
 from robust.qe.box import Box, Interval, Side
-from robust.smt.limits import NEVER
+from tests.encode.asking import Judge
 from tests.execute.plans import DOMAINS, EPSILON, PLANS, drawn_with_box, interval, nothing_else, tasks, working
 
 F = Fraction
@@ -88,12 +79,9 @@ def test_it_is_nowhere_narrower_than_what_shrinking_leaves(plan, kind):
         assert (shrunk.total_width, found.total_width) == (F(35, 18), F(7, 3))
 
 
-def stands(plan, box, kind):
+def stands(judge, box, kind):
     """Whether a box is in the envelope and controllable, asked of what widening does not use."""
-    asked = Containment(create_encoding("relational", plan, EPSILON))
-    return (
-        asked.contains(box, NEVER) and Controllability(plan, box).finding(kind).verdict is ControlVerdict.CONTROLLABLE
-    )
+    return judge.contains(box) and Controllability(judge.plan, box).finding(kind).verdict is ControlVerdict.CONTROLLABLE
 
 
 @pytest.mark.parametrize("kind", [Control.DYNAMIC, Control.STRONG], ids=lambda kind: kind.value)
@@ -102,15 +90,15 @@ def test_no_face_can_move_outwards(seed, kind):
     plan, valid = drawn_with_box(Random(f"widest {seed}"))  # noqa: S311 - reproducible
     shrunk = shrink(plan, valid, kind)
     result = widest(plan, shrunk, kind, GROWN)
-    box = result.box
+    box, judge = result.box, Judge(plan, EPSILON)
     assert all(one.is_within(box[each]) for each, one in shrunk.intervals.items())
-    assert stands(plan, box, kind)
+    assert stands(judge, box, kind)
     for (name, side), stop in result.stops.items():
         assert stop.name
         end = box[name].end(side)
-        assert not stands(plan, box.moved((name, side), end + side.sign * F(1, 10**6)), kind), (name, side, stop)
+        assert not stands(judge, box.moved((name, side), end + side.sign * F(1, 10**6)), kind), (name, side, stop)
     best = widest(plan, shrunk, kind, AROUND)
-    assert stands(plan, best.box, kind)
+    assert stands(judge, best.box, kind)
     if None not in {box.total_width, best.box.total_width}:
         assert best.box.total_width >= box.total_width
 
@@ -120,12 +108,11 @@ def test_no_box_on_a_grid_is_wider_than_the_widest(kind):
     """All boxes around the nominal point whose ends are integers, of a plan with two parameters."""
     plan = overlapping()
     best = widest(plan, Box.nominal(plan.parameters), kind, AROUND).bound
-    asked = Containment(create_encoding("relational", plan, EPSILON))
+    judge = Judge(plan, EPSILON)
     tried = 0
     for low, high, least, most in product((8, 9, 10), (10, 11, 12), (1, 3, 5), range(5, 22, 2)):
         box = Box({"first": Interval(F(low), F(high)), "third": Interval(F(least), F(most))})
         if box.total_width > best:
             tried += 1
-            inside = asked.contains(box, NEVER)
-            assert not (inside and Controllability(plan, box).finding(kind).verdict is ControlVerdict.CONTROLLABLE), box
+            assert not stands(judge, box, kind), box
     assert tried > 3

@@ -9,13 +9,11 @@ import pytest
 from hypothesis import given, settings
 
 from robust.api import envelope
-from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
-from robust.irr.containment import Containment
 from robust.irr.search import EnvelopeResult, Status
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Side
-from robust.smt.limits import Deadline
+from tests.encode.asking import Judge
 from tests.irr.building import parametric, shipped, weighted
 from tests.plan.building import drawn
 
@@ -43,10 +41,10 @@ def wider(box: Box) -> Iterator[Box]:
 
 
 def assert_maximal(plan: ParametrizedPlan, box: Box) -> None:
-    containment = Containment(RelationalEncoding(plan))
-    assert containment.refute(box, Deadline()) is None, f"{box} is not inside"
+    judge = Judge(plan)
+    assert judge.contains(box), f"{box} is not inside"
     for more in wider(box):
-        assert containment.refute(more, Deadline()) is not None, f"{box} is not maximal: {more}"
+        assert not judge.contains(more), f"{box} is not maximal: {more}"
 
 
 # -- known boxes -----------------------------------------------------------------------------------------------------
@@ -86,7 +84,7 @@ def test_generator() -> None:
     assert_maximal(plan, result.box)
     best = envelope(plan, method="optimal")
     assert (best.bound, best.box.total_width) == (92, 92)
-    assert Containment(RelationalEncoding(plan)).refute(best.box, Deadline()) is None
+    assert Judge(plan).contains(best.box)
 
 
 def test_unbounded_and_declared_beside_the_plan() -> None:
@@ -132,13 +130,13 @@ def test_no_other_box_is_wider(plan) -> None:
     around = searched(plan, "optimal", contain_nominal=True)
     if best is None:
         return
-    containment = Containment(RelationalEncoding(plan))
-    assert containment.refute(best.box, Deadline()) is None
+    judge = Judge(plan)
+    assert judge.contains(best.box)
     width = weighted(plan, best.box)
     for other in (searched(plan, "widen"), searched(plan, "irr"), around):
         if other is None:
             continue
-        assert containment.refute(other.box, Deadline()) is None
+        assert judge.contains(other.box)
         own = weighted(plan, other.box)
         if width is not None:
             assert own is not None
