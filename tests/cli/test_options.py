@@ -1,4 +1,4 @@
-"""Options: wrong ones and what is said of them, and that commands and Python functions agree."""
+"""Options: what is said of wrong ones in Python, and that commands and Python functions agree."""
 
 import inspect
 from decimal import Decimal
@@ -19,37 +19,7 @@ from robust.options.declare import as_typed, declared, names_of
 from robust.options.verbs import CheckOptions, EnvelopeOptions, RegionOptions
 from robust.pike_bridge.knowledge import knowledge_bases
 from tests.cli import inputs
-from tests.cli.running import EXAMPLES, assert_one_line, command, example
-
-KITCHEN = str(EXAMPLES / "kitchen" / "kitchen.tpnu.json")
-PLAN = example()
-
-WRONG = [
-    ("envelope", PLAN, "--method optimal --beta 1", "--beta: found it with --method optimal"),
-    ("region", PLAN, "--backend z3-qe", "--backend"),
-    ("region", PLAN, "--plot r.svg --axes to_ridge,to_ridge", "two different parameters"),
-    ("compare", PLAN, "--beta 0", "--beta: found '0', expected a number above 0"),
-    ("certify", PLAN, "-o x.cert --kind plan --box b.json", "found --box with --kind plan; expected it with box or"),
-    ("certify", PLAN, "-o x.cert --kind region --alethe d", "found --alethe with --kind region"),
-    ("certify", (KITCHEN,), "-o x.cert --alethe d", "found --alethe with a plan with choices"),
-    ("certify", PLAN[:2], "-o x.cert", "found 2 files, expected DOMAIN PROBLEM PLAN or one NETWORK"),
-    ("certify", PLAN, "", "Missing option '--output'"),
-    ("execute", PLAN, "--runs some", "--runs"),
-    ("pike check", (KITCHEN,), f"--witness {KITCHEN}", "expected a directory"),
-    ("pike run", (KITCHEN,), "--seed 0 --stdio", "--seed: found together with --stdio"),
-    ("pike run", (KITCHEN,), "--stdio --timeout soon", "--timeout: found 'soon'"),
-]
-"""Commands, arguments, options, and a part of the one line that is said. Most are recorded, see `tests/recordings`."""
-
-
-@pytest.mark.parametrize(("verb", "arguments", "options", "says"), WRONG, ids=lambda value: str(value)[-40:])
-def test_wrong_options_are_one_line(verb, arguments, options, says, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    ended = command(*verb.split(), *arguments, *options.split())
-    assert_one_line(ended)
-    assert says in ended.err
-    assert not list(tmp_path.iterdir())
-
+from tests.cli.running import assert_one_line, command, example
 
 # -- Python ------------------------------------------------------------------------------------------------------------
 

@@ -176,10 +176,3 @@ def test_drake_takes_for_a_success_what_is_none():
     assert (ended.code, answer["status"], answer["reasoner"]) == (1, "failed", "drake")
     assert any("(have mug)" in fault for fault in answer["faults"])
     assert "says otherwise" in command("pike", "run", KITCHEN, *words).out
-
-
-def test_back_ends_that_do_not_fit_are_refused():
-    for reasoner, backend in (("smt", "bdd"), ("drake", "smt")):
-        ended = command("pike", "run", KITCHEN, "--reasoner", reasoner, "--backend", backend)
-        assert ended.code == 2
-        assert f"found {backend} with --reasoner {reasoner}" in ended.err

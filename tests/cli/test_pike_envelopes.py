@@ -1,4 +1,4 @@
-"""`robust pike region`, `envelope` and `new`, and comparisons on random plans: answers, codes, errors of one line."""
+"""`robust pike region`, `envelope` and `new`, and comparisons on random plans: answers and codes; wrong options are recorded."""
 
 import json
 
@@ -56,6 +56,7 @@ def test_patience_waits_and_impossible_combinations_are_named():
     late = ("--parameter", "hesitation:xA1")
     ended = command("pike", "envelope", KITCHEN, *late, "--for-all", "xA1", "--patience", "-q")
     assert "even if the team learns of it only then, and waits: hesitation xA1 may be up to 2.283." in ended.out
+    assert command("pike", "envelope", KITCHEN, "--parameter", "duration:get").code == 0
     ended = command("pike", "envelope", KITCHEN, *COFFEE, "--for-all", "xA1,xA2", "-q")
     assert (ended.code, "no correct execution with xA1 = mug, xA2 = juice, whatever" in ended.out) == (1, True)
 
@@ -84,43 +85,6 @@ def test_parameters_of_files(tmp_path):
     assert list(answer["parameters"]) == ["limit", "coffee"]
     assert answer["parameters"]["limit"]["upper"] == "20"
     assert answer["parameters"]["limit"]["stopped_above"]["reason"] == "declared bound"
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ((), "--parameter: found no parameters, expected some"),
-        (("--parameter", "duration:make-tea"), "found no activity 'make-tea', expected one of the plan"),
-        (("--parameter", "length:make-coffee"), "found 'length', expected duration:ACTIVITY"),
-        (("--parameter", "make-coffee"), "found 'make-coffee', expected [NAME=]duration:ACTIVITY"),
-        (("--parameter", "at-most:e1:e99"), "found unknown event 'e99'"),
-        (("--parameter", "at-most:e1:e2"), "found no one value for the greatest time from e1 to e2"),
-        (("--parameter", "at-most:e3:e44"), "found no constraint from e3 to e44"),
-        (("--parameter", "hesitation:xA9"), "found unknown choice 'xA9'"),
-        (("--parameter", "duration:get"), None),
-        ((*COFFEE, "--parameter", "again=at-most:make-coffee"), "found a bound that parameter 'coffee' is already"),
-        ((*COFFEE, "--parameter", "coffee=duration:spread"), "found parameter 'coffee' twice"),
-        ((*COFFEE, "--parameter", "again=duration:make-coffee"), "found a second parameter duration:make-coffee, exp"),
-        (("--parameter", "duration:make-coffee,lb=4"), "found default 3 for parameter 'make_coffee_human'"),
-        (("--parameter", "duration:make-coffee,wait=4"), "found 'wait=4', expected weight=W"),
-        ((*COFFEE, "--assume", "xA1=jug"), "jug"),
-        ((*COFFEE, "--plot", "x.svg"), "--plot: found 1 parameter to draw, expected two"),
-        ((*COFFEE, "--parameters", "nowhere.toml"), "nowhere.toml"),
-    ],
-)
-def test_what_is_wrong_is_said_in_one_line(words, message):
-    ended = command("pike", "envelope", KITCHEN, *words)
-    if message is None:
-        assert ended.code == 0
-        return
-    assert ended.code == 2
-    assert message in ended.err
-    assert len(ended.err.splitlines()) == 1
-
-
-def test_patience_is_about_what_people_choose():
-    ended = command("pike", "envelope", KITCHEN, *COFFEE, "--patience")
-    assert (ended.code, "--patience: expected only together with --for-all" in ended.err) == (2, True)
 
 
 def test_out_of_time_keeps_what_is_known():

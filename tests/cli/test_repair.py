@@ -1,8 +1,6 @@
-"""`robust repair`: exit codes, the plan that is written, wrong options; and the repair that a refutation ends with."""
+"""`robust repair`: exit codes, the plan that is written; and the repair that a refutation ends with."""
 
 from pathlib import Path
-
-import pytest
 
 from robust.cli import plans
 from robust.irr.repair import RepairSearch
@@ -77,23 +75,6 @@ def test_out_of_time(monkeypatch):
     assert ended.out.startswith("unknown: out of time, no repair found; none costs less than cost 0")
     answer = answer_of(command("repair", *FLEXIBLE, "--json"), "robust/repair/1")
     assert (answer["status"], answer["repair"], answer["bound"]) == ("timeout", "unknown", {"counted": 0, "total": "0"})
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        (("--require", "to_crater=5:3"), "expected LOW:HIGH with LOW not above HIGH"),
-        (("--require", "to_crate=5"), "found unknown parameter 'to_crate'; did you mean 'to_crater'"),
-        (("--change", "all"), "all"),
-        (("-o", "nowhere/plan.stn"), "found no directory"),
-        (("-o", "plan.toml"), "expected a plan's name"),
-    ],
-)
-def test_wrong_options(given, message):
-    ended = command("repair", *FLEXIBLE, *given)
-    assert ended.code == 2
-    assert message in ended.err
-    assert_one_line(ended)
 
 
 def test_only_a_network_in_a_file_can_be_written(tmp_path):

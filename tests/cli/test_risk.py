@@ -1,8 +1,6 @@
 """`robust risk` and `robust envelope --method risk`: exit codes, answers for people and programs, pictures, limits."""
 
-import pytest
-
-from tests.cli.running import answer_of, assert_one_line, command, example
+from tests.cli.running import answer_of, command, example
 
 KINDS = ("--distribution", "to_ridge=normal::5", "--distribution", "to_crater=normal:40:5")
 PLAN = example()
@@ -46,34 +44,6 @@ def test_the_most_probable_box():
     ended = command("envelope", *PLAN, *KINDS, "--method", "risk", "--within", "0.05")
     assert "probability of the box: 0.5" in ended.out
     assert "; no box has more than 0.5" in ended.out
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ((), "found neither --distribution nor --world, expected how parameters are distributed"),
-        (("--distribution", "to_ridge=norml:1:2"), "found distribution 'norml', expected one of"),
-        (("--distribution", "to_ridge=normal:1:0"), "found deviation 0, expected a number above 0"),
-        (("--distribution", "to_ridge=normal:1:-2"), "found deviation -2, expected a number above 0"),
-        (KINDS[:2], "found no distribution of parameter 'to_crater', expected one of each"),
-        (("--distribution", "x=normal:1:2"), "found unknown parameter 'x'"),
-        ((*KINDS, "--within", "0"), "--within: found '0', expected a number above 0"),
-        ((*KINDS, "--draws", "0"), "expected a whole number from 1"),
-        ((*KINDS, "--plot", "risk.gif"), "expected a name that ends in .svg, .png, .pdf"),
-        (("--world", "gone.toml"), "gone.toml"),
-    ],
-)
-def test_bad_input_is_one_line(options, message):
-    ended = command("risk", *PLAN, *options)
-    assert_one_line(ended)
-    assert ended.code == 2
-    assert message in ended.err
-
-
-def test_distributions_belong_to_the_method_risk():
-    ended = command("envelope", *PLAN, *KINDS)
-    assert_one_line(ended)
-    assert "expected --method risk" in ended.err
 
 
 def test_out_of_time_bounds_are_sound():

@@ -290,29 +290,6 @@ def test_nothing_is_exported_of_an_invalid_plan(tmp_path):
         export(plan, robust.envelope(plan), "csv")
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["-o", "x.yaml"], "--output: found no --export, expected one of plansys2, csv, yaml"),
-        (["--export", "csv", "--json"], "--export: found it with --json, expected --output FILE, or one of the two"),
-        (
-            ["--export", "csv", "-o", "none/x.csv"],
-            "--output: found no directory 'none', expected one to write the export to",
-        ),
-        (
-            ["--export", "plansys2", "--method", "optimal"],
-            "--export: found it with --method optimal, expected --contain-nominal as well, or another method",
-        ),
-        (["--export", "xml"], "Invalid value for '--export'"),
-    ],
-)
-def test_wrong_options(words, message):
-    found = command(*FILES, *words)
-    assert found.returncode == 2
-    assert message in found.stderr
-    assert found.stderr.count("\n") == 1
-
-
 def test_unknown_forms(solved):
     with pytest.raises(InputError, match="unknown form 'xml', expected plansys2, csv, yaml"):
         export(*solved, "xml")

@@ -34,13 +34,13 @@ from tests.children import interrupted_after
 from tests.irr.building import shipped
 from tests.plan import building
 from tests.plan.building import DURATION, RANDOM, START, action, at, at_least, between, drawn, plan_of, reference
+from tests.qe.backends.test_eliminators import OURS
 from tests.qe.polyhedra import region_z3, same
 from tests.qe.referees import REFEREES
 from tests.sampling import sample_parameters
 from tests.strategies import plans
 
 OTHERS = tuple(name for name in ELIMINATORS if name != "project")
-OURS = ("project", "fourier-motzkin", "loos-weispfenning")
 
 
 def region(plan: ParametrizedPlan, **options: Any) -> RegionResult:
