@@ -1,4 +1,4 @@
-"""`robust pike region`, `envelope` and `new`, and comparisons on random plans: answers and codes; wrong options are recorded."""
+"""`robust pike region`, `envelope` and `new`, and comparisons on random plans; wrong options are recorded."""
 
 import json
 

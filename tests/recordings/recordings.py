@@ -3,16 +3,17 @@
 A recording is a text file that is named after its case: command lines (`$ robust ...`, with `< FILE` for what is on
 stdin), their exit codes, what they print on stdout and stderr, and the files they make. For a new case, write a file of
 command lines into `data` and record it. `record DIR` runs the cases of `data` and writes what they come to into DIR.
-`compare DIR` runs them again, prints a unified diff for each that differs, and ends with 1 if there is one. `list`
-prints the names, `slow` behind those that take more than about 1.5 s. `--only PATTERN` (a shell pattern, or a part of
-the name) selects cases. `--command` names the command line to run instead of `robust` of this interpreter; with
-`PYTHONPATH`, that of another checkout:
+`compare DIR` runs them again, prints a unified diff for each that differs, and ends with 1 if there is one.
+`--only PATTERN` (a shell pattern, or a part of the name) selects cases. `--command` names the command line to run
+instead of `robust` of this interpreter; with `PYTHONPATH`, that of another checkout:
 
     PYTHONPATH=../main python -m tests.recordings.recordings compare tests/recordings/data --command 'python -m robust'
 
+There is one recording for each shape of an answer: a command, as text or JSON, and a kind of ending. That answers are
+right is tested by oracles, and that back ends, solvers and encodings agree by tests that cross them.
+
 Each case runs in a new directory with `examples` and `domains` (links to robust/examples and benchmarks/domains of
-`--checkout`), `inputs` (a copy of the directory beside this file), and `dataset` (a link to ROBUST_DATASET or
-../shared/paper-dataset beside the checkout; cases that need it are left out without it).
+`--checkout`) and `inputs` (a copy of the directory beside this file).
 
 Numbers of checks, queries and polyhedra, and the order in which parts of a region are found, follow from the models
 that a solver happens to find. They are the same in each process, but a change of the order in which formulas are made
@@ -106,10 +107,6 @@ class Case:
         words = ("bench", "batch") if wrong else ("--stdio", "--timeout", "cvc5", "bench", "batch")
         return any(word in line for line in self.lines for word in words)
 
-    @property
-    def needs_dataset(self) -> bool:
-        return any("dataset/" in line for line in self.lines)
-
 
 _LINE = re.compile(r"^\$ robust ?(.*)\n(?=exit |killed |\$ robust |\Z)", re.MULTILINE)
 """A command line that is run, not one that is printed."""
@@ -184,20 +181,11 @@ class Place:
     checkout: Path = CHECKOUT
     run: Runner = THIS
 
-    @property
-    def dataset(self) -> Path:
-        return Path(os.environ.get("ROBUST_DATASET") or self.checkout.parent / "shared" / "paper-dataset")
-
-    def can(self, case: Case) -> bool:
-        return self.dataset.is_dir() or not case.needs_dataset
-
     def prepare(self, case: Case, directory: Path) -> None:
         """Put into an empty directory what a case reads."""
         shutil.copytree(INPUTS, directory / "inputs")
         (directory / "examples").symlink_to(self.checkout / "robust" / "examples")
         (directory / "domains").symlink_to(self.checkout / "benchmarks" / "domains")
-        if self.dataset.is_dir():
-            (directory / "dataset").symlink_to(self.dataset.resolve())
         for name, content in case.files.items():
             (directory / name).parent.mkdir(exist_ok=True)
             (directory / name).write_bytes(content)
@@ -232,8 +220,7 @@ class Place:
 
     def _unplaced(self, text: str, directory: Path) -> str:
         text = text.replace(str(directory), "@work@").replace(str(self.checkout), "@checkout@")
-        text = re.sub(r"/\S*(?=/robust/examples\b)", "@checkout@", text)
-        return text.replace(str(self.dataset.resolve()), "@dataset@")
+        return re.sub(r"/\S*(?=/robust/examples\b)", "@checkout@", text)
 
 
 def _environment() -> dict[str, str]:
@@ -359,13 +346,9 @@ def _loosened(text: str) -> list[str]:
 def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     place = Place(options.checkout.resolve(), processes(shlex.split(options.command)))
-    chosen = [case for case in cases() if _matches(case.name, options.only) and not (options.quick and case.slow)]
-    if options.action == "list":
-        print(*(f"{case.name}{' slow' if case.slow else ''}" for case in chosen), sep="\n")
-        return 0
+    chosen = [case for case in cases() if _matches(case.name, options.only)]
     data: Path = options.directory
     data.mkdir(parents=True, exist_ok=True)
-    able = [case for case in chosen if place.can(case)]
     differing = []
     started = time.monotonic()
 
@@ -376,12 +359,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return case, ""
 
     with ThreadPoolExecutor(options.jobs) as pool:
-        for case, text in pool.map(work, able):
+        for case, text in pool.map(work, chosen):
             if text:
                 differing.append(case.name)
                 print(text, flush=True)
-    summary = f"{len(able)} cases in {time.monotonic() - started:.0f} s, {len(differing)} differ"
-    print(f"{summary}, {len(chosen) - len(able)} left out", *differing, file=sys.stderr)
+    summary = f"{len(chosen)} cases in {time.monotonic() - started:.0f} s, {len(differing)} differ"
+    print(summary, *differing, file=sys.stderr)
     return 1 if differing else 0
 
 
@@ -391,10 +374,9 @@ def _matches(name: str, pattern: str | None) -> bool:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("action", choices=["record", "compare", "list"])
+    parser.add_argument("action", choices=["record", "compare"])
     parser.add_argument("directory", nargs="?", type=Path, default=DATA)
     parser.add_argument("--only", metavar="PATTERN", help="a shell pattern for names, or a part of them")
-    parser.add_argument("--quick", action="store_true", help="without the slow ones")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="commands at a time")
     parser.add_argument("--command", default=f"{sys.executable} -m robust", help="default: robust of this interpreter")
     parser.add_argument("--loose", action="store_true", help="whatever the order of lines and the work of solvers")

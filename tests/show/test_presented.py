@@ -17,12 +17,14 @@ from robust.draw.pictures import picture
 from robust.errors import InputError
 from robust.show import presenting
 from tests.cli.running import EXAMPLES, command, example
+from tests.recordings.recordings import INPUTS
 
 FLEXIBLE = example("plan-flexible-wait.stn")
 STEPS = example("steps.plan")
 DELIVERY = example(directory=EXAMPLES / "delivery")
 GENERATOR = example(directory=EXAMPLES / "generator")
 KITCHEN, WING = (str(EXAMPLES / name / f"{name}.tpnu.json") for name in ("kitchen", "wing"))
+NETWORK = str(INPUTS / "unsatisfiable" / "plan.tpnu.json")
 HANDOVER = str(EXAMPLES / "handover" / "handover.stnu")
 RANDOM = {"to_ridge": "normal:30:4", "to_crater": "normal:40:3"}
 DRAWN = [word for name, kind in RANDOM.items() for word in ("--distribution", f"{name}={kind}")]
@@ -111,7 +113,7 @@ CASES = {
         ("pike", "envelope", KITCHEN, "--parameter", COFFEE, "--parameter", LIMIT, "--for-all", "xA1"),
         lambda: pike.envelope(KITCHEN, [COFFEE, LIMIT], for_all="xA1"),
     ),
-    "pike cross": Case(("pike", "check", WING, "--cross"), lambda: pike.cross_check(WING)),
+    "pike cross": Case(("pike", "check", NETWORK, "--cross"), lambda: pike.cross_check(NETWORK)),
 }
 MEASURED = re.compile(r"seconds$|_s$|^statistics$|^queries$|^convergence$|^checks$|^pieces$|_mb$")
 
