@@ -79,7 +79,7 @@ class PikeCheckOptions(Compiled, Assuming):
 
     backend: str = option(
         "oracle",
-        "oracle: ask a solver about the semantics themselves; else ask a knowledge base",
+        "oracle: a solver decides by the semantics; otherwise the knowledge base of this name answers",
         choices=("oracle", *KNOWLEDGE_BASES),
     )
     all_scenarios: bool = option(False, "find every team scenario that admits a correct execution")
@@ -120,15 +120,15 @@ class PikeCheckCommand(PikeCheckOptions, CrossOptions, PikeCommand):
 class KnowledgeBaseOptions(Compiled):
     """Of :func:`robust.pike.knowledge_base`."""
 
-    backend: str = option("pitms", "what is compiled", choices=KNOWLEDGE_BASES)
-    shortcut: bool = option(True, "whether a solver may find that there is no correct execution at all")
+    backend: str = option("pitms", "the knowledge base to compile", choices=KNOWLEDGE_BASES)
+    shortcut: bool = option(True, "let a solver check first whether there is any correct execution")
 
 
 class PikeCompileOptions(KnowledgeBaseOptions):
     """Of :func:`robust.pike.compile`."""
 
     implicants: bool = option(False, "list the prime implicants (pitms, bdd)")
-    models: bool = option(True, "whether models are counted")
+    models: bool = option(True, "count the models")
 
 
 class PikeCompileCommand(PikeCompileOptions, PikeCommand):
@@ -167,48 +167,56 @@ class StoryOptions(Options):
 
     human: str = option(
         "rational",
-        "how uncontrollable choices are made: among what remains correct, or anyhow",
+        "how people choose: rational, only what leaves a correct execution; careless, anything",
         choices=("rational", "careless"),
     )
     pace: str = option(
         "cooperative",
-        "how long activities take: so that a correct execution is left if possible, or regardless",
+        "how long activities take: cooperative, such that a correct execution remains if possible; least, as short as "
+        "their bounds allow; random, any duration within them",
         choices=("cooperative", "least", "random"),
     )
     outcome: Mapping[str, str | tuple[str, Number]] | str | Sequence[str] = option(
-        (), "what is chosen, and when it is known; may be repeated", metavar="NAME=VALUE[@TIME]", many=True
+        (),
+        "a value that people choose, and the time at which it becomes known; may be repeated",
+        metavar="NAME=VALUE[@TIME]",
+        many=True,
     )
     disturb: str | Sequence[str | Disturbance] = option(
-        (), "what goes wrong: '(not (atom))@3'; may be repeated", metavar="LITERAL@TIME", many=True
+        (),
+        "a literal that becomes true against the plan, such as '(not (atom))@3'; may be repeated",
+        metavar="LITERAL@TIME",
+        many=True,
     )
-    delay: Number = option("0", "humans hesitate this long at most", metavar="T", read=not_negative)
+    delay: Number = option("0", "how long people hesitate at most before they choose", metavar="T", read=not_negative)
 
 
 class PikeRunOptions(StoryOptions, Solving):
     """Of :func:`robust.pike.run`."""
 
-    seed: int = option(0, "decides what is left open", metavar="N")
+    seed: int = option(0, "seed of what is drawn at random", metavar="N")
     reasoner: str | None = option(
         None,
-        "who decides: smt asks a solver and compiles nothing; windows: labeled execution windows and a knowledge base, "
-        f"as PIKE does; {DRAKE}: the same without what activities need and do; else smt, or windows with --backend",
+        "what decides: smt, a solver, without compilation; windows, labeled execution windows and a knowledge base, as "
+        f"PIKE does; {DRAKE}, windows without conditions and effects of activities; if not given, smt, or windows with "
+        "--backend",
         choices=REASONERS,
     )
     backend: str | None = option(
         None,
-        f"the knowledge base of windows and {DRAKE}: {', '.join(KNOWLEDGE_BASES)}, else pitms",
+        f"the knowledge base of windows and {DRAKE}: {', '.join(KNOWLEDGE_BASES)}; pitms if not given",
         metavar="NAME",
         read=_deciding_backend,
     )
     patience: Number | None = option(
         "0",
-        "how long before the last moment to stop waiting for what people may still choose; "
-        f"{EAGER}: do not wait, act as soon as possible",
+        "stop waiting for people's choices this long before the last possible moment; "
+        f"{EAGER}: never wait, act as soon as possible",
         metavar=f"{EAGER}|MARGIN",
         read=_margin,
     )
-    infer: bool = option(True, "find out which values open choices may still have")
-    explain: bool = option(False, "say why, below each decision and inference")
+    infer: bool = option(True, "infer which values open choices can still have")
+    explain: bool = option(False, "give reasons below each decision and inference")
     on_step: Callable[[ExecutionStep], None] | None = option(None, "called after each step", shown=False)
 
     def check_combinations(self, given: Collection[str]) -> None:
@@ -233,13 +241,18 @@ class PikeRunOptions(StoryOptions, Solving):
 class PikeRunCommand(PikeRunOptions, PikeCommand):
     """Of `robust pike run`."""
 
-    stdio: bool = option(False, "simulate nothing, but serve a real team through lines of JSON")
+    stdio: bool = option(False, "serve a real team through lines of JSON instead of simulating one")
     journal: Path | None = option(
-        None, "as a service: write each step here first, and go on from it", metavar="FILE", path=True
+        None,
+        "with --stdio: record each step here before it is announced, and resume from this record",
+        metavar="FILE",
+        path=True,
     )
-    clock: str = option("given", "as a service: the time that messages give, or real time", choices=("given", "real"))
+    clock: str = option(
+        "given", "with --stdio: given, messages say what time it is; real, the clock does", choices=("given", "real")
+    )
     rate: Number | None = option(
-        None, "in real time: seconds that a unit of time lasts, else 1", metavar="S", read=positive
+        None, "with --clock real: seconds per unit of time; 1 if not given", metavar="S", read=positive
     )
     plot: Path | None = option(
         None, "draw who did what when: .svg, .png or .pdf", metavar="FILE", path=True, read=plot_file
@@ -313,11 +326,13 @@ class PikeEnvelopeOptions(ParametricOptions, Staged):
 
     for_all: str | Sequence[str] = option(
         (),
-        "choices of which every combination of values must lead to a correct execution",
+        "choices for which every combination of values must lead to a correct execution",
         metavar="A,B",
         read=_names_or_none,
     )
-    patience: bool = option(False, "with --for-all: what is chosen becomes known only then, and the team waits for it")
+    patience: bool = option(
+        False, "with --for-all: choices become known only when they are made, and the team waits for them"
+    )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.patience and not self.for_all:
