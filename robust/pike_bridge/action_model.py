@@ -6,13 +6,12 @@ activities are bounded by the durations that their actions allow.
 
 from __future__ import annotations
 
-import operator
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Final, TypeAlias, assert_never
+from typing import TypeAlias, assert_never
 
 import robust.examples
 from robust.errors import InputError, UnsupportedError
@@ -112,13 +111,6 @@ def _unconnected(network: Tpnu, end: str, epsilon: Fraction) -> list[Event]:
 Durations: TypeAlias = tuple[Fraction, Fraction | None]
 """How long an action may take: at least and at most; None is no upper bound."""
 
-_COMPARED: Final[Mapping[Relation, Callable[[Fraction, int], bool]]] = {
-    Relation.AT_LEAST: operator.ge,
-    Relation.GREATER: operator.gt,
-    Relation.EQUAL: operator.eq,
-    Relation.DIFFERENT: operator.ne,
-}
-
 
 class StaticFacts:
     """The atoms that no effect of the plan touches, and the fluents that no action of the domain changes."""
@@ -140,7 +132,7 @@ class StaticFacts:
                 return condition if atom in self._touched else Truth((atom in self._initial) == value)
             case Comparison(expression, relation):
                 known = self._known(expression)
-                return Truth(_COMPARED[relation](known.constant_term, 0)) if known.is_constant else condition
+                return Truth(relation.holds(known.constant_term)) if known.is_constant else condition
             case And(operands):
                 return junction([self.simplify(operand) for operand in operands], every=True)
             case Or(operands):
