@@ -11,7 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from math import prod
+from math import log, prod
+from random import Random
 from statistics import fmean
 from typing import Any, ClassVar
 
@@ -19,7 +20,7 @@ from robust.codec import plain
 from robust.draw.style import BLACK, BLUE, VERMILION
 from robust.errors import InputError
 from robust.execute.drive import run_in_world
-from robust.pike_bridge.k_intents import random_k_intents
+from robust.pike_bridge.k_intents import KIntents, k_intents
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.progress import Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner
@@ -35,6 +36,27 @@ SMALLEST = 2
 REPEATED = ("seed", "problems", "largest", "reasoner", "limit", "jobs")
 PAPER = {"improvement": 0.134, "free_recovery": 0.022}
 """Mean improvement of PIKE over Kirk, and the same without the time of recoveries [PIKE §6.2.1]."""
+
+LARGEST = 10_000
+"""Numbers of intents are drawn up to this; the paper's range is in a figure only."""
+
+
+def random_k_intents(seed: int, index: int = 0, largest: int = LARGEST) -> KIntents:
+    """A problem with a random number of intents, uniform on a logarithmic scale, and a random order of its choices."""
+    random = Random(f"k-intents/{seed}/{index}")  # noqa: S311 - reproducible
+    wanted = 2 ** random.uniform(1, log(largest, 2))
+    structure = closest_factors(wanted)
+    random.shuffle(structure)
+    return k_intents(structure, seed=random.randrange(2**32))
+
+
+def closest_factors(wanted: float) -> list[int]:
+    """Twos and threes whose product is closest to a number of at least 2; of equally close ones the smaller."""
+    twos = range(int(log(wanted, 2)) + 2)
+    threes = range(int(log(wanted, 3)) + 2)
+    candidates = [(a, b) for a in twos for b in threes if a + b > 0]
+    a, b = min(candidates, key=lambda each: (abs(2 ** each[0] * 3 ** each[1] - wanted), 2 ** each[0] * 3 ** each[1]))
+    return [2] * a + [3] * b
 
 
 # -- one problem, executed by both in the same world -------------------------------------------------------------------

@@ -6,16 +6,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from math import log, prod
+from math import prod
 from random import Random
 
 from robust.errors import InputError
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.builder import Element, act, build, choose, sequence
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
-
-LARGEST = 10_000
-"""Numbers of intents are drawn up to this; the paper's range is in a figure only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,21 +64,3 @@ def k_intents(structure: Sequence[int], seed: int = 0) -> KIntents:
         build(name, sequence(*steps)), sketched_domain(name, predicates, actions), sketched_problem(name, name, (), ())
     )
     return KIntents(tuple(structure), instance)
-
-
-def random_k_intents(seed: int, index: int = 0, largest: int = LARGEST) -> KIntents:
-    """A problem with a random number of intents, uniform on a logarithmic scale, and a random order of its choices."""
-    random = Random(f"k-intents/{seed}/{index}")  # noqa: S311 - reproducible
-    wanted = 2 ** random.uniform(1, log(largest, 2))
-    structure = closest_factors(wanted)
-    random.shuffle(structure)
-    return k_intents(structure, seed=random.randrange(2**32))
-
-
-def closest_factors(wanted: float) -> list[int]:
-    """Twos and threes whose product is closest to a number of at least 2; of equally close ones the smaller."""
-    twos = range(int(log(wanted, 2)) + 2)
-    threes = range(int(log(wanted, 3)) + 2)
-    candidates = [(a, b) for a in twos for b in threes if a + b > 0]
-    a, b = min(candidates, key=lambda each: (abs(2 ** each[0] * 3 ** each[1] - wanted), 2 ** each[0] * 3 ** each[1]))
-    return [2] * a + [3] * b

@@ -10,9 +10,16 @@ import pytest
 
 from benchmarks.pike import figure17_18
 from benchmarks.pike.baselines import draw_script
-from benchmarks.pike.figure17_18 import FIGURE18, SAVINGS, Figure18Report, KIntentsRun, TeamExecution, run_problem
+from benchmarks.pike.figure17_18 import (
+    FIGURE18,
+    SAVINGS,
+    Figure18Report,
+    KIntentsRun,
+    TeamExecution,
+    random_k_intents,
+    run_problem,
+)
 from benchmarks.pike.figure20b import measure_latency, run_execution
-from robust.pike_bridge.k_intents import random_k_intents
 from robust.smt.limits import Deadline
 from tests.benchmarks.conftest import checked, rendered, run
 
