@@ -9,15 +9,8 @@ from operator import and_, invert, or_
 from typing import Any, TypeAlias
 
 from robust.errors import from_extra
+from robust.pike_bridge.knowledge import interface
 from robust.pike_bridge.knowledge.diagrams import NOTHING, UNIT, Families
-from robust.pike_bridge.knowledge.interface import (
-    Commitment,
-    KnowledgeBase,
-    KnowledgeStatistics,
-    Narrowing,
-    OutOfSpaceError,
-    narrowing,
-)
 from robust.pike_bridge.knowledge.orders import race
 from robust.pike_bridge.model import Assignment, Guard
 from robust.pike_bridge.theory import Formula, Theory, assignments_of, evaluate, interpret, is_consistent
@@ -48,7 +41,7 @@ def create_manager() -> Any:
     return manager
 
 
-class Diagrams:
+class BinaryDiagrams:
     """Diagrams of formulas about finite-domain variables, whose values are numbered in binary."""
 
     def __init__(self, domains: Mapping[str, tuple[str, ...]], order: Sequence[str]) -> None:
@@ -134,7 +127,7 @@ class Diagrams:
         return evaluate(root, known, step, deadline)
 
 
-class BddKnowledgeBase(KnowledgeBase):
+class BddKnowledgeBase(interface.KnowledgeBase):
     """One decision diagram, into which constraints are conjoined one at a time; questions conjoin a few more.
 
     Args:
@@ -155,7 +148,7 @@ class BddKnowledgeBase(KnowledgeBase):
         theory: Theory,
         *,
         deadline: Deadline = NEVER,
-        statistics: KnowledgeStatistics | None = None,
+        statistics: interface.KnowledgeStatistics | None = None,
         largest_diagram: int = LARGEST_DIAGRAM,
     ) -> None:
         super().__init__(theory, statistics)
@@ -163,12 +156,12 @@ class BddKnowledgeBase(KnowledgeBase):
         with self._compiling(deadline):
             self._root = self._compile(deadline)
 
-    def commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> None:
+    def commit(self, commitments: Sequence[interface.Commitment], deadline: Deadline = NEVER) -> None:
         deadline.enforce()
-        self._root = self._narrowed(narrowing(commitments, self.theory), deadline)
+        self._root = self._narrowed(interface.narrowing(commitments, self.theory), deadline)
         self.statistics.sizes["diagram nodes"] = len(self._root)
 
-    def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
+    def _possible(self, asked: interface.Narrowing, deadline: Deadline) -> bool:
         return bool(self._narrowed(asked, deadline) != self._diagrams.manager.false)
 
     def _count(self, deadline: Deadline) -> int:
@@ -228,7 +221,7 @@ class BddKnowledgeBase(KnowledgeBase):
 
     def _conjoined(self, parts: Iterable[_Item], order: Sequence[str], space: int, deadline: Deadline) -> Node:
         """From the last variables to the first, so that what is built already stays as it is below what is new."""
-        self._diagrams = Diagrams(self.theory.domains, order)
+        self._diagrams = BinaryDiagrams(self.theory.domains, order)
         place = {variable: at for at, variable in enumerate(order)}
         root = self._diagrams.manager.true
         for _, _, item in sorted(parts, key=lambda part: (-_first(part[0], place), part[1])):
@@ -246,7 +239,7 @@ class BddKnowledgeBase(KnowledgeBase):
             case _:
                 return self._diagrams.formula(item)
 
-    def _narrowed(self, asked: Narrowing, deadline: Deadline) -> Node:
+    def _narrowed(self, asked: interface.Narrowing, deadline: Deadline) -> Node:
         if not asked.consistent:
             return self._diagrams.manager.false
         root = self._root & self._diagrams.environment(Assignment(*item) for item in asked.required.items())
@@ -260,7 +253,7 @@ class BddKnowledgeBase(KnowledgeBase):
     def _look(self, deadline: Deadline, space: int) -> None:
         deadline.enforce()
         if len(self._diagrams.manager) > space:
-            raise OutOfSpaceError
+            raise interface.OutOfSpaceError
 
 
 def _variables(formula: Formula) -> set[str]:

@@ -8,15 +8,15 @@ manifest one still: so queries look for environments that resolve all conflicts.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from math import log2
 
 from robust.pike_bridge.knowledge.interface import Effort
 from robust.pike_bridge.knowledge.labels import (
-    Conflict,
     Label,
+    LabelConflict,
     Scope,
     consistent_with,
     environments,
@@ -25,36 +25,37 @@ from robust.pike_bridge.knowledge.labels import (
     weave,
     without_manifest,
 )
-from robust.pike_bridge.model import Environment, Vocabulary, union
+from robust.pike_bridge.knowledge.orders import connected
+from robust.pike_bridge.model import Environment, Vocabulary, bits, union
 from robust.smt.limits import Deadline
 
 
 @dataclass(frozen=True, slots=True)
-class Factor:
+class LabelFactor:
     """The label of independent constraints and conflicts."""
 
     scope: Scope
     """All variables of the constraints and conflicts."""
     label: Label
-    conflicts: tuple[Conflict, ...] = ()
+    conflicts: tuple[LabelConflict, ...] = ()
     """Those that an environment of the label may not have resolved."""
 
 
-FALSITY = Factor(0, {})
+FALSITY = LabelFactor(0, {})
 
 
 def factors(
-    labels: Sequence[Label], conflicts: Sequence[Conflict], vocabulary: Vocabulary, effort: Effort
-) -> list[Factor]:
+    labels: Sequence[Label], conflicts: Sequence[LabelConflict], vocabulary: Vocabulary, effort: Effort
+) -> list[LabelFactor]:
     """The goal's label, from those of all constraints, and all conflicts.
 
     Raises:
         OutOfTimeError: if the deadline passes; the statistics then say how large the labels were.
     """
     parts = [(union(label), label) for label in labels if 0 not in label]
-    found: list[Factor] = []
+    found: list[LabelFactor] = []
     scopes = [scope for scope, _ in parts] + [each.scope for each in conflicts]
-    for scope in components(scopes):
+    for scope in dict.fromkeys(map(union, connected(scopes, lambda scope: frozenset(bits(scope))))):
         own = [each for each in conflicts if _touch(each.scope, scope)]
         found.append(joined([label for each, label in parts if _touch(each, scope)], own, scope, vocabulary, effort))
     return found
@@ -65,35 +66,20 @@ def _touch(first: Scope, second: Scope) -> bool:
     return bool(first & second) or first == second
 
 
-def components(scopes: Iterable[Scope]) -> list[Scope]:
-    """The unions of scopes that share variables, directly or through others; the empty scope is one of its own."""
-    found: list[Scope] = []
-    for scope in scopes:
-        apart = []
-        merged = scope
-        for each in found:
-            if _touch(each, scope):
-                merged |= each
-            else:
-                apart.append(each)
-        found = [*apart, merged]
-    return found
-
-
 def joined(
-    labels: Sequence[Label], conflicts: Sequence[Conflict], scope: Scope, vocabulary: Vocabulary, effort: Effort
-) -> Factor:
+    labels: Sequence[Label], conflicts: Sequence[LabelConflict], scope: Scope, vocabulary: Vocabulary, effort: Effort
+) -> LabelFactor:
     """The conjunction of all labels and conflicts, which are about the variables of a scope.
 
     Raises:
         OutOfTimeError: if the deadline passes.
     """
-    return Factor(scope, _Join(vocabulary, effort, labels, list(conflicts)).run(), tuple(conflicts))
+    return LabelFactor(scope, _Join(vocabulary, effort, labels, list(conflicts)).run(), tuple(conflicts))
 
 
 class _Join:
     def __init__(
-        self, vocabulary: Vocabulary, effort: Effort, labels: Sequence[Label], conflicts: list[Conflict]
+        self, vocabulary: Vocabulary, effort: Effort, labels: Sequence[Label], conflicts: list[LabelConflict]
     ) -> None:
         self._effort = effort
         self._parts: dict[int, Label] = {}
@@ -164,7 +150,9 @@ class Partial:
         return Partial(self.environment | assignment, self.scope | field)
 
 
-def could_hold(factors: Sequence[Factor], asked: Partial, conflicts: Sequence[Conflict], deadline: Deadline) -> bool:
+def could_hold(
+    factors: Sequence[LabelFactor], asked: Partial, conflicts: Sequence[LabelConflict], deadline: Deadline
+) -> bool:
     """Whether a model extends an environment and resolves all conflicts.
 
     Without conflicts, each factor's label must have an environment that is consistent with what is asked. With several
@@ -183,7 +171,7 @@ def could_hold(factors: Sequence[Factor], asked: Partial, conflicts: Sequence[Co
 
 
 def resolutions(
-    asked: Partial, conflicts: Sequence[Conflict], deadline: Deadline, factors: Sequence[Factor] = ()
+    asked: Partial, conflicts: Sequence[LabelConflict], deadline: Deadline, factors: Sequence[LabelFactor] = ()
 ) -> Iterator[Partial]:
     """Environments that resolve all conflicts and entail the one asked; each model that does extends one of them.
 
@@ -206,13 +194,13 @@ def resolutions(
                     stack.extend((current.with_assignment(value, field), done + 1) for value in reversed(values))
 
 
-def resolves(partial: Partial, conflict: Conflict) -> bool:
+def resolves(partial: Partial, conflict: LabelConflict) -> bool:
     """Whether some variable has another value than in the conflict."""
     shared = partial.scope & conflict.scope
     return partial.environment & shared != conflict.environment & shared
 
 
-def extensions(factor: Factor, asked: Partial, deadline: Deadline) -> Iterator[Partial]:
+def extensions(factor: LabelFactor, asked: Partial, deadline: Deadline) -> Iterator[Partial]:
     """What entails an environment of a factor's label and what is asked, and resolves the factor's conflicts.
 
     Raises:
@@ -223,12 +211,12 @@ def extensions(factor: Factor, asked: Partial, deadline: Deadline) -> Iterator[P
         yield from resolutions(both, factor.conflicts, deadline)
 
 
-def allows(factor: Factor, asked: Partial, deadline: Deadline) -> bool:
+def allows(factor: LabelFactor, asked: Partial, deadline: Deadline) -> bool:
     """Whether a factor has a model that extends what is asked."""
     return next(extensions(factor, asked, deadline), None) is not None
 
 
-def require(factors: Sequence[Factor], asked: Partial, effort: Effort) -> list[Factor]:
+def require(factors: Sequence[LabelFactor], asked: Partial, effort: Effort) -> list[LabelFactor]:
     """The factors with all assignments of an environment conjoined.
 
     Raises:
@@ -245,13 +233,15 @@ def require(factors: Sequence[Factor], asked: Partial, effort: Effort) -> list[F
         label = weave(factor.label, {shared: {asked.environment & shared}}, effort)
         for each in factor.conflicts:
             label = without_manifest(label, each, effort)
-        narrowed.append(Factor(factor.scope, label, factor.conflicts))
+        narrowed.append(LabelFactor(factor.scope, label, factor.conflicts))
     if free:
-        narrowed.append(Factor(free, {free: {asked.environment & free}}))
+        narrowed.append(LabelFactor(free, {free: {asked.environment & free}}))
     return narrowed
 
 
-def exclude(factors: Sequence[Factor], conflict: Conflict, vocabulary: Vocabulary, effort: Effort) -> list[Factor]:
+def exclude(
+    factors: Sequence[LabelFactor], conflict: LabelConflict, vocabulary: Vocabulary, effort: Effort
+) -> list[LabelFactor]:
     """The factors with one more conflict.
 
     A conflict about several factors joins them, except where all of a factor's label agrees about it.
@@ -280,7 +270,7 @@ def exclude(factors: Sequence[Factor], conflict: Conflict, vocabulary: Vocabular
     return [*apart, joined(labels, [*conflicts, left], whole, vocabulary, effort)]
 
 
-def _all_resolve(label: Label, conflict: Conflict) -> bool:
+def _all_resolve(label: Label, conflict: LabelConflict) -> bool:
     """Whether some variable of every environment has another value than in the conflict."""
     for scope, members in label.items():
         shared = scope & conflict.scope
@@ -290,7 +280,7 @@ def _all_resolve(label: Label, conflict: Conflict) -> bool:
     return True
 
 
-def _all_manifest(label: Label, conflict: Conflict, within: Scope) -> bool:
+def _all_manifest(label: Label, conflict: LabelConflict, within: Scope) -> bool:
     """Whether every environment has all assignments that the conflict makes to variables of a scope."""
     scope = conflict.scope & within
     part = conflict.environment & scope

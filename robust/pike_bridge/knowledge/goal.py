@@ -16,7 +16,7 @@ from typing import Final
 
 from robust.pike_bridge.knowledge.diagrams import FALSE, TRUE, Choice, Functions
 from robust.pike_bridge.knowledge.interface import Narrowing
-from robust.pike_bridge.knowledge.orders import race
+from robust.pike_bridge.knowledge.orders import connected, race
 from robust.pike_bridge.model import Assignment, Guard
 from robust.smt.limits import Deadline
 
@@ -44,7 +44,7 @@ class Goal:
     All methods raise OutOfTimeError if the deadline passes, or the diagrams get too large.
     """
 
-    diagrams: Diagrams
+    diagrams: ChoiceDiagrams
     parts: tuple[Part, ...]
 
     def narrowed(self, asked: Narrowing, deadline: Deadline) -> Goal:
@@ -65,7 +65,7 @@ class Goal:
         mentioned = {variable for conflict in question.conflicts for variable, _ in conflict}
         mentioned |= question.required.keys()
         relevant = [part for part in self.parts if part.function == FALSE or part.variables & mentioned]
-        return _Search(self.diagrams.functions, relevant, question, deadline).succeeds()
+        return _ModelSearch(self.diagrams.functions, relevant, question, deadline).succeeds()
 
     def count(self, deadline: Deadline) -> int:
         """How many models there are."""
@@ -142,7 +142,7 @@ class _Question:
 
 
 @dataclass(slots=True)
-class _Search:
+class _ModelSearch:
     """A search for a model, led by conflicts: one that a model of the parts manifests is resolved in each way in turn.
 
     So variables that no conflict is about are never decided upon, as they would be if conflicts were conjoined.
@@ -197,7 +197,7 @@ def _manifests(model: Mapping[int, int], conflict: Sequence[Choice]) -> bool:
     return all(model[variable] == number for variable, number in conflict)
 
 
-class Diagrams:
+class ChoiceDiagrams:
     """Functions of the variables of a theory, in some order."""
 
     def __init__(self, domains: Mapping[str, tuple[str, ...]], order: Sequence[str], largest: int) -> None:
@@ -237,7 +237,7 @@ def compile_goal(
     groups += [{each.variable for each in conflict} for conflict in conflicts]
 
     def compile_in(order: Sequence[str], space: int) -> Goal:
-        return _compile(Diagrams(domains, order, space), labels, conflicts, deadline)
+        return _compile(ChoiceDiagrams(domains, order, space), labels, conflicts, deadline)
 
     goal = race(tuple(domains), groups, largest, compile_in)
     goal.diagrams.functions.largest = largest
@@ -246,36 +246,20 @@ def compile_goal(
 
 
 def _compile(
-    diagrams: Diagrams, labels: Sequence[Sequence[Guard]], conflicts: Sequence[Guard], deadline: Deadline
+    diagrams: ChoiceDiagrams, labels: Sequence[Sequence[Guard]], conflicts: Sequence[Guard], deadline: Deadline
 ) -> Goal:
     functions = diagrams.functions
-    found: list[Part] = []
+    parts: list[Part] = []
     for label in labels:
         environments = [diagrams.choices(each) for each in label]
         mentioned = frozenset(variable for each in environments for variable, _ in each)
-        found.append(Part(mentioned, functions.some(environments, deadline)))
+        parts.append(Part(mentioned, functions.some(environments, deadline)))
     for conflict in conflicts:
         choices = diagrams.choices(conflict)
-        found.append(Part(frozenset(variable for variable, _ in choices), functions.excluded(choices)))
-    parts = []
-    for group in independent([part for part in found if part.function != TRUE]):
+        parts.append(Part(frozenset(variable for variable, _ in choices), functions.excluded(choices)))
+    independent = []
+    for group in connected((part for part in parts if part.function != TRUE), lambda part: part.variables):
         group.sort(key=lambda part: min(part.variables, default=0))
         function = functions.all([part.function for part in group], deadline)
-        parts.append(Part(frozenset().union(*(part.variables for part in group)), function))
-    return Goal(diagrams, (FALSITY,) if any(part.function == FALSE for part in parts) else tuple(parts))
-
-
-def independent(parts: Sequence[Part]) -> list[list[Part]]:
-    """Groups of parts that share variables, directly or through others."""
-    groups: list[tuple[frozenset[int], list[Part]]] = []
-    for part in parts:
-        variables, own = part.variables, [part]
-        apart = []
-        for known, members in groups:
-            if known & variables:
-                variables |= known
-                own = members + own
-            else:
-                apart.append((known, members))
-        groups = [*apart, (variables, own)]
-    return [members for _, members in groups]
+        independent.append(Part(frozenset().union(*(part.variables for part in group)), function))
+    return Goal(diagrams, (FALSITY,) if any(part.function == FALSE for part in independent) else tuple(independent))

@@ -47,7 +47,7 @@ def environments(label: Label) -> Iterator[Environment]:
 
 
 @dataclass(frozen=True, slots=True)
-class Conflict:
+class LabelConflict:
     """An environment that must not hold, with what resolves it: any other assignment to one of its variables."""
 
     environment: Environment
@@ -55,18 +55,18 @@ class Conflict:
     resolutions: tuple[tuple[Scope, tuple[Environment, ...]], ...]
     """For each variable, its scope and the assignments that differ."""
 
-    def within(self, scope: Scope) -> Conflict:
+    def within(self, scope: Scope) -> LabelConflict:
         """The part about the variables of a scope."""
         kept = tuple(each for each in self.resolutions if each[0] & scope)
-        return Conflict(self.environment & scope, self.scope & scope, kept)
+        return LabelConflict(self.environment & scope, self.scope & scope, kept)
 
 
-def conflict(environment: Environment, vocabulary: Vocabulary) -> Conflict:
+def conflict(environment: Environment, vocabulary: Vocabulary) -> LabelConflict:
     """The conflict of an environment of a vocabulary."""
     made = environment & vocabulary.made
     fields = [vocabulary.field(variable) for variable in vocabulary.assigned(made)]
     resolutions = tuple((field, tuple(1 << at for at in bits(field & ~made))) for field in fields)
-    return Conflict(made, sum(fields), resolutions)
+    return LabelConflict(made, sum(fields), resolutions)
 
 
 def weave(first: Label, second: Label, effort: Effort) -> Label:
@@ -170,7 +170,7 @@ def minimal(candidates: Label, base: Label, effort: Effort) -> Label:
     return kept
 
 
-def split(label: Label, conflict: Conflict, effort: Effort) -> Label:
+def split(label: Label, conflict: LabelConflict, effort: Effort) -> Label:
     """The minimal environments that entail the label and resolve the conflict [PIKE §5.6].
 
     New environments can entail only such as resolved the conflict before: two that did not are extended in the same
@@ -206,7 +206,7 @@ def split(label: Label, conflict: Conflict, effort: Effort) -> Label:
     return result
 
 
-def without_manifest(label: Label, conflict: Conflict, effort: Effort) -> Label:
+def without_manifest(label: Label, conflict: LabelConflict, effort: Effort) -> Label:
     """The environments that do not manifest the conflict, though more specific ones may: what the ATMS keeps."""
     result: Label = {}
     for scope, members in label.items():

@@ -17,17 +17,9 @@ from enum import Enum
 from heapq import heappop, heappush
 from typing import TypeAlias, assert_never
 
+from robust.pike_bridge.knowledge import labels
 from robust.pike_bridge.knowledge.interface import Effort
-from robust.pike_bridge.knowledge.labels import (
-    Conflict,
-    Label,
-    add_and_generate_prime_implicants,
-    add_minimally,
-    conflict,
-    insert,
-    true_label,
-    weave,
-)
+from robust.pike_bridge.knowledge.labels import conflict
 from robust.pike_bridge.model import Assignment, Guard, Vocabulary, union
 from robust.pike_bridge.theory import (
     FALSE,
@@ -243,7 +235,7 @@ def encode(theory: Theory) -> JustificationNetwork:
     return network
 
 
-Resolve: TypeAlias = Callable[[Label, Conflict, Effort], Label]
+Resolve: TypeAlias = Callable[[labels.Label, labels.LabelConflict, Effort], labels.Label]
 """What a conflict does to a label: :func:`split` for the πTMS, :func:`without_manifest` for the ATMS."""
 
 
@@ -260,14 +252,14 @@ class TruthMaintenance:
     ) -> None:
         self.network = network
         self.vocabulary = vocabulary
-        self.nogoods: Label = {}
+        self.nogoods: labels.Label = {}
         """The minimal environments that hold no more, as the label of falsity."""
         self._consensus = consensus
         self._resolve = resolve
         self._fields = tuple(vocabulary.field(variable) for variable in vocabulary.variables)
-        self._labels: list[Label] = []
+        self._labels: list[labels.Label] = []
         self._queue: list[int] = []
-        self._pending: dict[int, list[Label]] = {}
+        self._pending: dict[int, list[labels.Label]] = {}
 
     def run(self, effort: Effort) -> None:
         """Propagate every assumption, and what needs no assumptions.
@@ -281,14 +273,14 @@ class TruthMaintenance:
                 self._enqueue(node.index, self._assumed(node.index))
         for justification in self.network.justifications:
             if not justification.antecedents:
-                self._enqueue(justification.consequent, true_label())
+                self._enqueue(justification.consequent, labels.true_label())
         self._work_off(effort)
 
-    def own_label(self, node: int) -> Label:
+    def own_label(self, node: int) -> labels.Label:
         """The label of a node as its justifications give it, before conflicts are resolved."""
         return self._labels[node]
 
-    def label(self, node: int, effort: Effort) -> Label:
+    def label(self, node: int, effort: Effort) -> labels.Label:
         """The label of a node: all prime implicants of its formula and all conflicts [PIKE, Invariant 5.2].
 
         Without consensus, minimal environments that manifest no conflict.
@@ -301,18 +293,18 @@ class TruthMaintenance:
             label = self._resolve(label, each, effort)
         return label
 
-    def conflicts(self) -> list[Conflict]:
+    def conflicts(self) -> list[labels.LabelConflict]:
         """The nogoods."""
         return [conflict(environment, self.vocabulary) for members in self.nogoods.values() for environment in members]
 
-    def _assumed(self, node: int) -> Label:
+    def _assumed(self, node: int) -> labels.Label:
         """The environment of the assignment; the empty one if the variable has no other value."""
         ((variable, value),) = assignments_of(self.network.nodes[node].formula)
         if len(self.vocabulary.domains[variable]) == 1:
-            return true_label()
+            return labels.true_label()
         return {self.vocabulary.field(variable): {self.vocabulary.assign(variable, value) & self.vocabulary.made}}
 
-    def _enqueue(self, node: int, added: Label) -> None:
+    def _enqueue(self, node: int, added: labels.Label) -> None:
         if added:
             if node not in self._pending:
                 heappush(self._queue, node)
@@ -325,29 +317,31 @@ class TruthMaintenance:
             for new in self._pending.pop(node):
                 self._update(node, new, effort)
 
-    def _update(self, node: int, new: Label, effort: Effort) -> None:
+    def _update(self, node: int, new: labels.Label, effort: Effort) -> None:
         """UPDATE [PIKE, Algorithm 6]."""
         effort.statistics.propagations += 1
         if self.network.nodes[node].kind is NodeKind.CONTRADICTION:
-            add_minimally(self._labels[node], new, effort)
+            labels.add_minimally(self._labels[node], new, effort)
             for scope, members in new.items():
                 for environment in members:
-                    insert(self.nogoods, environment, scope)
+                    labels.insert(self.nogoods, environment, scope)
             return
         label = self._labels[node]
         if self._consensus and len(self.network.incoming[node]) > 1:
             mentioned = union(label) | union(new)
             fields = [field for field in self._fields if field & mentioned]
-            added = add_and_generate_prime_implicants(label, new, fields, effort)
+            added = labels.add_and_generate_prime_implicants(label, new, fields, effort)
         else:
-            added = add_minimally(label, new, effort)
+            added = labels.add_minimally(label, new, effort)
         for justification in self.network.outgoing[node]:
             self._enqueue(justification.consequent, self._propagate(justification, node, added, effort))
 
-    def _propagate(self, justification: Justification, source: int, added: Label, effort: Effort) -> Label:
+    def _propagate(
+        self, justification: Justification, source: int, added: labels.Label, effort: Effort
+    ) -> labels.Label:
         """PROPAGATE: what new environments of one antecedent mean for the consequent."""
         result = added
         for antecedent in justification.antecedents:
             if antecedent != source and result:
-                result = weave(result, self._labels[antecedent], effort)
+                result = labels.weave(result, self._labels[antecedent], effort)
         return result

@@ -1,8 +1,8 @@
-"""Orders of variables for decision diagrams, found from which variables constraints have in common."""
+"""Which variables constraints have in common: independent groups, and orders of variables for decision diagrams."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from heapq import heapify, heappop, heappush
 from typing import Final, TypeVar
 
@@ -46,6 +46,21 @@ def race(
         if space == largest:
             raise OutOfSpaceError
         space = min(MORE * space, largest)
+
+
+def connected(items: Iterable[T], about: Callable[[T], frozenset[int]]) -> list[list[T]]:
+    """Groups of items that share variables, directly or through others; what has none is a group of its own."""
+    groups: list[tuple[frozenset[int], list[T]]] = []
+    for item in items:
+        variables, members = about(item), [item]
+        apart = []
+        for known, others in groups:
+            if known & variables:
+                variables, members = variables | known, others + members
+            else:
+                apart.append((known, others))
+        groups = [*apart, (variables, members)]
+    return [members for _, members in groups]
 
 
 def elimination_order(variables: Sequence[str], groups: Sequence[Collection[str]]) -> list[str]:

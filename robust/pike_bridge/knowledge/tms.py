@@ -12,20 +12,12 @@ from itertools import product
 from math import prod
 from typing import Any, ClassVar
 
+from robust.pike_bridge.knowledge import interface
 from robust.pike_bridge.knowledge.factors import FALSITY, Partial, could_hold, exclude, factors, require
 from robust.pike_bridge.knowledge.goal import LARGEST_GOAL, compile_goal
-from robust.pike_bridge.knowledge.interface import (
-    LARGEST_LABEL,
-    Commitment,
-    Effort,
-    KnowledgeBase,
-    KnowledgeStatistics,
-    Narrowing,
-    narrowing,
-)
 from robust.pike_bridge.knowledge.labels import (
-    Conflict,
     Label,
+    LabelConflict,
     conflict,
     count_models,
     environments,
@@ -48,7 +40,7 @@ class NodeLabel:
     environments: frozenset[Guard]
 
 
-class LabelKnowledgeBase(KnowledgeBase):
+class LabelKnowledgeBase(interface.KnowledgeBase):
     """What the πTMS and the ATMS have in common: the encoding, and propagation to the nodes of all constraints.
 
     Args:
@@ -76,13 +68,13 @@ class LabelKnowledgeBase(KnowledgeBase):
         shortcut: bool = True,
         solver: str = "z3",
         deadline: Deadline = NEVER,
-        statistics: KnowledgeStatistics | None = None,
-        largest_label: int = LARGEST_LABEL,
+        statistics: interface.KnowledgeStatistics | None = None,
+        largest_label: int = interface.LARGEST_LABEL,
     ) -> None:
         super().__init__(theory, statistics)
         self._vocabulary = Vocabulary(theory.domains)
         self._largest_label = largest_label
-        self._committed: tuple[Conflict, ...] = ()
+        self._committed: tuple[LabelConflict, ...] = ()
         with self._compiling(deadline):
             possible = not shortcut or SatKnowledgeBase(theory, solver=solver, deadline=deadline).satisfiable(deadline)
             self.simplified = simplify(theory, deadline) if possible else Theory(theory.domains, (FALSE,))
@@ -91,9 +83,9 @@ class LabelKnowledgeBase(KnowledgeBase):
             self._compile(deadline)
         self._measure()
 
-    def commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> None:
+    def commit(self, commitments: Sequence[interface.Commitment], deadline: Deadline = NEVER) -> None:
         deadline.enforce()
-        asked = narrowing(commitments, self.theory)
+        asked = interface.narrowing(commitments, self.theory)
         self._narrow(asked, deadline)
         if asked.consistent:
             # Requiring a value is excluding the others [PIKE §5.7].
@@ -127,14 +119,14 @@ class LabelKnowledgeBase(KnowledgeBase):
         """Find the goal."""
 
     @abstractmethod
-    def _narrow(self, asked: Narrowing, deadline: Deadline) -> None:
+    def _narrow(self, asked: interface.Narrowing, deadline: Deadline) -> None:
         """Find what is left of the goal."""
 
     @abstractmethod
     def _measure(self) -> None:
         """Note the size of the goal."""
 
-    def _propagate(self, effort: Effort) -> None:
+    def _propagate(self, effort: interface.Effort) -> None:
         network = encode(self.simplified)
         sizes = self.statistics.sizes
         sizes |= {
@@ -150,10 +142,10 @@ class LabelKnowledgeBase(KnowledgeBase):
         """The labels of the goal's antecedents, which are its own only where nothing else has to hold."""
         return map(self._maintenance.own_label, self._maintenance.network.constraints)
 
-    def _effort(self, deadline: Deadline) -> Effort:
-        return Effort(self.statistics, deadline, self._largest_label)
+    def _effort(self, deadline: Deadline) -> interface.Effort:
+        return interface.Effort(self.statistics, deadline, self._largest_label)
 
-    def _conflict(self, environment: Guard) -> Conflict:
+    def _conflict(self, environment: Guard) -> LabelConflict:
         return conflict(self._vocabulary.encode(environment), self._vocabulary)
 
     def _decoded(self, label: Label) -> Iterator[Guard]:
@@ -184,7 +176,7 @@ class Atms(LabelKnowledgeBase):
         conflicts = self._maintenance.conflicts()
         self._factors = factors(list(self._constraints()), conflicts, self._vocabulary, self._effort(deadline))
 
-    def _narrow(self, asked: Narrowing, deadline: Deadline) -> None:
+    def _narrow(self, asked: interface.Narrowing, deadline: Deadline) -> None:
         effort = self._effort(deadline)
         narrowed = [FALSITY]
         if asked.consistent:
@@ -197,7 +189,7 @@ class Atms(LabelKnowledgeBase):
         self.statistics.sizes["factors"] = len(self._factors)
         self.statistics.sizes["environments"] = sum(size(factor.label) for factor in self._factors)
 
-    def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
+    def _possible(self, asked: interface.Narrowing, deadline: Deadline) -> bool:
         conflicts = list(map(self._conflict, asked.conflicts))
         return could_hold(self._factors, self._partial(asked.required), conflicts, deadline)
 
@@ -266,14 +258,14 @@ class PiTms(LabelKnowledgeBase):
         self._goal = compile_goal(self.theory.domains, labels, conflicts, deadline, self._largest_goal)
         self.statistics.sizes["label nodes"] = len(self._goal.diagrams.functions.families)
 
-    def _narrow(self, asked: Narrowing, deadline: Deadline) -> None:
+    def _narrow(self, asked: interface.Narrowing, deadline: Deadline) -> None:
         self._goal = self._goal.narrowed(asked, deadline)
 
     def _measure(self) -> None:
         self.statistics.sizes["factors"] = len(self._goal.parts)
         self.statistics.sizes["diagram nodes"] = self._goal.size()
 
-    def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
+    def _possible(self, asked: interface.Narrowing, deadline: Deadline) -> bool:
         return self._goal.possible(asked, deadline)
 
     def _count(self, deadline: Deadline) -> int:
