@@ -16,21 +16,7 @@ from typing import TypeAlias, assert_never
 
 from robust.errors import InputError, Location
 from robust.numbers import Number, exact, shorten
-from robust.pike_bridge.model import (
-    ALWAYS,
-    EPSILON,
-    PROPER_ACTION,
-    PROPER_NAME,
-    Activity,
-    Assignment,
-    Choice,
-    Constraint,
-    Event,
-    Guard,
-    Tpnu,
-    as_ground_action,
-    is_name,
-)
+from robust.pike_bridge import model
 
 LOWER, UPPER = Location("lower"), Location("upper")
 """What errors about arguments name."""
@@ -73,9 +59,9 @@ Element: TypeAlias = Act | InSequence | InParallel | Choose | Within
 
 def act(action: str, lower: Number, upper: Number | None, *, agent: str | None = None) -> Act:
     """An activity: a ground PDDL action that takes between `lower` and `upper` time units."""
-    ground = as_ground_action(action) if isinstance(action, str) else None
+    ground = model.as_ground_action(action) if isinstance(action, str) else None
     if ground is None:
-        raise InputError(f"found {shorten(str(action))}, expected {PROPER_ACTION}", Location("action"))
+        raise InputError(f"found {shorten(str(action))}, expected {model.PROPER_ACTION}", Location("action"))
     return Act(ground, exact(lower, LOWER), None if upper is None else exact(upper, UPPER), agent)
 
 
@@ -108,8 +94,8 @@ def within(element: Element, *, lower: Number | None = None, upper: Number | Non
 
 def _named(found: object, place: Location) -> None:
     """InputError unless it is a name."""
-    if not isinstance(found, str) or not is_name(found):
-        raise InputError(f"found {shorten(repr(found))}, expected {PROPER_NAME}", place)
+    if not isinstance(found, str) or not model.is_name(found):
+        raise InputError(f"found {shorten(repr(found))}, expected {model.PROPER_NAME}", place)
 
 
 def _elements(found: Iterable[Element]) -> tuple[Element, ...]:
@@ -121,7 +107,7 @@ def _elements(found: Iterable[Element]) -> tuple[Element, ...]:
     return elements
 
 
-def build(name: str, element: Element, *, epsilon: Number = EPSILON) -> Tpnu:
+def build(name: str, element: Element, *, epsilon: Number = model.EPSILON) -> model.Tpnu:
     """The network of a program.
 
     Raises:
@@ -131,10 +117,10 @@ def build(name: str, element: Element, *, epsilon: Number = EPSILON) -> Tpnu:
     separation = exact(epsilon, Location("epsilon"))
     if separation < 0:
         raise InputError(f"found {shorten(str(epsilon))}, expected a number of at least 0", Location("epsilon"))
-    network = _Network(separation)
+    network = _NetworkBuilder(separation)
     [whole] = _elements([element])
-    network.add(whole, ALWAYS)
-    return Tpnu(
+    network.add(whole, model.ALWAYS)
+    return model.Tpnu(
         name=name,
         choices=tuple(network.choices.values()),
         events=tuple(network.events),
@@ -144,19 +130,19 @@ def build(name: str, element: Element, *, epsilon: Number = EPSILON) -> Tpnu:
 
 
 @dataclass(slots=True)
-class _Network:
+class _NetworkBuilder:
     epsilon: Fraction
-    choices: dict[str, Choice] = field(default_factory=dict)
-    events: list[Event] = field(default_factory=list)
-    constraints: list[Constraint] = field(default_factory=list)
-    activities: list[Activity] = field(default_factory=list)
+    choices: dict[str, model.Choice] = field(default_factory=dict)
+    events: list[model.Event] = field(default_factory=list)
+    constraints: list[model.Constraint] = field(default_factory=list)
+    activities: list[model.Activity] = field(default_factory=list)
 
-    def add(self, element: Element, guard: Guard) -> tuple[str, str]:
+    def add(self, element: Element, guard: model.Guard) -> tuple[str, str]:
         """Add an element; the events at which it starts and ends."""
         match element:
             case Act(action, lower, upper, agent):
                 start, end = self._event(guard), self._event(guard)
-                self.activities.append(Activity(action, start, end, lower, upper, agent, guard))
+                self.activities.append(model.Activity(action, start, end, lower, upper, agent, guard))
             case InSequence(elements):
                 return self._sequence(elements, guard)
             case InParallel(elements):
@@ -165,12 +151,12 @@ class _Network:
                 start, end = self._choice(name, branches, controllable, guard)
             case Within(inner, lower_bound, upper_bound):
                 start, end = self.add(inner, guard)
-                self.constraints.append(Constraint(start, end, lower_bound, upper_bound, guard))
+                self.constraints.append(model.Constraint(start, end, lower_bound, upper_bound, guard))
             case _:
                 assert_never(element)
         return start, end
 
-    def _sequence(self, elements: Iterable[Element], guard: Guard) -> tuple[str, str]:
+    def _sequence(self, elements: Iterable[Element], guard: model.Guard) -> tuple[str, str]:
         ends = [self.add(element, guard) for element in elements]
         if not ends:
             moment = self._event(guard)
@@ -180,17 +166,17 @@ class _Network:
         return ends[0][0], ends[-1][1]
 
     def _choice(
-        self, name: str, branches: tuple[tuple[str, Element], ...], controllable: bool, guard: Guard
+        self, name: str, branches: tuple[tuple[str, Element], ...], controllable: bool, guard: model.Guard
     ) -> tuple[str, str]:
         if name in self.choices:
             raise InputError(f"choice {name!r} is made twice; expected each choice once")
         if not branches:
             raise InputError(f"choice {name!r} has no branches; expected at least one")
         event = f"e{len(self.events) + 1}"
-        self.choices[name] = Choice(name, tuple(value for value, _ in branches), controllable, event)
-        return self._around([(branch, guard | {Assignment(name, value)}) for value, branch in branches], guard)
+        self.choices[name] = model.Choice(name, tuple(value for value, _ in branches), controllable, event)
+        return self._around([(branch, guard | {model.Assignment(name, value)}) for value, branch in branches], guard)
 
-    def _around(self, branches: list[tuple[Element, Guard]], guard: Guard) -> tuple[str, str]:
+    def _around(self, branches: list[tuple[Element, model.Guard]], guard: model.Guard) -> tuple[str, str]:
         start = self._event(guard)
         inner = [(self.add(branch, branch_guard), branch_guard) for branch, branch_guard in branches]
         end = self._event(guard)
@@ -201,9 +187,9 @@ class _Network:
         self._link(start, end, guard)
         return start, end
 
-    def _event(self, guard: Guard) -> str:
-        self.events.append(Event(f"e{len(self.events) + 1}", guard))
+    def _event(self, guard: model.Guard) -> str:
+        self.events.append(model.Event(f"e{len(self.events) + 1}", guard))
         return self.events[-1].name
 
-    def _link(self, before: str, after: str, guard: Guard) -> None:
-        self.constraints.append(Constraint(before, after, self.epsilon, None, guard))
+    def _link(self, before: str, after: str, guard: model.Guard) -> None:
+        self.constraints.append(model.Constraint(before, after, self.epsilon, None, guard))

@@ -19,20 +19,8 @@ from robust.errors import InputError, Location, did_you_mean
 from robust.files import atomic_write
 from robust.json_text import Array, Constant, Json, Numeral, Object, Text, describe, parse_json, walk
 from robust.numbers import EXPECTED_NUMBER, format_number, is_number, parse_number, shorten
+from robust.pike_bridge import model
 from robust.pike_bridge.envelopes.parameters import TeamParameterSpec, of_members
-from robust.pike_bridge.model import (
-    PROPER_ACTION,
-    PROPER_NAME,
-    Activity,
-    Choice,
-    Constraint,
-    Event,
-    Guard,
-    Tpnu,
-    as_ground_action,
-    is_name,
-)
-from robust.pike_bridge.model import guard as conjunction
 from robust.pike_bridge.validate import NOWHERE, Places
 from robust.plan.pddl.forms import read_text
 
@@ -52,7 +40,7 @@ class TpnuDocument:
     `domain` and `problem` are as written; :meth:`beside` gives their paths. `places` says where everything is.
     """
 
-    network: Tpnu
+    network: model.Tpnu
     domain: str
     problem: str
     places: Places = NOWHERE
@@ -84,11 +72,11 @@ def parse_tpnu(text: str, file: str = "<tpnu>") -> TpnuDocument:
     found = _DOCUMENT.read(value)
     lists = {key: found.get(key, ()) for key in ("choices", "events", "constraints", "activities")}
     return TpnuDocument(
-        Tpnu(found["name"], **lists), found["domain"], found["problem"], places, found.get("parameters", ())
+        model.Tpnu(found["name"], **lists), found["domain"], found["problem"], places, found.get("parameters", ())
     )
 
 
-def write_tpnu(path: str | os.PathLike[str], network: Tpnu, *, domain: str, problem: str) -> None:
+def write_tpnu(path: str | os.PathLike[str], network: model.Tpnu, *, domain: str, problem: str) -> None:
     """Write a network as a `.tpnu.json` file.
 
     Args:
@@ -106,7 +94,7 @@ def write_tpnu(path: str | os.PathLike[str], network: Tpnu, *, domain: str, prob
         raise InputError(f"cannot write ({reason}), expected a file that can be written", Location(str(path))) from None
 
 
-def tpnu_text(network: Tpnu, *, domain: str, problem: str) -> str:
+def tpnu_text(network: model.Tpnu, *, domain: str, problem: str) -> str:
     """The text of the `.tpnu.json` file of a network; reading it gives the same network.
 
     Raises:
@@ -147,8 +135,8 @@ def _list(reader: Callable[[Json], T]) -> Callable[[Json], tuple[T, ...]]:
 def _text(value: Json) -> str:
     if not isinstance(value, Text):
         raise _fault(value, "a text in quotes")
-    if not is_name(value.value):
-        raise _fault(value, PROPER_NAME)
+    if not model.is_name(value.value):
+        raise _fault(value, model.PROPER_NAME)
     return value.value
 
 
@@ -206,18 +194,18 @@ def _domain(value: Json) -> tuple[str, ...]:
     return values
 
 
-def _guard(value: Json) -> Guard:
+def _guard(value: Json) -> model.Guard:
     if not isinstance(value, Object):
         raise _fault(value, 'a guard: an object such as {"x": "a"}')
     for key in value.keys:
         _text(key)
-    return conjunction({name: _text(member) for name, member in value.members.items()})
+    return model.guard({name: _text(member) for name, member in value.members.items()})
 
 
 def _action(value: Json) -> str:
-    action = as_ground_action(_text(value))
+    action = model.as_ground_action(_text(value))
     if action is None:
-        raise _fault(value, PROPER_ACTION)
+        raise _fault(value, model.PROPER_ACTION)
     return action
 
 
@@ -292,13 +280,13 @@ _LISTS: Final[Mapping[str, _Part]] = {
             _Member("controllable", "controllable", _boolean),
             _Member("at", "event", _text),
         ),
-        Choice,
+        model.Choice,
     ),
-    "events": _Part("an event", (_Member("name", "name", _text), _GUARD_MEMBER), Event),
+    "events": _Part("an event", (_Member("name", "name", _text), _GUARD_MEMBER), model.Event),
     "constraints": _Part(
         "a constraint",
         (*_ENDS, _Member("lower", "lower", _bound), _Member("upper", "upper", _bound), _GUARD_MEMBER),
-        Constraint,
+        model.Constraint,
     ),
     "activities": _Part(
         "an activity",
@@ -310,7 +298,7 @@ _LISTS: Final[Mapping[str, _Part]] = {
             _Member("agent", "agent", _text_or_null, required=False),
             _GUARD_MEMBER,
         ),
-        Activity,
+        model.Activity,
         located=True,
     ),
 }

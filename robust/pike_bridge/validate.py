@@ -11,17 +11,7 @@ from typing import Final
 from robust.errors import InputError, Location, did_you_mean
 from robust.json_text import JsonPath, Key
 from robust.numbers import format_number, shorten
-from robust.pike_bridge.model import (
-    GOAL,
-    INITIAL,
-    Activity,
-    Constraint,
-    Guard,
-    Tpnu,
-    contradicts,
-    guard_text,
-    reachable,
-)
+from robust.pike_bridge import model
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +33,7 @@ NOWHERE: Final = Places()
 """Of plans that were built in memory."""
 
 
-def validate(network: Tpnu, places: Places = NOWHERE) -> None:
+def validate(network: model.Tpnu, places: Places = NOWHERE) -> None:
     """Check a network; `places` says where its parts are written.
 
     Raises:
@@ -63,13 +53,13 @@ class _Guarded:
     """Something with a guard: what it is called, where it is written, and at which event its guard must be decided."""
 
     name: str
-    guard: Guard
+    guard: model.Guard
     path: tuple[Key, ...]
     event: str | None
 
 
 class _Checks:
-    def __init__(self, network: Tpnu, places: Places) -> None:
+    def __init__(self, network: model.Tpnu, places: Places) -> None:
         self._network = network
         self._places = places
         self._choices = {choice.name: choice for choice in network.choices}
@@ -88,8 +78,10 @@ class _Checks:
             self._event(edge.source, kind, at, "from")
             self._event(edge.target, kind, at, "to")
         for at, event in enumerate(self._network.events):
-            if event.name in {INITIAL, GOAL} and event.guard:
-                message = f"found guard {{{guard_text(event.guard)}}} of {event.name}, expected none: it always happens"
+            if event.name in {model.INITIAL, model.GOAL} and event.guard:
+                message = (
+                    f"found guard {{{model.guard_text(event.guard)}}} of {event.name}, expected none: it always happens"
+                )
                 raise self._fault(message, "events", at, "guard")
 
     def _unique(self, kind: str, plural: str, names: list[str]) -> None:
@@ -141,9 +133,9 @@ class _Checks:
         for at, event in enumerate(self._network.events):
             yield _Guarded(f"event {event.name}", event.guard, ("events", at), event.name)
         for edge, name, kind, at in self._edges():
-            yield _Guarded(name, edge.guard, (kind, at), edge.source if isinstance(edge, Activity) else None)
+            yield _Guarded(name, edge.guard, (kind, at), edge.source if isinstance(edge, model.Activity) else None)
 
-    def _edges(self) -> Iterator[tuple[Constraint | Activity, str, str, int]]:
+    def _edges(self) -> Iterator[tuple[model.Constraint | model.Activity, str, str, int]]:
         """Constraints and activities, what they are called, and where they are written."""
         for at, constraint in enumerate(self._network.constraints):
             yield constraint, f"the constraint from {constraint.source} to {constraint.target}", "constraints", at
@@ -156,10 +148,10 @@ class _Checks:
         """Constraints and activities imply their events, and their bounds leave something between them."""
         for edge, name, kind, at in self._edges():
             self._edge(edge, name, kind, at)
-            if isinstance(edge, Activity):
+            if isinstance(edge, model.Activity):
                 self._activity(edge, at)
 
-    def _activity(self, activity: Activity, at: int) -> None:
+    def _activity(self, activity: model.Activity, at: int) -> None:
         """An activity takes time, and is between the initial state and the goal."""
         if activity.lower <= 0:
             message = f"found lower bound {format_number(activity.lower)} of activity {activity.action}"
@@ -168,16 +160,18 @@ class _Checks:
             message = f"found activity {activity.action} from {activity.source} to the same event"
             raise self._fault(f"{message}, expected two events", "activities", at, "to")
         for key, event in (("from", activity.source), ("to", activity.target)):
-            if event in {INITIAL, GOAL}:
+            if event in {model.INITIAL, model.GOAL}:
                 message = f"found activity {activity.action} at {event}, expected an event of its own"
                 reason = "nothing happens before the initial state or after the goal"
                 raise self._fault(f"{message}: {reason}", "activities", at, key)
 
-    def _edge(self, edge: Constraint | Activity, name: str, kind: str, at: int) -> None:
+    def _edge(self, edge: model.Constraint | model.Activity, name: str, kind: str, at: int) -> None:
         for event in (edge.source, edge.target):
             missing = self._guards[event] - edge.guard
             if missing:
-                message = f"found {name} without {guard_text(missing)} in its guard, expected all of event {event}'s"
+                message = (
+                    f"found {name} without {model.guard_text(missing)} in its guard, expected all of event {event}'s"
+                )
                 raise self._fault(message, kind, at, "guard")
         if edge.lower is not None and edge.upper is not None and edge.lower > edge.upper:
             bounds = f"[{format_number(edge.lower)}, {format_number(edge.upper)}]"
@@ -196,11 +190,13 @@ class _Checks:
                 missing = self._guards[choice.event] - one.guard
                 contradicted = {name for name, _ in missing} & {name for name, _ in one.guard}
                 if contradicted:
-                    reason = f"event {choice.event}, where {variable} is chosen, needs {guard_text(missing)}"
-                    message = f"found guard {{{guard_text(one.guard)}}} of {one.name}, which never holds: {reason}"
+                    reason = f"event {choice.event}, where {variable} is chosen, needs {model.guard_text(missing)}"
+                    message = (
+                        f"found guard {{{model.guard_text(one.guard)}}} of {one.name}, which never holds: {reason}"
+                    )
                     raise self._fault(f"{message}; expected a guard that can hold", *one.path, "guard", variable)
                 if missing:
-                    message = f"found {variable} in the guard of {one.name} without {guard_text(missing)}"
+                    message = f"found {variable} in the guard of {one.name} without {model.guard_text(missing)}"
                     reason = f"{variable} is chosen at event {choice.event}, which happens only then"
                     raise self._fault(f"{message}, expected that too: {reason}", *one.path, "guard", variable)
 
@@ -222,7 +218,7 @@ class _Checks:
 
     def timeliness(self) -> None:
         """Nothing that depends on a choice is left unordered with it."""
-        order = _Order(self._network)
+        order = _EventOrder(self._network)
         for one in self._guarded():
             for variable, _ in sorted(one.guard):
                 choice = self._choices[variable]
@@ -250,26 +246,26 @@ def _cycle(start: str, needs: dict[str, set[str]]) -> Iterable[str]:
     return [*path[path.index(following) :], following]
 
 
-class _Order:
+class _EventOrder:
     """Which events are led to from an event by constraints that say "not before" and do not contradict a guard."""
 
-    def __init__(self, network: Tpnu) -> None:
+    def __init__(self, network: model.Tpnu) -> None:
         self._edges = [(*pair, each.guard) for each in network.temporal_constraints for pair in _not_before(each)]
-        self._under: dict[Guard, dict[str, list[str]]] = {}
-        self._led_to: dict[tuple[Guard, str], set[str]] = {}
+        self._under: dict[model.Guard, dict[str, list[str]]] = {}
+        self._led_to: dict[tuple[model.Guard, str], set[str]] = {}
 
-    def may_follow(self, earlier: str, later: str, guard: Guard) -> bool:
+    def may_follow(self, earlier: str, later: str, guard: model.Guard) -> bool:
         if guard not in self._under:
             following = self._under[guard] = defaultdict(list)
             for source, target, label in self._edges:
-                if not contradicts(guard, label):
+                if not model.contradicts(guard, label):
                     following[source].append(target)
         if (guard, earlier) not in self._led_to:
-            self._led_to[guard, earlier] = reachable(self._under[guard], earlier)
-        return earlier == INITIAL or later in self._led_to[guard, earlier]
+            self._led_to[guard, earlier] = model.reachable(self._under[guard], earlier)
+        return earlier == model.INITIAL or later in self._led_to[guard, earlier]
 
 
-def _not_before(constraint: Constraint) -> Iterator[tuple[str, str]]:
+def _not_before(constraint: model.Constraint) -> Iterator[tuple[str, str]]:
     if constraint.lower is not None and constraint.lower >= 0:
         yield constraint.source, constraint.target
     if constraint.upper is not None and constraint.upper <= 0:
