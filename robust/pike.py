@@ -15,32 +15,22 @@ in the plan's own unit. Ctrl-C and time limits end a question with what is known
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import TypeAlias, cast
+from typing import TypeAlias, TypeVar, cast
 
 from robust.backends import DRAKE
 from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.execute.drive import WallClock, drive, run_in_world
 from robust.numbers import Number, exact, shorten
+from robust.options import pike as asking
 from robust.options.declare import Options, named_values, not_negative, place_of, setting, spelled, texts
 from robust.options.functions import Verb
-from robust.options.pike import (
-    Assumptions,
-    CrossOptions,
-    KnowledgeBaseOptions,
-    MomentsOptions,
-    ParametricOptions,
-    PikeCheckOptions,
-    PikeCompileOptions,
-    PikeEnvelopeOptions,
-    PikeRegionOptions,
-    PikeRunOptions,
-    StoryOptions,
-)
+from robust.options.shared import Solving
 from robust.pike_bridge.action_model import Instance, load_team_plan
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
 from robust.pike_bridge.compile import (
@@ -61,11 +51,10 @@ from robust.pike_bridge.files import read_tpnu, write_tpnu
 from robust.pike_bridge.k_intents import k_intents
 from robust.pike_bridge.knowledge import knowledge_bases
 from robust.pike_bridge.knowledge.interface import KnowledgeBase
-from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu
-from robust.pike_bridge.online.executive import PlanExecutive
+from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu, check_choice
+from robust.pike_bridge.online.executive import LatestMoments, Moment, Moments, PlanExecutive
 from robust.pike_bridge.online.inquiry import why, why_failed, why_not
 from robust.pike_bridge.online.journal import Journal, JournalStep, read_journal, resume
-from robust.pike_bridge.online.moments import LatestMoments, Moment, Moments
 from robust.pike_bridge.online.progress import Completion, Decision, Estimate, Message, Outcome, parse_atom
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.world import (
@@ -182,34 +171,45 @@ def _team_plan(plan: Plan, _: Options) -> TeamPlan:
 _verb = Verb(_team_plan, "what :func:`load` returns, an :class:`Instance`, or the path of a `.tpnu.json` file")
 
 
-def assumed(plan: TeamPlan, given: Assumptions) -> Guard:
+def assumed(plan: TeamPlan, given: asking.Assumptions) -> Guard:
     """Values of choices that are made already, each at most once.
 
     Raises:
         InputError: for an unknown choice or value, and for two different values of one choice.
     """
-    return checked_assumptions(plan, named_values(given, "assume"))
+    return checked_assumptions(plan, named_values(given, "assume"), place_of("assume"))
+
+
+Searching = TypeVar("Searching")
+
+
+def _searching(
+    search: Callable[..., Searching], plan: TeamPlan | ParametricPlan, options: Solving, **given: object
+) -> Searching:
+    """A search with those of the options that it takes by their names, unless they are given otherwise.
+
+    Raises:
+        InputError: if a choice or a value that is assumed is unknown.
+    """
+    for name in inspect.signature(search).parameters.keys() & options.declarations.keys() - given.keys():
+        value = getattr(options, name)
+        if name == "assume":
+            value = assumed(plan.plan if isinstance(plan, ParametricPlan) else plan, value)
+        if value is not None:
+            given[name] = value
+    return search(plan, deadline=Deadline.after(options.limit), **given)
 
 
 # -- questions ---------------------------------------------------------------------------------------------------------
 
 
-def searching_check(plan: TeamPlan, options: PikeCheckOptions) -> Checking:
+def searching_check(plan: TeamPlan, options: asking.PikeCheckOptions) -> Checking:
     """What :func:`check` runs."""
-    return Checking(
-        plan,
-        backend=options.backend,
-        assume=assumed(plan, options.assume),
-        all_scenarios=options.all_scenarios,
-        temporal=Temporal(options.temporal),
-        solver=options.solver,
-        deadline=Deadline.after(options.limit),
-        on_stage=options.on_stage,
-    )
+    return _searching(Checking, plan, options, temporal=Temporal(options.temporal))
 
 
-@_verb(PikeCheckOptions)
-def check(plan: TeamPlan, options: PikeCheckOptions) -> PikeCheck:
+@_verb(asking.PikeCheckOptions)
+def check(plan: TeamPlan, options: asking.PikeCheckOptions) -> PikeCheck:
     """Whether a correct execution of the plan exists, given some of the choices [PIKE].
 
     Returns:
@@ -222,7 +222,7 @@ def check(plan: TeamPlan, options: PikeCheckOptions) -> PikeCheck:
     return searching_check(plan, options).run()
 
 
-def searching_sizes(plan: TeamPlan, options: PikeCompileOptions) -> Measuring:
+def searching_sizes(plan: TeamPlan, options: asking.PikeCompileOptions) -> Measuring:
     """What :func:`compile` runs.
 
     Raises:
@@ -234,21 +234,11 @@ def searching_sizes(plan: TeamPlan, options: PikeCompileOptions) -> Measuring:
         raise UnsupportedError(
             f"{spelled('implicants')}: back end {options.backend} has no prime implicants; expected {expected}"
         )
-    return Measuring(
-        plan,
-        options.backend,
-        temporal=Temporal(options.temporal),
-        shortcut=options.shortcut,
-        implicants=options.implicants,
-        models=options.models,
-        solver=options.solver,
-        deadline=Deadline.after(options.limit),
-        on_stage=options.on_stage,
-    )
+    return _searching(Measuring, plan, options, temporal=Temporal(options.temporal))
 
 
-@_verb.with_first(PikeCompileOptions, "backend")
-def compile(plan: TeamPlan, options: PikeCompileOptions) -> Sizes:
+@_verb.with_first(asking.PikeCompileOptions, "backend")
+def compile(plan: TeamPlan, options: asking.PikeCompileOptions) -> Sizes:
     """Compile a knowledge base of all correct executions, and measure it; :func:`knowledge_base` returns it.
 
     Raises:
@@ -258,8 +248,8 @@ def compile(plan: TeamPlan, options: PikeCompileOptions) -> Sizes:
     return searching_sizes(plan, options).run()
 
 
-@_verb.with_first(KnowledgeBaseOptions, "backend")
-def knowledge_base(plan: TeamPlan, options: KnowledgeBaseOptions) -> Compilation:
+@_verb.with_first(asking.KnowledgeBaseOptions, "backend")
+def knowledge_base(plan: TeamPlan, options: asking.KnowledgeBaseOptions) -> Compilation:
     """The knowledge base of all correct executions, with what it was compiled from: labeled links and conflicts.
 
     Its `knowledge` answers whether one could still commit to choices, orders and times, and commits to them.
@@ -268,25 +258,16 @@ def knowledge_base(plan: TeamPlan, options: KnowledgeBaseOptions) -> Compilation
         InputError: if a back end or a file is unknown or wrong.
         OutOfTimeError: if the time is over before it is there.
     """
-    return Compiling(
-        plan,
-        options.backend,
-        temporal=Temporal(options.temporal),
-        shortcut=options.shortcut,
-        solver=options.solver,
-        deadline=Deadline.after(options.limit),
-        on_stage=options.on_stage,
-    ).compile()
+    return _searching(Compiling, plan, options, temporal=Temporal(options.temporal)).compile()
 
 
-def searching_moments(plan: TeamPlan, options: MomentsOptions) -> LatestMoments:
+def searching_moments(plan: TeamPlan, options: asking.MomentsOptions) -> LatestMoments:
     """What :func:`moments` runs."""
-    deadline = Deadline.after(options.limit)
-    return LatestMoments(plan, assumed(plan, options.assume), options.solver, deadline=deadline)
+    return _searching(LatestMoments, plan, options)
 
 
-@_verb(MomentsOptions)
-def moments(plan: TeamPlan, options: MomentsOptions) -> Moments:
+@_verb(asking.MomentsOptions)
+def moments(plan: TeamPlan, options: asking.MomentsOptions) -> Moments:
     """Until when people can make each choice, with each value, if all else suits it.
 
     Raises:
@@ -296,15 +277,13 @@ def moments(plan: TeamPlan, options: MomentsOptions) -> Moments:
     return searching_moments(plan, options).run()
 
 
-def searching_differences(plan: TeamPlan, options: CrossOptions) -> Crossing:
+def searching_differences(plan: TeamPlan, options: asking.CrossOptions) -> Crossing:
     """What :func:`cross_check` runs."""
-    witness, deadline = options.witness, Deadline.after(options.limit)
-    directory = None if witness is None else Path(witness)
-    return Crossing(plan, directory, options.seed, options.solver, deadline, options.on_stage)
+    return _searching(Crossing, plan, options, witness=None if options.witness is None else Path(options.witness))
 
 
-@_verb(CrossOptions)
-def cross_check(plan: TeamPlan, options: CrossOptions) -> Crossed:
+@_verb(asking.CrossOptions)
+def cross_check(plan: TeamPlan, options: asking.CrossOptions) -> Crossed:
     """Ask all knowledge bases and the oracle the same questions about a plan, and compare.
 
     Raises:
@@ -316,25 +295,14 @@ def cross_check(plan: TeamPlan, options: CrossOptions) -> Crossed:
 # -- executions --------------------------------------------------------------------------------------------------------
 
 
-def searching_execution(plan: TeamPlan, options: PikeRunOptions) -> Rehearsal:
+def searching_execution(plan: TeamPlan, options: asking.PikeRunOptions) -> Rehearsal:
     """What :func:`run` runs."""
-    return Rehearsal(
-        plan,
-        _story(plan, options),
-        seed=options.seed,
-        infer=options.infer,
-        explain=options.explain,
-        solver=options.solver,
-        backend=options.deciding,
-        drake=options.reasoner == DRAKE,
-        patience=options.margin,
-        deadline=Deadline.after(options.limit),
-        on_step=options.on_step,
-    )
+    deciding = {"backend": options.deciding, "drake": options.reasoner == DRAKE, "patience": options.margin}
+    return _searching(Rehearsal, plan, options, story=_story(plan, options), **deciding)
 
 
-@_verb(PikeRunOptions)
-def run(plan: TeamPlan, options: PikeRunOptions) -> ExecutionRecord:
+@_verb(asking.PikeRunOptions)
+def run(plan: TeamPlan, options: asking.PikeRunOptions) -> ExecutionRecord:
     """Carry a plan out with a simulated team: dispatch, recognise intent, adapt, notice what goes wrong.
 
     In Python an outcome may also be a value, or a value and a time, by choice, and a disturbance a
@@ -348,8 +316,8 @@ def run(plan: TeamPlan, options: PikeRunOptions) -> ExecutionRecord:
     return searching_execution(plan, options).run()
 
 
-@_verb(StoryOptions)
-def story(plan: TeamPlan, options: StoryOptions) -> Story:
+@_verb(asking.StoryOptions)
+def story(plan: TeamPlan, options: asking.StoryOptions) -> Story:
     """What is known beforehand of a simulated execution; the arguments are those of :func:`run`.
 
     Raises:
@@ -358,7 +326,7 @@ def story(plan: TeamPlan, options: StoryOptions) -> Story:
     return _story(plan, options)
 
 
-def _story(plan: TeamPlan, options: StoryOptions) -> Story:
+def _story(plan: TeamPlan, options: asking.StoryOptions) -> Story:
     outcome, disturb = options.outcome, options.disturb
     if isinstance(outcome, Mapping):
         outcomes = dict(_outcome(plan, name, value) for name, value in outcome.items())
@@ -369,7 +337,7 @@ def _story(plan: TeamPlan, options: StoryOptions) -> Story:
         human=Human(options.human),
         pace=Pace(options.pace),
         outcomes=outcomes,
-        disturbances=tuple(one if isinstance(one, Disturbance) else _disturbance(plan, one) for one in wrong),
+        disturbances=tuple(each if isinstance(each, Disturbance) else _disturbance(plan, each) for each in wrong),
         delay=Fraction(options.delay),
     )
 
@@ -394,7 +362,7 @@ def _outcome(
     chosen, time = value if isinstance(value, tuple) and len(value) == 2 else (value, None)
     if not isinstance(chosen, str):
         raise InputError(f"found {shorten(repr(value))}, expected a value, or a value and a time", place)
-    checked_assumptions(plan, {name: chosen})
+    check_choice(plan.network.domains, name, chosen, place)
     if next(each.controllable for each in plan.network.choices if each.name == name):
         raise InputError(f"{name} is for the executive to choose; expected an uncontrollable choice", place)
     return name, (chosen, None if time is None else _time(time, text or name, "outcome"))
@@ -429,7 +397,7 @@ def _time(value: Number, text: str, option: str) -> Fraction:
 
 def _parametric(plan: Plan | ParametricPlan, options: Options) -> ParametricPlan:
     """A plan with its parameters: its own, in a file, those of a file, and of options."""
-    if isinstance(plan, ParametricPlan) or not isinstance(options, ParametricOptions):
+    if isinstance(plan, ParametricPlan) or not isinstance(options, asking.ParametricOptions):
         return cast("ParametricPlan", plan)
     own = read_tpnu(plan).parameters if isinstance(plan, str | os.PathLike) else ()
     specs = specifications(texts(options.parameters, place_of("parameters")), options.parameter_file, own)
@@ -439,20 +407,13 @@ def _parametric(plan: Plan | ParametricPlan, options: Options) -> ParametricPlan
 _parametric_verb = Verb(_parametric, "as of :func:`check`; one that has parameters already is taken as it is")
 
 
-def searching_region(plan: ParametricPlan, options: PikeRegionOptions) -> LabeledRegionSearch:
+def searching_region(plan: ParametricPlan, options: asking.PikeRegionOptions) -> LabeledRegionSearch:
     """What :func:`region` runs."""
-    return LabeledRegionSearch(
-        plan,
-        None if options.choices is None else tuple(options.choices),
-        assume=assumed(plan.plan, options.assume),
-        solver=options.solver,
-        deadline=Deadline.after(options.limit),
-        on_piece=options.on_piece,
-    )
+    return _searching(LabeledRegionSearch, plan, options, key=options.choices)
 
 
-@_parametric_verb.with_first(PikeRegionOptions, "parameters")
-def region(plan: ParametricPlan, options: PikeRegionOptions) -> LabeledRegion:
+@_parametric_verb.with_first(asking.PikeRegionOptions, "parameters")
+def region(plan: ParametricPlan, options: asking.PikeRegionOptions) -> LabeledRegion:
     """For which parameter values which choices lead to a correct execution.
 
     Raises:
@@ -462,21 +423,13 @@ def region(plan: ParametricPlan, options: PikeRegionOptions) -> LabeledRegion:
     return searching_region(plan, options).run()
 
 
-def searching_envelope(plan: ParametricPlan, options: PikeEnvelopeOptions) -> TeamEnvelopeSearch:
+def searching_envelope(plan: ParametricPlan, options: asking.PikeEnvelopeOptions) -> TeamEnvelopeSearch:
     """What :func:`envelope` runs."""
-    return TeamEnvelopeSearch(
-        plan,
-        assume=assumed(plan.plan, options.assume),
-        for_all=options.for_all,
-        waiting=options.patience,
-        solver=options.solver,
-        deadline=Deadline.after(options.limit),
-        on_stage=options.on_stage,
-    )
+    return _searching(TeamEnvelopeSearch, plan, options, waiting=options.patience)
 
 
-@_parametric_verb.with_first(PikeEnvelopeOptions, "parameters")
-def envelope(plan: ParametricPlan, options: PikeEnvelopeOptions) -> TeamEnvelope:
+@_parametric_verb.with_first(asking.PikeEnvelopeOptions, "parameters")
+def envelope(plan: ParametricPlan, options: asking.PikeEnvelopeOptions) -> TeamEnvelope:
     """A box of parameter values around the nominal ones that no other such box contains.
 
     Raises:

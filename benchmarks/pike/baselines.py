@@ -38,9 +38,8 @@ from robust.pike_bridge import model
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive, Ranking, as_written, objection
-from robust.pike_bridge.online.reasoner import Reasoner
 from robust.pike_bridge.online.reasoners import without_states
-from robust.pike_bridge.online.semantic import OnlineSemantics
+from robust.pike_bridge.online.semantic import OnlineSemantics, Reasoner
 from robust.pike_bridge.scenarios import restrict
 from robust.pike_bridge.semantics import Execution, faults
 from robust.smt.limits import NEVER, Deadline
@@ -242,9 +241,9 @@ class Guesser:
             yield self._semantics.guard(self._guards[event])
             yield self._semantics.at(event, time)
         for event in facts.running:
-            yield self._semantics.unless(self._guards[event], self._semantics.not_before(event, facts.now))
+            yield self._semantics.not_earlier(event, facts.now)
         for event in self.foremost(facts.times, facts.running):
-            yield self._semantics.unless(self._guards[event], self._semantics.not_before(event, facts.release))
+            yield self._semantics.not_earlier(event, facts.release)
         for effect, condition in facts.broken:
             yield self._semantics.void(effect, condition)
 

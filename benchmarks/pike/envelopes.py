@@ -19,7 +19,7 @@ from robust import pike
 from robust.codec import plain
 from robust.errors import InputError
 from robust.pike_bridge.action_model import shipped
-from robust.pike_bridge.envelopes.parameters import Kind, TeamParameterSpec, parametrize, specifications
+from robust.pike_bridge.envelopes.parameters import TeamParameterKind, TeamParameterSpec, parametrize, specifications
 from robust.pike_bridge.envelopes.search import LabeledRegion
 from robust.pike_bridge.model import TeamPlan, guard
 from robust.pike_bridge.semantics import Existence, Oracle
@@ -122,10 +122,17 @@ def _random_parameters(team: TeamPlan, random: Random) -> list[TeamParameterSpec
     activities = team.network.activities
     specs = []
     for at, one in enumerate(random.sample(activities, min(2, len(activities)))):
-        kind = random.choice([Kind.DURATION, Kind.DURATION, Kind.AT_LEAST, Kind.AT_MOST])
+        kind = random.choice(
+            [
+                TeamParameterKind.DURATION,
+                TeamParameterKind.DURATION,
+                TeamParameterKind.AT_LEAST,
+                TeamParameterKind.AT_MOST,
+            ]
+        )
         specs.append(TeamParameterSpec(kind, one.action, f"g{at}", {"default": one.lower}))
     [limit] = [one for one in team.network.constraints if one.upper is not None]
-    specs.append(TeamParameterSpec(Kind.AT_MOST, f"{limit.source}:{limit.target}", "limit"))
+    specs.append(TeamParameterSpec(TeamParameterKind.AT_MOST, f"{limit.source}:{limit.target}", "limit"))
     return specs
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -111,7 +110,7 @@ def _drawing(options: PikePlotCommand, run: Run) -> tuple[PikePlot, Callable[[],
     links = None
     if options.links:
         from robust.pike_bridge.causal import augment
-        from robust.pike_bridge.temporal.structural import StructuralPrecedence
+        from robust.pike_bridge.temporal.distance_graph import StructuralPrecedence
 
         run.display.say("links")
         links = augment(plan, StructuralPrecedence(plan.network, epsilon=plan.separation)).links
@@ -142,16 +141,7 @@ def run(options: PikeRunCommand, run: Run) -> int:
         def seen() -> TeamPlan:
             return without_states(load(options)) if options.reasoner == DRAKE else load(options)
 
-        rate = Fraction(options.rate or 1) if options.clock == "real" else None
-        return serve(
-            run,
-            seen,
-            backend=options.deciding,
-            solver=options.solver,
-            journal=options.journal,
-            rate=rate,
-            patience=options.margin,
-        )
+        return serve(run, options, seen)
     from robust.pike import searching_execution
 
     def begin() -> Search[ExecutionRecord]:

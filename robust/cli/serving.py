@@ -12,7 +12,6 @@ import threading
 from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from math import floor
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robust.cli.guard import Run
@@ -22,6 +21,7 @@ from robust.smt.limits import GLANCE, NEVER, Deadline, OutOfTimeError, has_input
 
 if TYPE_CHECKING:
     from robust.execute.drive import WallClock
+    from robust.options.pike import PikeRunCommand
     from robust.pike_bridge.model import TeamPlan
     from robust.pike_bridge.online.service import Request
 
@@ -33,29 +33,18 @@ _LOOK = 0.05
 """Seconds between two looks for signals and the deadline, in real time."""
 
 
-def serve(
-    run: Run,
-    load: Callable[[], TeamPlan],
-    *,
-    backend: str,
-    solver: str,
-    journal: Path | None,
-    rate: Fraction | None,
-    patience: Fraction | None,
-) -> int:
+def serve(run: Run, options: PikeRunCommand, load: Callable[[], TeamPlan]) -> int:
     """Serve until the input ends; the exit code says how the execution ended.
 
     Args:
         load: reads the plan.
-        rate: seconds that a unit of time lasts, in real time; None: messages give the time.
-        patience: how long before the last moment waiting ends; None: nothing is waited for.
 
     Raises:
         RobustError: wrong options or files, or a journal that does not fit or cannot be written.
         GivenUpError: if interrupted or out of time before the plan was read.
     """
-    server = _Server(run, rate)
-    run.only(lambda: server.prepare(load, backend, solver, journal, patience))
+    server = _Server(run, options)
+    run.only(lambda: server.prepare(load))
     try:
         return server.serve()
     finally:
@@ -63,19 +52,14 @@ def serve(
 
 
 class _Server:
-    def __init__(self, run: Run, rate: Fraction | None) -> None:
+    def __init__(self, run: Run, options: PikeRunCommand) -> None:
         self._run = run
-        self._rate = rate
+        self._options = options
+        self._rate = Fraction(options.rate or 1) if options.clock == "real" else None
+        """Seconds that a unit of time lasts, in real time; None: messages give the time."""
         self._deadline = Deadline.after(run.remaining)
 
-    def prepare(
-        self,
-        load: Callable[[], TeamPlan],
-        backend: str,
-        solver: str,
-        journal: Path | None,
-        patience: Fraction | None,
-    ) -> None:
+    def prepare(self, load: Callable[[], TeamPlan]) -> None:
         """Read the plan and the journal, and make what decides."""
         from robust.pike_bridge.online.executive import PlanExecutive
         from robust.pike_bridge.online.journal import Journal
@@ -87,14 +71,15 @@ class _Server:
         self._reader = LineReader(sys.stdin.fileno())
         sys.stdout.flush()
         self._writer = LineWriter(sys.stdout.fileno(), lambda: self._run.guard.cause is not None, self._deadline)
-        plan = load()
-        self._journal = None if journal is None else Journal(journal, plan)
-        reasoner = make_reasoner(backend, solver=solver, deadline=self._deadline)
+        plan, options = load(), self._options
+        solver, deadline = options.solver, self._deadline
+        self._journal = None if options.journal is None else Journal(options.journal, plan)
+        reasoner = make_reasoner(options.deciding, solver=solver, deadline=deadline)
         self._service = Service(
-            PlanExecutive(plan, reasoner, patience=patience, solver=solver, deadline=self._deadline),
+            PlanExecutive(plan, reasoner, patience=options.margin, solver=solver, deadline=deadline),
             self._journal,
             solver=solver,
-            deadline=self._deadline,
+            deadline=deadline,
             # Signals and the time limit interrupt there; elsewhere they wait until what is written is written.
             thinking=lambda: self._run.working(self._on_stuck),
             tolerance=Fraction(0) if self._rate is None else _TOLERANCE / self._rate,

@@ -11,30 +11,16 @@ from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from typing import NamedTuple
 
-from robust.pike_bridge.model import (
-    Assignment,
-    Choice,
-    Condition,
-    Constraint,
-    Effect,
-    Environment,
-    Guard,
-    Literal,
-    TeamPlan,
-    Tpnu,
-    guard_text,
-    may_produce,
-    may_threaten,
-)
+from robust.pike_bridge import model
 from robust.pike_bridge.temporal.distance_graph import Precedence
 from robust.pike_bridge.theory import Formula, Not, Some, Theory, conjunction
 
 
-class Happening(NamedTuple):
+class LabeledHappening(NamedTuple):
     """An effect on the literal in question: at an event, if the guard holds."""
 
     event: str
-    guard: Guard
+    guard: model.Guard
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +31,13 @@ class OpenCondition:
     duration; every other producer must be before `first`.
     """
 
-    literal: Literal
+    literal: model.Literal
     first: str
     last: str
-    guard: Guard
-    producers: tuple[Happening, ...]
-    threats: tuple[Happening, ...]
-    conditions: tuple[Condition, ...]
+    guard: model.Guard
+    producers: tuple[LabeledHappening, ...]
+    threats: tuple[LabeledHappening, ...]
+    conditions: tuple[model.Condition, ...]
     """The conditions that are met when this one is; all ask the same."""
 
     def __str__(self) -> str:
@@ -64,54 +50,54 @@ class LabeledCausalLink:
     """A producer that may be the support of a consumer [PIKE, Definition 4.4]; its label is the producer's guard."""
 
     consumer: OpenCondition
-    producer: Happening
-    selection: Guard
+    producer: LabeledHappening
+    selection: model.Guard
     """What holds if the link is the supporting one: the assignment to the support variable."""
 
     @property
-    def label(self) -> Guard:
+    def label(self) -> model.Guard:
         return self.producer.guard
 
 
 class Contexts:
     """Precedence among the happenings of one condition, in the context in which all of them and the condition hold."""
 
-    def __init__(self, precedence: Precedence, condition: Guard) -> None:
+    def __init__(self, precedence: Precedence, condition: model.Guard) -> None:
         self._precedence = precedence
         self._condition = condition
 
-    def possible(self, *guards: Guard) -> bool:
+    def possible(self, *guards: model.Guard) -> bool:
         """Whether the condition and the guards are not known to exclude each other."""
         environment = self._environment(guards)
         return self._precedence.vocabulary.consistent(environment) and not self._precedence.conflicting(environment)
 
-    def precedes(self, first: str, second: str, *guards: Guard) -> bool:
+    def precedes(self, first: str, second: str, *guards: model.Guard) -> bool:
         """first ≺ second, given the condition and the guards; an event does not precede itself."""
         return first != second and self._precedence.precedes(first, second, self._environment(guards))
 
-    def entails(self, specific: Guard, general: Guard) -> bool:
+    def entails(self, specific: model.Guard, general: model.Guard) -> bool:
         """Whether the second guard holds whenever the first and the condition do."""
         return general <= specific | self._condition
 
-    def _environment(self, guards: Iterable[Guard]) -> Environment:
+    def _environment(self, guards: Iterable[model.Guard]) -> model.Environment:
         return self._precedence.vocabulary.encode(self._condition.union(*guards))
 
 
-def open_conditions(plan: TeamPlan, precedence: Precedence) -> tuple[OpenCondition, ...]:
+def open_conditions(plan: model.TeamPlan, precedence: Precedence) -> tuple[OpenCondition, ...]:
     """Every condition with its candidates: the effects that the network allows to matter [PIKE, Algorithm 5, line 7].
 
     Conditions that ask the same of the same candidates are one.
     """
-    by_literal: dict[Literal, list[Effect]] = {}
+    by_literal: dict[model.Literal, list[model.Effect]] = {}
     for effect in plan.effects:
         by_literal.setdefault(effect.literal, []).append(effect)
-    merged: dict[OpenCondition, list[Condition]] = {}
+    merged: dict[OpenCondition, list[model.Condition]] = {}
     for condition in plan.conditions:
         contexts = Contexts(precedence, condition.guard)
         if not contexts.possible():
             continue
-        producers = [e for e in by_literal.get(condition.literal, ()) if may_produce(e, condition)]
-        threats = [e for e in by_literal.get(condition.literal.negation, ()) if may_threaten(e, condition)]
+        producers = [e for e in by_literal.get(condition.literal, ()) if model.may_produce(e, condition)]
+        threats = [e for e in by_literal.get(condition.literal.negation, ()) if model.may_threaten(e, condition)]
         question = OpenCondition(
             condition.literal,
             condition.first,
@@ -125,9 +111,9 @@ def open_conditions(plan: TeamPlan, precedence: Precedence) -> tuple[OpenConditi
     return tuple(replace(question, conditions=tuple(conditions)) for question, conditions in merged.items())
 
 
-def _not_after(event: str, effects: Iterable[Effect], contexts: Contexts) -> tuple[Happening, ...]:
+def _not_after(event: str, effects: Iterable[model.Effect], contexts: Contexts) -> tuple[LabeledHappening, ...]:
     """The happenings that can hold together with the condition and are not known to come after an event of it."""
-    found = dict.fromkeys(Happening(effect.event, effect.guard) for effect in effects)
+    found = dict.fromkeys(LabeledHappening(effect.event, effect.guard) for effect in effects)
     return tuple(
         happening
         for happening in found
@@ -139,20 +125,20 @@ def prune(question: OpenCondition, contexts: Contexts) -> OpenCondition:
     """The open condition without the candidates that are dominated."""
     producers, threats, first, last = question.producers, question.threats, question.first, question.last
 
-    def activated_with(one: Happening, others: tuple[Happening, ...]) -> Iterator[Happening]:
+    def activated_with(one: LabeledHappening, others: tuple[LabeledHappening, ...]) -> Iterator[LabeledHappening]:
         return (other for other in others if other != one and contexts.entails(one.guard, other.guard))
 
-    def between(one: Happening, other: Happening, event: str) -> bool:
+    def between(one: LabeledHappening, other: LabeledHappening, event: str) -> bool:
         """Whether the other, activated with the one, comes after it, and at the event or before."""
         guards = one.guard, other.guard
         in_time = other.event == event or contexts.precedes(other.event, event, *guards)
         return in_time and contexts.precedes(one.event, other.event, *guards)
 
-    def replaces(other: Happening, one: Happening, among: tuple[Happening, ...]) -> bool:
+    def replaces(other: LabeledHappening, one: LabeledHappening, among: tuple[LabeledHappening, ...]) -> bool:
         """Of two at one event: whether the other is activated more often, or else comes first in the list."""
         return not contexts.entails(other.guard, one.guard) or among.index(other) < among.index(one)
 
-    def dominated_producer(one: Happening) -> bool:
+    def dominated_producer(one: LabeledHappening) -> bool:
         # What the consumer does at its own start comes after every other support.
         return any(
             replaces(other, one, producers)
@@ -164,7 +150,7 @@ def prune(question: OpenCondition, contexts: Contexts) -> OpenCondition:
             for threat in activated_with(one, threats)
         )
 
-    def dominated_threat(one: Happening) -> bool:
+    def dominated_threat(one: LabeledHappening) -> bool:
         return any(
             replaces(other, one, threats) if other.event == one.event else between(one, other, last)
             for other in activated_with(one, threats)
@@ -189,13 +175,13 @@ AFTER = "after"
 class AugmentedPlan:
     """A plan, its augmented network T′, and the propositional constraints of KB without temporal conflicts."""
 
-    plan: TeamPlan
-    network: Tpnu
+    plan: model.TeamPlan
+    network: model.Tpnu
     theory: Theory
     links: tuple[LabeledCausalLink, ...]
 
 
-def augment(plan: TeamPlan, precedence: Precedence) -> AugmentedPlan:
+def augment(plan: model.TeamPlan, precedence: Precedence) -> AugmentedPlan:
     """The augmented plan and its theory [PIKE, Algorithm 5, Table 1].
 
     `precedence` is of the plan's own network. Three things differ from the letter of the algorithm: constraints are
@@ -214,12 +200,12 @@ def augment(plan: TeamPlan, precedence: Precedence) -> AugmentedPlan:
 
 @dataclass(slots=True)
 class _Augmentation:
-    plan: TeamPlan
-    choices: dict[str, Choice] = field(default_factory=dict)
+    plan: model.TeamPlan
+    choices: dict[str, model.Choice] = field(default_factory=dict)
     links: list[LabeledCausalLink] = field(default_factory=list)
-    constraints: list[Constraint] = field(default_factory=list)
+    constraints: list[model.Constraint] = field(default_factory=list)
     formulas: list[Formula] = field(default_factory=list)
-    conflicts: list[Guard] = field(default_factory=list)
+    conflicts: list[model.Guard] = field(default_factory=list)
 
     def close(self, question: OpenCondition, contexts: Contexts) -> None:
         """Add what makes an open condition met wherever it is activated."""
@@ -229,7 +215,7 @@ class _Augmentation:
         values = _names(question.producers)
         variable = self._variable(f"s[{question}]", question.guard, (*values, NO_SUPPORT))
         links = [
-            LabeledCausalLink(question, producer, frozenset({Assignment(variable, value)}))
+            LabeledCausalLink(question, producer, frozenset({model.Assignment(variable, value)}))
             for producer, value in zip(question.producers, values, strict=True)
         ]
         self.links += links
@@ -249,7 +235,7 @@ class _Augmentation:
         formulas, conflicts = tuple(dict.fromkeys(self.formulas)), tuple(dict.fromkeys(self.conflicts))
         return AugmentedPlan(self.plan, network, Theory(network.domains, formulas, conflicts), tuple(self.links))
 
-    def _keep_away(self, link: LabeledCausalLink, threat: Happening, contexts: Contexts) -> None:
+    def _keep_away(self, link: LabeledCausalLink, threat: LabeledHappening, contexts: Contexts) -> None:
         """Keep a threat out of the interval of a link, wherever all three are activated: the cases of Figure 12."""
         context = _context(link) | threat.guard
         producer, last = link.producer.event, link.consumer.last
@@ -271,21 +257,21 @@ class _Augmentation:
         else:
             name = f"o[{link.consumer}, {producer}, {threat.event}]"
             variable = self._variable(name, context, (BEFORE, AFTER))
-            self._order(threat.event, producer, context | {Assignment(variable, BEFORE)})
-            self._order(last, threat.event, context | {Assignment(variable, AFTER)})
+            self._order(threat.event, producer, context | {model.Assignment(variable, BEFORE)})
+            self._order(last, threat.event, context | {model.Assignment(variable, AFTER)})
 
-    def _order(self, earlier: str, later: str, context: Guard) -> None:
-        self.constraints.append(Constraint(earlier, later, self.plan.separation, None, context))
+    def _order(self, earlier: str, later: str, context: model.Guard) -> None:
+        self.constraints.append(model.Constraint(earlier, later, self.plan.separation, None, context))
 
-    def _variable(self, name: str, context: Guard, domain: tuple[str, ...]) -> str:
+    def _variable(self, name: str, context: model.Guard, domain: tuple[str, ...]) -> str:
         """A new controllable choice variable, named apart from all others by its guard if need be."""
         taken = self.choices.keys() | self.plan.network.domains.keys()
-        unique = _unused(name, f"{name}[{guard_text(context)}]", taken)
-        self.choices[unique] = Choice(unique, domain, True, None)
+        unique = _unused(name, f"{name}[{model.guard_text(context)}]", taken)
+        self.choices[unique] = model.Choice(unique, domain, True, None)
         return unique
 
 
-def _context(link: LabeledCausalLink) -> Guard:
+def _context(link: LabeledCausalLink) -> model.Guard:
     """When the link is selected, and its producer and its consumer are activated."""
     return link.selection | link.label | link.consumer.guard
 
@@ -297,11 +283,11 @@ def _support(question: OpenCondition, links: list[LabeledCausalLink]) -> Formula
     return Some((Not(conjunction(question.guard)), consequence)) if question.guard else consequence
 
 
-def _names(producers: tuple[Happening, ...]) -> tuple[str, ...]:
+def _names(producers: tuple[LabeledHappening, ...]) -> tuple[str, ...]:
     """The producers' events, told apart by their guards where several are at one event."""
     names: list[str] = []
     for producer in producers:
-        detailed = f"{producer.event}[{guard_text(producer.guard)}]"
+        detailed = f"{producer.event}[{model.guard_text(producer.guard)}]"
         names.append(_unused(producer.event, detailed, {NO_SUPPORT, *names}))
     return tuple(names)
 

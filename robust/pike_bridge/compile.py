@@ -7,14 +7,14 @@ asks the semantic oracle or such a knowledge base; every execution that it shows
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from typing import Any
 
-from robust.errors import InputError, SolverError, UnsupportedError, did_you_mean
+from robust.errors import Location, SolverError, UnsupportedError
 from robust.pike_bridge.causal import AugmentedPlan, augment
 from robust.pike_bridge.knowledge import create_knowledge_base, reasons_about_time
 from robust.pike_bridge.knowledge.interface import (
@@ -23,14 +23,14 @@ from robust.pike_bridge.knowledge.interface import (
     KnowledgeStatistics,
     Require,
 )
-from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan
+from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan, check_choice
 from robust.pike_bridge.model import guard as conjunction
 from robust.pike_bridge.scenarios import candidate_subplans
+from robust.pike_bridge.searches import Announce, PikeSearch, Stoppable, Stopped, unheard
 from robust.pike_bridge.semantics import Execution, Existence, Oracle, confirmed
-from robust.pike_bridge.temporal.distance_graph import Precedence
+from robust.pike_bridge.temporal.distance_graph import Precedence, StructuralPrecedence
 from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
 from robust.pike_bridge.temporal.schedule import schedule, temporal_conflicts
-from robust.pike_bridge.temporal.structural import StructuralPrecedence
 from robust.presented import Presented, VerdictEnum
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
@@ -69,7 +69,6 @@ class Compiling:
         temporal: how events are ordered and temporal conflicts found.
         solver: `z3` or `cvc5`, for what is asked of solvers.
         shortcut: whether a theory without models may be recognised by a solver instead of being compiled.
-        on_stage: called with the name of each stage that begins.
     """
 
     plan: TeamPlan
@@ -78,7 +77,7 @@ class Compiling:
     solver: str = "z3"
     shortcut: bool = True
     deadline: Deadline = NEVER
-    on_stage: Callable[[str], None] | None = None
+    on_stage: Announce = unheard
     seconds: dict[str, float] = field(default_factory=dict)
     """By stage: precedence, links, conflicts, knowledge."""
     counts: dict[str, int] = field(default_factory=dict)
@@ -121,17 +120,12 @@ class Compiling:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Announce a stage, and note how long it takes."""
-        self.announce(name)
+        self.on_stage(name)
         started = time.perf_counter()
         try:
             yield
         finally:
             self.seconds[name] = time.perf_counter() - started
-
-    def announce(self, name: str) -> None:
-        """Tell that a stage begins."""
-        if self.on_stage is not None:
-            self.on_stage(name)
 
     def _precedence(self) -> Precedence:
         match self.temporal:
@@ -187,7 +181,7 @@ LONGEST_LISTING = 1_000_000
 
 
 @dataclass
-class Sizes(Presented, ask="satisfiable"):
+class Sizes(Stoppable, ask="satisfiable"):
     """What is known of a compilation; None where it did not get so far. `status` says what ended it."""
 
     backend: str
@@ -203,15 +197,10 @@ class Sizes(Presented, ask="satisfiable"):
     statistics: dict[str, Any] = field(default_factory=dict)
     implicants: list[dict[str, str]] | None = None
 
-    @property
-    def cut_short(self) -> bool:
-        """Whether something ended the compilation before it was done."""
-        return self.status != "complete"
-
 
 @dataclass
-class Measuring(Compiling):
-    """Compiles a plan, and asks how large the parts are; `so_far` is what is known at any moment.
+class Measuring(Compiling, PikeSearch[Sizes]):
+    """Compiles a plan, and asks how large the parts are.
 
     Args:
         implicants: whether the prime implicants are listed.
@@ -231,30 +220,14 @@ class Measuring(Compiling):
         }
         self._sizes = Sizes(self.backend, self.temporal.value, self.solver, counts=self.counts, seconds=self.seconds)
 
-    def run(self) -> Sizes:
-        """Compile and ask; a deadline ends it with what is known.
-
-        Raises:
-            InputError: an unknown back end or solver.
-            UnsupportedError: more prime implicants are to be listed than anybody can read.
-        """
-        try:
-            self._sizes.candidate_subplans = candidate_subplans(self.plan.network)
-            self._ask(self.compile().knowledge)
-        except OutOfTimeError:
-            self._sizes.status = "timeout"
-        return self._known()
-
-    def so_far(self, *, timed_out: bool) -> Sizes:
-        """What is known by now."""
-        self._sizes.status = "timeout" if timed_out else "interrupted"
-        return self._known()
-
-    def _known(self) -> Sizes:
+    def _answer(self, stopped: Stopped | None) -> Sizes:
+        self._sizes.status = stopped or self._sizes.status
         self._sizes.statistics = asdict(self.statistics)
         return self._sizes
 
-    def _ask(self, knowledge: KnowledgeBase) -> None:
+    def _search(self) -> None:
+        self._sizes.candidate_subplans = candidate_subplans(self.plan.network)
+        knowledge = self.compile().knowledge
         self._sizes.satisfiable = knowledge.satisfiable(self.deadline)
         questions = (self._ask_models, self._ask_implicants)
         # Labels hold the prime implicants already, so that these are known even if there is no time to count models.
@@ -263,13 +236,13 @@ class Measuring(Compiling):
 
     def _ask_models(self, knowledge: KnowledgeBase) -> None:
         if self.models:
-            self.announce("counting models")
+            self.on_stage("counting models")
             self._sizes.models = knowledge.count_models(self.deadline)
 
     def _ask_implicants(self, knowledge: KnowledgeBase) -> None:
         if not isinstance(knowledge, HasImplicants):
             return
-        self.announce("counting prime implicants")
+        self.on_stage("counting prime implicants")
         count = self._sizes.prime_implicants = knowledge.implicant_count(self.deadline)
         if self.implicants and count > LONGEST_LISTING:
             raise UnsupportedError(
@@ -277,10 +250,10 @@ class Measuring(Compiling):
                 "without the option they are counted only"
             )
         if self.implicants:
-            self._sizes.implicants = [dict(sorted(one)) for one in knowledge.prime_implicants(self.deadline)]
+            self._sizes.implicants = [dict(sorted(each)) for each in knowledge.prime_implicants(self.deadline)]
 
 
-def checked_assumptions(plan: TeamPlan, assume: Mapping[str, str]) -> Guard:
+def checked_assumptions(plan: TeamPlan, assume: Mapping[str, str], place: Location | None = None) -> Guard:
     """The environment of assumptions.
 
     Raises:
@@ -288,17 +261,13 @@ def checked_assumptions(plan: TeamPlan, assume: Mapping[str, str]) -> Guard:
     """
     domains = plan.network.domains
     for name, value in assume.items():
-        if name not in domains:
-            raise InputError(f"assumed {name}={value}, but there is no choice {name!r}{did_you_mean(name, domains)}")
-        if value not in domains[name]:
-            hint = did_you_mean(value, domains[name])
-            raise InputError(f"assumed {name}={value}, but {value!r} is not a value of {name}{hint}")
+        check_choice(domains, name, value, place)
     return conjunction(assume)
 
 
 @dataclass
-class Checking(Compiling):
-    """One check; `so_far` is what is known at any moment.
+class Checking(Compiling, PikeSearch[PikeCheck]):
+    """Decides whether a correct execution exists.
 
     Args:
         backend: `oracle`, or the name of a knowledge base; how time is reasoned about is of no concern to the oracle.
@@ -311,38 +280,25 @@ class Checking(Compiling):
     all_scenarios: bool = False
 
     def __post_init__(self) -> None:
-        found: list[Mapping[str, str]] | None = [] if self.all_scenarios else None
+        scenarios: list[Mapping[str, str]] | None = [] if self.all_scenarios else None
         unknown = PlanVerdict.UNKNOWN
         complete = not self.all_scenarios
-        self._known = PikeCheck(self.backend, unknown, None, found, complete, self.seconds, plan=self.plan)
+        self._known = PikeCheck(self.backend, unknown, None, scenarios, complete, self.seconds, plan=self.plan)
 
-    def run(self) -> PikeCheck:
-        """Check; a deadline or Ctrl-C ends it with what is known.
-
-        Raises:
-            InputError: an unknown back end or solver.
-            SolverError: if a back end's answer is not confirmed.
-        """
-        known = self._known
-        try:
-            for execution in self._by_oracle() if self.backend == ORACLE else self._by_knowledge():
-                known.verdict = PlanVerdict.PROVED
-                known.execution = known.execution or execution
-                if known.scenarios is not None:
-                    known.scenarios.append(execution.scenario)
-            known.complete = True
-            if known.execution is None:
-                known.verdict = PlanVerdict.REFUTED
-        except OutOfTimeError:
-            pass  # the answer says what is missing
-        except KeyboardInterrupt:
-            known.interrupted = True
-        return known
-
-    def so_far(self, *, timed_out: bool) -> PikeCheck:
-        """What is known by now."""
-        self._known.interrupted = not timed_out
+    def _answer(self, stopped: Stopped | None) -> PikeCheck:
+        self._known.interrupted = stopped == "interrupted"
         return self._known
+
+    def _search(self) -> None:
+        known = self._known
+        for execution in self._by_oracle() if self.backend == ORACLE else self._by_knowledge():
+            known.verdict = PlanVerdict.PROVED
+            known.execution = known.execution or execution
+            if known.scenarios is not None:
+                known.scenarios.append(execution.scenario)
+        known.complete = True
+        if known.execution is None:
+            known.verdict = PlanVerdict.REFUTED
 
     def _by_oracle(self) -> Iterator[Execution]:
         """One execution, or one of each scenario."""

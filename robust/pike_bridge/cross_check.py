@@ -22,18 +22,18 @@ from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
 from robust.pike_bridge.knowledge.interface import Commitment, Exclude, KnowledgeBase, Require
 from robust.pike_bridge.knowledge.network import NodeKind
 from robust.pike_bridge.knowledge.tms import PiTms
-from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, Condition, Effect, Guard, Literal, TeamPlan
-from robust.pike_bridge.scenarios import restrict
+from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, Guard, Literal, TeamPlan
+from robust.pike_bridge.scenarios import moved, restrict
+from robust.pike_bridge.searches import Announce, PikeSearch, Stoppable, Stopped, unheard
 from robust.pike_bridge.semantics import Oracle, holds
 from robust.pike_bridge.theory import Theory
 from robust.pike_bridge.validate import validate
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
-from robust.presented import NoTruthValue, Presented
+from robust.presented import NoTruthValue
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 T = TypeVar("T")
-Owned = TypeVar("Owned", Condition, Effect)
 BACKENDS = ("bdd", "pitms", "atms", "sat")
 SUBJECT_LIMIT = 60.0
 """Seconds for each back end, unless the whole has fewer."""
@@ -85,7 +85,7 @@ class CrossCheck(NoTruthValue, ask="agree"):
 
 
 @dataclass(frozen=True, slots=True)
-class Subject:
+class ExaminedBackend:
     """A back end to be examined, with the way in which time is reasoned about."""
 
     backend: str
@@ -96,23 +96,23 @@ class Subject:
         return f"{self.backend} ({self.temporal.value})"
 
 
-def subjects(backends: Sequence[str]) -> Iterator[Subject]:
+def subjects(backends: Sequence[str]) -> Iterator[ExaminedBackend]:
     """Each back end with each way of temporal reasoning."""
     for temporal in Temporal:
         for backend in backends:
-            yield Subject(backend, temporal)
+            yield ExaminedBackend(backend, temporal)
 
 
 def cross_check(
     plan: TeamPlan,
-    subjects: Sequence[Subject],
+    subjects: Sequence[ExaminedBackend],
     *,
     solver: str = "z3",
     seed: int = 0,
     samples: int = SAMPLES,
     deadline: Deadline = NEVER,
     limit: float | None = None,
-    on_subject: Callable[[str], None] | None = None,
+    on_subject: Announce = unheard,
 ) -> CrossCheck:
     """Ask the oracle and each subject the same questions.
 
@@ -123,14 +123,12 @@ def cross_check(
         OutOfTimeError: if the deadline passes before the oracle has found every scenario.
     """
     outcome = CrossCheck()
-    if on_subject is not None:
-        on_subject("oracle")
+    on_subject("oracle")
     truth = [dict(one.scenario) for one in Oracle(plan, solver=solver).scenarios(deadline=deadline)]
     outcome.scenarios = len(truth)
     counts: dict[Temporal, tuple[str, int]] = {}
     for subject in subjects:
-        if on_subject is not None:
-            on_subject(subject.name)
+        on_subject(subject.name)
         limits = [each for each in (limit, deadline.remaining) if each is not None]
         own = Deadline.after(min(limits, default=None))
         random = Random(seed)  # noqa: S311 - reproducible, not secret
@@ -144,21 +142,16 @@ def cross_check(
 
 
 @dataclass
-class Crossed(Presented, ask="outcome"):
+class Crossed(Stoppable, ask="outcome"):
     """The outcome of a cross-check, None if not even the oracle has finished, and the plan written that shows it."""
 
     outcome: CrossCheck | None = None
     status: str = "complete"
     written: Path | None = None
 
-    @property
-    def cut_short(self) -> bool:
-        """Whether something ended the cross-check before it was done."""
-        return self.status != "complete"
-
 
 @dataclass
-class Crossing:
+class Crossing(PikeSearch[Crossed]):
     """A cross-check of all back ends; where they differ, a small plan that shows it is written to a directory."""
 
     plan: TeamPlan
@@ -166,45 +159,39 @@ class Crossing:
     seed: int = 0
     solver: str = "z3"
     deadline: Deadline = NEVER
-    on_stage: Callable[[str], None] | None = None
+    on_stage: Announce = unheard
 
     def __post_init__(self) -> None:
         self._crossed = Crossed()
 
-    def run(self) -> Crossed:
-        """Ask, compare, and shrink; a deadline ends it with what is known."""
-        crossed = self._crossed
-        try:
-            outcome = crossed.outcome = cross_check(
-                self.plan,
-                tuple(subjects(BACKENDS)),
-                solver=self.solver,
-                seed=self.seed,
-                deadline=self.deadline,
-                limit=SUBJECT_LIMIT,
-                on_subject=self.on_stage,
-            )
-        except OutOfTimeError:
-            crossed.status = "timeout"
-            return crossed
-        if outcome.out_of_time:
-            crossed.status = "timeout"
-        if not outcome.agree and self.witness is not None:
-            if self.on_stage is not None:
-                self.on_stage("shrinking")
-            crossed.written = self._shrunk(outcome, self.witness)
-        return crossed
+    @property
+    def _begun(self) -> bool:
+        return self._crossed.outcome is not None
 
-    def so_far(self, *, timed_out: bool) -> Crossed | None:
-        """What is known by now; None before the oracle has finished."""
-        if self._crossed.outcome is None:
-            return None
-        self._crossed.status = "timeout" if timed_out else "interrupted"
+    def _answer(self, stopped: Stopped | None) -> Crossed:
+        self._crossed.status = stopped or self._crossed.status
         return self._crossed
+
+    def _search(self) -> None:
+        """Ask, compare, and shrink."""
+        outcome = self._crossed.outcome = cross_check(
+            self.plan,
+            tuple(subjects(BACKENDS)),
+            solver=self.solver,
+            seed=self.seed,
+            deadline=self.deadline,
+            limit=SUBJECT_LIMIT,
+            on_subject=self.on_stage,
+        )
+        if outcome.out_of_time:
+            self._crossed.status = "timeout"
+        if not outcome.agree and self.witness is not None:
+            self.on_stage("shrinking")
+            self._crossed.written = self._shrunk(outcome, self.witness)
 
     def _shrunk(self, outcome: CrossCheck, witness: Path) -> Path | None:
         """The smallest plan found on which the first subject still differs from the oracle, as files if possible."""
-        [subject] = [one for one in subjects(BACKENDS) if one.name == outcome.disagreements[0].backend]
+        [subject] = [each for each in subjects(BACKENDS) if each.name == outcome.disagreements[0].backend]
 
         def shows(smaller: TeamPlan) -> bool:
             return differing(smaller, subject, solver=self.solver, seed=self.seed, limit=10)
@@ -222,7 +209,7 @@ class _Examination:
     """One back end against the scenarios that the oracle found."""
 
     plan: TeamPlan
-    subject: Subject
+    subject: ExaminedBackend
     solver: str
     random: Random
     deadline: Deadline
@@ -346,7 +333,7 @@ def _listed(found: set[tuple[Assignment, ...]]) -> str:
     return ", ".join([*shown, *(["…"] if len(found) > 3 else [])]) or "none"
 
 
-def differing(plan: TeamPlan, subject: Subject, *, solver: str, seed: int, limit: float) -> bool:
+def differing(plan: TeamPlan, subject: ExaminedBackend, *, solver: str, seed: int, limit: float) -> bool:
     """Whether the subject disagrees with the oracle about a plan; for shrinking, so within a limit of seconds."""
     deadline = Deadline.after(limit)
     try:
@@ -402,15 +389,8 @@ def _without_activity(plan: TeamPlan, place: int) -> TeamPlan:
         constraints=(*plan.network.constraints, activity.duration),
     )
 
-    def kept(items: tuple[Owned, ...]) -> tuple[Owned, ...]:
-        """What belongs to other activities, whose places may have changed."""
-        return tuple(
-            replace(one, activity=one.activity - 1) if one.activity is not None and one.activity > place else one
-            for one in items
-            if one.activity != place
-        )
-
-    return replace(plan, network=network, conditions=kept(plan.conditions), effects=kept(plan.effects))
+    kept = [at for at in range(len(activities)) if at != place]
+    return replace(plan, network=network, conditions=moved(plan.conditions, kept), effects=moved(plan.effects, kept))
 
 
 _LEGAL = re.compile(r"[^a-z0-9_-]+")

@@ -14,7 +14,8 @@ from math import gcd, lcm
 from operator import or_
 from typing import Final, NamedTuple, TypeAlias
 
-from robust.errors import Location
+from robust.errors import InputError, Location, did_you_mean
+from robust.numbers import shorten
 from robust.plan.model import Atom
 
 INITIAL = "e_initial"
@@ -141,11 +142,9 @@ class Tpnu:
         return self.constraints + tuple(activity.duration for activity in self.activities)
 
     @property
-    def grid(self) -> Fraction:
-        """The greatest number that all bounds are multiples of; 1 if there are none."""
-        bounds = [bound for each in self.temporal_constraints for bound in (each.lower, each.upper) if bound]
-        denominator = lcm(*(bound.denominator for bound in bounds))
-        return Fraction(gcd(*(int(each * denominator) for each in bounds)) or denominator, denominator)
+    def bounds(self) -> list[Fraction]:
+        """The bounds of all temporal constraints, but for those that are 0."""
+        return [bound for each in self.temporal_constraints for bound in (each.lower, each.upper) if bound]
 
     @property
     def domains(self) -> dict[str, tuple[str, ...]]:
@@ -156,6 +155,17 @@ class Tpnu:
     def guards(self) -> dict[str, Guard]:
         """The guard of each event."""
         return {event.name: event.guard for event in self.events}
+
+
+def check_choice(
+    domains: Mapping[str, Sequence[str]], name: str, value: str | None = None, place: Location | None = None
+) -> None:
+    """InputError, at a place, unless there is such a choice, and it can have the value, if one is given."""
+    if name not in domains:
+        suggestion = did_you_mean(name, domains)
+        raise InputError(f"found unknown choice {shorten(name)}, expected one of the plan{suggestion}", place)
+    if value is not None and value not in domains[name]:
+        raise InputError(f"found {name} = {shorten(value)}, expected one of {', '.join(domains[name])}", place)
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -229,7 +239,14 @@ class TeamPlan:
         """
         if self.epsilon:
             return self.epsilon
-        return self.network.grid / (len(self.network.events) + 1)
+        return (common_measure(self.network.bounds) or Fraction(1)) / (len(self.network.events) + 1)
+
+
+def common_measure(numbers: Iterable[Fraction]) -> Fraction:
+    """The greatest number that all numbers are multiples of; 0 if there is none that is not 0."""
+    known = tuple(numbers)
+    denominator = lcm(*(each.denominator for each in known))
+    return Fraction(gcd(*(int(each * denominator) for each in known)), denominator)
 
 
 def may_produce(effect: Effect, condition: Condition) -> bool:

@@ -3,43 +3,33 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, product
 from math import prod
 from typing import TypeAlias, TypeVar
 
 from robust.errors import InputError
-from robust.pike_bridge.model import (
-    ALWAYS,
-    Activity,
-    Assignment,
-    Condition,
-    Constraint,
-    Effect,
-    Event,
-    Guard,
-    TeamPlan,
-    Tpnu,
-    contradicts,
-    guard_text,
-    reachable,
-)
+from robust.pike_bridge import model
 from robust.pike_bridge.theory import evaluate
 from robust.smt.limits import NEVER
 
-Owned = TypeVar("Owned", Condition, Effect)
-Guarded = TypeVar("Guarded", Event, Constraint, Activity, Condition, Effect)
+Owned = TypeVar("Owned", model.Condition, model.Effect)
+Guarded = TypeVar("Guarded", model.Event, model.Constraint, model.Activity, model.Condition, model.Effect)
 
 
 # -- team scenarios --------------------------------------------------------------------------------------------------
 
 
-def team_scenarios(network: Tpnu, environment: Guard = ALWAYS) -> Iterator[dict[str, str]]:
+def team_scenarios(network: model.Tpnu, environment: model.Guard = model.ALWAYS) -> Iterator[dict[str, str]]:
     """Every full assignment that entails the environment, by the order of values [PIKE, Definition 2.4]."""
     names = [choice.name for choice in network.choices]
     domains = [
-        [value for value in choice.domain if not contradicts(frozenset({Assignment(choice.name, value)}), environment)]
+        [
+            value
+            for value in choice.domain
+            if not model.contradicts(frozenset({model.Assignment(choice.name, value)}), environment)
+        ]
         for choice in network.choices
     ]
     for values in product(*domains):
@@ -48,11 +38,11 @@ def team_scenarios(network: Tpnu, environment: Guard = ALWAYS) -> Iterator[dict[
 
 # -- candidate subplans ----------------------------------------------------------------------------------------------
 
-_Component: TypeAlias = frozenset[tuple[str, Guard]]
+_Component: TypeAlias = frozenset[tuple[str, model.Guard]]
 """Choices that depend on one another, each with the guard that is left of its event's."""
 
 
-def candidate_subplans(network: Tpnu) -> int:
+def candidate_subplans(network: model.Tpnu) -> int:
     """How many different sets of decisions there are: assignments to the choices that are active under them.
 
     For plans that are built from sequences, parallel branches and choices it is the number that [PIKE §6.2.2] defines
@@ -76,12 +66,13 @@ def candidate_subplans(network: Tpnu) -> int:
     return prod(evaluate(part, counts, step, NEVER) for part in parts)
 
 
-def _direct(network: Tpnu) -> dict[str, Guard]:
+def _direct(network: model.Tpnu) -> dict[str, model.Guard]:
     """For each choice, what its event needs, without what the choices needed need themselves."""
     guards = network.guards
-    needs = {one.name: ALWAYS if one.event is None else guards[one.event] for one in network.choices}
+    needs = {one.name: model.ALWAYS if one.event is None else guards[one.event] for one in network.choices}
     return {
-        name: guard - frozenset[Assignment]().union(*(needs[variable] for variable, _ in guard if variable != name))
+        name: guard
+        - frozenset[model.Assignment]().union(*(needs[variable] for variable, _ in guard if variable != name))
         for name, guard in needs.items()
     }
 
@@ -118,13 +109,13 @@ def _components(choices: _Component) -> list[_Component]:
             neighbours[variable].add(name)
     groups = []
     while neighbours:
-        group = reachable(neighbours, next(iter(neighbours)))
+        group = model.reachable(neighbours, next(iter(neighbours)))
         groups.append(frozenset((name, guards[name]) for name in group))
         neighbours = {name: others for name, others in neighbours.items() if name not in group}
     return groups
 
 
-def _supported(guards: dict[str, Guard]) -> dict[str, Guard]:
+def _supported(guards: dict[str, model.Guard]) -> dict[str, model.Guard]:
     """Without the choices that mention a missing one, or one that is left out itself."""
     while missing := {
         name for name, guard in guards.items() if not {variable for variable, _ in guard} <= guards.keys()
@@ -136,7 +127,13 @@ def _supported(guards: dict[str, Guard]) -> dict[str, Guard]:
 # -- restriction -----------------------------------------------------------------------------------------------------
 
 
-def restrict(plan: TeamPlan, environment: Guard) -> TeamPlan:
+def moved(parts: Iterable[Owned], kept: Sequence[int]) -> tuple[Owned, ...]:
+    """What belongs to activities that are kept, or to none, with the places that these have then."""
+    places: dict[int | None, int | None] = {None: None, **{before: after for after, before in enumerate(kept)}}
+    return tuple(replace(each, activity=places[each.activity]) for each in parts if each.activity in places)
+
+
+def restrict(plan: model.TeamPlan, environment: model.Guard) -> model.TeamPlan:
     """The plan in the scenarios of an environment: what contradicts it is gone, and what it decides is not asked.
 
     A choice whose event is gone stays only if something still depends on it.
@@ -145,24 +142,18 @@ def restrict(plan: TeamPlan, environment: Guard) -> TeamPlan:
         InputError: if the environment has two values of one choice.
     """
     if len(dict(environment)) < len(environment):
-        raise InputError(f"found two values of one choice in {{{guard_text(environment)}}}, expected one")
+        raise InputError(f"found two values of one choice in {{{model.guard_text(environment)}}}, expected one")
 
     def left(parts: Iterable[Guarded]) -> tuple[Guarded, ...]:
         """Those that can still be activated, with what is left of their guards."""
-        kept = (one for one in parts if not contradicts(environment, one.guard))
+        kept = (one for one in parts if not model.contradicts(environment, one.guard))
         return tuple(replace(one, guard=one.guard - environment) for one in kept)
 
     network = plan.network
-    kept = (at for at, activity in enumerate(network.activities) if not contradicts(environment, activity.guard))
-    places: dict[int | None, int | None] = {None: None, **{before: after for after, before in enumerate(kept)}}
-
-    def moved(parts: tuple[Owned, ...]) -> tuple[Owned, ...]:
-        """With the new places of their activities; what is of an activity that is gone goes with it."""
-        return tuple(replace(one, activity=places[one.activity]) for one in left(parts) if one.activity in places)
-
+    kept = [at for at, activity in enumerate(network.activities) if not model.contradicts(environment, activity.guard)]
     events, constraints, activities = left(network.events), left(network.constraints), left(network.activities)
-    conditions, effects = moved(plan.conditions), moved(plan.effects)
-    guarded: Iterable[Event | Constraint | Activity | Condition | Effect] = chain(
+    conditions, effects = moved(left(plan.conditions), kept), moved(left(plan.effects), kept)
+    guarded: Iterable[model.Event | model.Constraint | model.Activity | model.Condition | model.Effect] = chain(
         events, constraints, activities, conditions, effects
     )
     used, decided = {variable for one in guarded for variable, _ in one.guard}, {name for name, _ in environment}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
 from types import MappingProxyType
-from typing import TypeAlias, assert_never
+from typing import TypeAlias
 
 from robust.errors import InputError, SolverError, did_you_mean
 from robust.pike_bridge.knowledge.sat import Propositions, satisfiable
@@ -35,9 +35,12 @@ from robust.pike_bridge.scenarios import team_scenarios
 from robust.plan.model import Atom
 from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue, VerdictEnum
-from robust.smt.limits import NEVER, Deadline
-from robust.smt.session import Session, Value, Verdict
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from robust.smt.session import Session, Value
 from robust.smt.terms import Formula, Terms
+
+Time: TypeAlias = Polynomial[str] | Fraction
+"""A moment that is known, or an expression of one."""
 
 
 class Semantics(Propositions):
@@ -67,11 +70,11 @@ class Semantics(Propositions):
 
     def at(self, event: str, time: Fraction) -> Formula:
         """The event's time, outright."""
-        return self.terms.equal(self._time(event) - time)
+        return self.terms.equal(self.time_of(event) - time)
 
-    def not_before(self, event: str, time: Fraction) -> Formula:
-        """The event is at this time or later."""
-        return self.terms.at_least(self._time(event) - time)
+    def not_earlier(self, event: str, moment: Time, environment: Guard = ALWAYS) -> Formula:
+        """That the event, if it is activated in the environment, is at a moment or later."""
+        return self.unless(self._events[event] | environment, self.terms.at_least(self.time_of(event) - moment))
 
     def times(self, events: Iterable[str]) -> list[Formula]:
         """The symbols of the events' times."""
@@ -81,10 +84,11 @@ class Semantics(Propositions):
         """The event's time in a model; zero if no formula mentions it."""
         return Fraction(values.get(f"time of {event}", Fraction(0)))
 
-    def _time(self, event: str) -> Polynomial[str]:
+    def time_of(self, event: str) -> Polynomial[str]:
+        """The event's time as an expression; InputError for an unknown event."""
         if event not in self._events:
             raise InputError(f"unknown event {event}{did_you_mean(event, self._events)}")
-        return super()._time(event)
+        return super().time_of(event)
 
     def _condition(self, condition: Condition) -> Formula:
         """Some activated producer is before the condition, and every activated threat is before or after both."""
@@ -117,7 +121,7 @@ class Semantics(Propositions):
         """That an event is at least ε before another; if ε is 0, that it is strictly before."""
         order = (earlier, later)
         if order not in self._orders:
-            difference = self._time(later) - self._time(earlier)
+            difference = self.difference(earlier, later)
             apart = self.terms.at_least(difference - self._epsilon) if self._epsilon else self.terms.greater(difference)
             self._orders[order] = apart
         return self._orders[order]
@@ -135,7 +139,7 @@ class Existence(VerdictEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Answer(NoTruthValue, ask="verdict"):
+class OracleAnswer(NoTruthValue, ask="verdict"):
     """A verdict; if it is EXISTS, with a correct execution as witness."""
 
     verdict: Existence
@@ -163,7 +167,7 @@ class Oracle:
         *,
         now: Fraction | None = None,
         deadline: Deadline = NEVER,
-    ) -> Answer:
+    ) -> OracleAnswer:
         """Whether the partial execution is correct [PIKE, Definition 2.8]: whether a correct execution extends it.
 
         The events of `schedule` are executed at their times, and therefore activated. Any other activated event may
@@ -174,18 +178,12 @@ class Oracle:
             SolverError: if the solver fails, or the witness is not correct.
         """
         with self._session.frame(self._semantics.guard(assume), *self._executed(schedule, now)):
-            verdict = self._session.check("correct execution", deadline)
-            match verdict:
-                case Verdict.SATISFIABLE:
-                    return Answer(Existence.EXISTS, self._witness(self._session, movable=not schedule and now is None))
-                case Verdict.UNSATISFIABLE:
-                    return Answer(Existence.NONE)
-                case Verdict.UNKNOWN if self._session.failure is not None:
-                    raise SolverError(self._session.failure)
-                case Verdict.UNKNOWN:
-                    return Answer(Existence.UNKNOWN)
-                case _:
-                    assert_never(verdict)
+            try:
+                if not satisfiable(self._session, "correct execution", deadline):
+                    return OracleAnswer(Existence.NONE)
+            except OutOfTimeError:
+                return OracleAnswer(Existence.UNKNOWN)
+            return OracleAnswer(Existence.EXISTS, self._witness(self._session, movable=not schedule and now is None))
 
     def scenarios(self, assume: Guard = ALWAYS, *, deadline: Deadline = NEVER) -> Iterator[Execution]:
         """Each team scenario that admits a correct execution, once, with such an execution, as they are found.
@@ -225,9 +223,7 @@ class Oracle:
             yield self._semantics.guard(guards[name])
             yield self._semantics.at(name, time)
         if now is not None:
-            for name, label in guards.items():
-                if name not in schedule:
-                    yield self._semantics.unless(label, self._semantics.not_before(name, now))
+            yield from (self._semantics.not_earlier(name, now) for name in guards if name not in schedule)
 
     def _witness(self, session: Session, *, movable: bool) -> Execution:
         """The execution of the last model, confirmed; if nothing fixes its times, it starts at zero."""
@@ -338,8 +334,8 @@ def confirmed(plan: TeamPlan, execution: Execution, source: str) -> Execution:
 
 
 def holds(guard: Guard, scenario: Mapping[str, str]) -> bool:
-    """Whether a full assignment entails a guard."""
-    return all(scenario[variable] == value for variable, value in guard)
+    """Whether an assignment entails a guard; choices that are missing from it are open."""
+    return all(scenario.get(variable) == value for variable, value in guard)
 
 
 def _validate(network: Tpnu, execution: Execution) -> None:

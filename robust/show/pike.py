@@ -21,8 +21,8 @@ from robust.pike_bridge.compile import PikeCheck, Sizes
 from robust.pike_bridge.cross_check import CrossCheck, Crossed
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.inquiry import Reason, WhyChosen, WhyExcluded, WhyExecuted, WhyNot, answer
-from robust.pike_bridge.online.moments import Moments
+from robust.pike_bridge.online.executive import Moments
+from robust.pike_bridge.online.inquiry import Explanation, WhyChosen, WhyExcluded, WhyExecuted, WhyNot, answer
 from robust.pike_bridge.online.world import ExecutionRecord, ExecutionStep
 from robust.pike_bridge.semantics import Execution
 from robust.show.console import colour_of
@@ -419,7 +419,7 @@ def _step_answer(step: ExecutionStep) -> dict[str, Any]:
     return found
 
 
-def _with_reasons(step: ExecutionStep) -> Iterator[tuple[said.Decision, Reason | None]]:
+def _with_reasons(step: ExecutionStep) -> Iterator[tuple[said.Decision, Explanation | None]]:
     """Each decision of a step with its reason, if there is one."""
     return zip_longest(step.decisions, step.reasons.decisions if step.reasons else ())
 
@@ -500,7 +500,7 @@ class _Reasons:
         self._inferred: dict[str, str] = {}
         self._said: set[str] = set()
 
-    def of_decision(self, reason: Reason | None) -> Iterator[str]:
+    def of_decision(self, reason: Explanation | None) -> Iterator[str]:
         """The lines below a decision."""
         match reason:
             case WhyChosen() if self._inferred.get(reason.choice) == reason.value:
@@ -513,7 +513,7 @@ class _Reasons:
             case WhyNot() | WhyExcluded():
                 yield from reason.lines
 
-    def of_inference(self, choice: str, reason: Reason | None) -> Iterator[str]:
+    def of_inference(self, choice: str, reason: Explanation | None) -> Iterator[str]:
         """The lines below an inference."""
         if isinstance(reason, WhyChosen):
             if reason.value is not None:

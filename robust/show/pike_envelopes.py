@@ -11,14 +11,13 @@ from rich.text import Text
 
 from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, exact_end, interval_text, plural, readable
-from robust.pike_bridge.envelopes.parameters import Kind, ParametricPlan, TeamParameter
+from robust.pike_bridge.envelopes.parameters import ParametricPlan, TeamParameter, TeamParameterKind
 from robust.pike_bridge.envelopes.pieces import (
     BoundStatement,
     Combination,
     OrderStatement,
     Statement,
     WaitingStatement,
-    declared_bounds,
 )
 from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope, TeamStop
 from robust.pike_bridge.model import Guard, guard_text
@@ -50,7 +49,7 @@ class TeamParameterRecord(JsonObject):
         upper: the declared bound
     """
 
-    kind: Annotated[str, one_of(*(kind.value for kind in Kind))]
+    kind: Annotated[str, one_of(*(kind.value for kind in TeamParameterKind))]
     meaning: str
     nominal: Rational
     lower: End
@@ -122,7 +121,7 @@ class TeamWithin(JsonObject):
         stopped_below: what ends the box there; null if unbounded or not known
     """
 
-    kind: Annotated[str, one_of(*(kind.value for kind in Kind))]
+    kind: Annotated[str, one_of(*(kind.value for kind in TeamParameterKind))]
     meaning: str
     nominal: Rational
     lower: End
@@ -297,7 +296,7 @@ def _within(found: TeamEnvelope, one: TeamParameter, telling: Telling) -> TeamWi
 
 def tidy(plan: ParametricPlan, pieces: Iterable[Polyhedron]) -> list[Polyhedron]:
     """The pieces within the declared bounds, without those that others contain, and without what follows."""
-    bounds = tuple(declared_bounds(plan.declared))
+    bounds = tuple(plan.declared_box.constraints())
     return [one.simplified() for one in absorb(one.restricted(bounds) for one in pieces)]
 
 
@@ -321,7 +320,7 @@ class Telling:
 
     def sentence(self, piece: Polyhedron) -> str:
         """What a polyhedron demands, beyond the declared bounds: `a may take up to 5; limit must be at least 7`."""
-        bounds = set(declared_bounds(self._plan.declared))
+        bounds = set(self._plan.declared_box.constraints())
         own: dict[str, list[LinearConstraint]] = {}
         joint: list[str] = []
         for constraint in piece.constraints:
@@ -346,7 +345,7 @@ class Telling:
         above = "" if interval.lower_closed else "more than "
         below = "" if interval.upper_closed else "less than "
         match parameter.kind:
-            case Kind.DURATION:
+            case TeamParameterKind.DURATION:
                 verb, needs = "may take", "must take"
             case _:
                 verb, needs = "may be", "must be"
@@ -362,7 +361,9 @@ class Telling:
         """An inequality of several parameters: a limit is told by what it must be at least, others as a sum."""
         for name, factor in constraint.coefficients:
             limit = (
-                self._parameters[name].kind is Kind.AT_MOST and factor < 0 and constraint.relation is not Sense.EQUAL
+                self._parameters[name].kind is TeamParameterKind.AT_MOST
+                and factor < 0
+                and constraint.relation is not Sense.EQUAL
             )
             if limit and len(constraint.parameters) > 1:
                 rest = [(self._words(n), Fraction(f, -factor)) for n, f in constraint.coefficients if n != name]

@@ -106,7 +106,7 @@ _RESULTS: Mapping[str, Shown] = {
     "pike_bridge.cross_check:Crossed": Shown(
         "a cross-check", "pike:cross_document", "pike:print_cross", "disagreements"
     ),
-    "pike_bridge.online.moments:Moments": Shown(
+    "pike_bridge.online.executive:Moments": Shown(
         "what people may choose", "pike:patience_document", "pike:print_patience", "moments", numbers=("latest",)
     ),
     "pike_bridge.online.world:ExecutionRecord": Shown(

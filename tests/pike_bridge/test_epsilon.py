@@ -10,7 +10,7 @@ import pytest
 
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.compile import Temporal
-from robust.pike_bridge.cross_check import BACKENDS, Subject, cross_check
+from robust.pike_bridge.cross_check import BACKENDS, ExaminedBackend, cross_check
 from robust.pike_bridge.model import ALWAYS, Condition, Constraint, Effect, Event, Literal, TeamPlan, Tpnu, guard
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Completion, Failed, Succeeded
@@ -95,7 +95,7 @@ def test_oracle_and_referee_mean_the_same_by_before(epsilon):
 def agree(number, epsilon, samples):
     plan = drawn(number, epsilon)
     backend, temporal = BACKENDS[number % len(BACKENDS)], list(Temporal)[number // len(BACKENDS) % 2]
-    outcome = cross_check(plan, [Subject(backend, temporal)], seed=number, samples=samples)
+    outcome = cross_check(plan, [ExaminedBackend(backend, temporal)], seed=number, samples=samples)
     assert outcome.disagreements == [], number
     return outcome.scenarios
 
@@ -201,7 +201,7 @@ def close(*bounds, epsilon):
 def test_before_is_by_epsilon_or_strictly(bounds, epsilon, possible):
     plan = close(*bounds, epsilon=epsilon)
     assert (Oracle(plan).decide().verdict is Existence.EXISTS) == possible
-    subjects = [Subject(backend, temporal) for backend in BACKENDS for temporal in Temporal]
+    subjects = [ExaminedBackend(backend, temporal) for backend in BACKENDS for temporal in Temporal]
     outcome = cross_check(plan, subjects, samples=1)
     assert outcome.scenarios == possible
     assert outcome.disagreements == []

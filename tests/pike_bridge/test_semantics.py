@@ -14,8 +14,16 @@ from robust.errors import InputError, SolverError
 from robust.pike_bridge import knowledge
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence
-from robust.pike_bridge.compile import Checking, Compiling, PlanVerdict, Temporal
-from robust.pike_bridge.cross_check import Subject, cross_check, differing, propositional, shrink, subjects
+from robust.pike_bridge.compile import Checking, Compiling, Measuring, PlanVerdict, Temporal
+from robust.pike_bridge.cross_check import (
+    Crossing,
+    ExaminedBackend,
+    cross_check,
+    differing,
+    propositional,
+    shrink,
+    subjects,
+)
 from robust.pike_bridge.k_intents import k_intents
 from robust.pike_bridge.knowledge import Registration
 from robust.pike_bridge.knowledge.interface import Require
@@ -218,6 +226,20 @@ def test_out_of_time_and_interrupted(backend):
     assert (stopped.verdict, stopped.interrupted) == (PlanVerdict.UNKNOWN, True)
 
 
+def test_interrupted_with_and_without_anything_known():
+    def interrupt(_stage):
+        raise KeyboardInterrupt
+
+    sizes = Measuring(kitchen(), "bdd", on_stage=interrupt).run()
+    assert (sizes.status, sizes.cut_short, sizes.satisfiable) == ("interrupted", True, None)
+    crossing = Crossing(kitchen(), on_stage=interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        crossing.run()
+    assert crossing.so_far(timed_out=True) is None
+    late = Crossing(kitchen(), deadline=Deadline.after(0)).run()
+    assert (late.status, late.outcome) == ("timeout", None)
+
+
 def test_compilation_keeps_what_it_has_found():
     def late(stage):
         if stage == "conflicts":
@@ -261,11 +283,11 @@ class Forgetful(SatKnowledgeBase):
 
 
 def test_a_wrong_back_end_is_found_out_and_the_plan_shrunk(monkeypatch, tmp_path):
-    home = Registration(__name__, "Forgetful", takes_network=True, takes_solver=True)
+    home = Registration(__name__, "Forgetful", frozenset({"network", "solver"}))
     monkeypatch.setitem(knowledge._REGISTRY, "forgetful", home)
-    liar = Subject("forgetful", Temporal.LAZY)
+    liar = ExaminedBackend("forgetful", Temporal.LAZY)
     plan = k_intents((2,)).instance.plan()
-    outcome = cross_check(plan, [Subject("bdd", Temporal.LAZY), liar], samples=3)
+    outcome = cross_check(plan, [ExaminedBackend("bdd", Temporal.LAZY), liar], samples=3)
     assert {one.backend for one in outcome.disagreements} == {"forgetful (lazy)"}
 
     def shows(smaller):
@@ -289,7 +311,7 @@ def test_cross_checks_out_of_time():
     plan = k_intents((3, 3, 3)).instance.plan()
     with pytest.raises(OutOfTimeError):
         cross_check(plan, [], deadline=Deadline.after(0))
-    late = cross_check(plan, [Subject("pitms", Temporal.APSP)], limit=0)
+    late = cross_check(plan, [ExaminedBackend("pitms", Temporal.APSP)], limit=0)
     assert late.out_of_time == ["pitms (apsp)"]
     assert late.scenarios == 27
     assert Oracle(plan).decide().verdict is Existence.EXISTS

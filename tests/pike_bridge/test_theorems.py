@@ -15,16 +15,16 @@ from random import Random
 import pytest
 from hypothesis import given, settings
 
-from robust.pike_bridge.causal import Contexts, Happening, augment, open_conditions, prune
+from robust.pike_bridge.causal import Contexts, LabeledHappening, augment, open_conditions, prune
 from robust.pike_bridge.compile import Compiling, Temporal
 from robust.pike_bridge.knowledge.interface import Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.model import ALWAYS, EPSILON, INITIAL, Activity, Condition, Effect, TeamPlan, guard, may_produce
 from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
+from robust.pike_bridge.temporal.distance_graph import StructuralPrecedence
 from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
 from robust.pike_bridge.temporal.schedule import temporal_conflicts
-from robust.pike_bridge.temporal.structural import StructuralPrecedence
 from robust.pike_bridge.theory import Not, Some, Theory, conjunction, is_consistent
 from tests.pike_bridge.brute_force import (
     ExactPrecedence,
@@ -383,7 +383,7 @@ def dominated_links_are_irrelevant(plan):
 def dominated_by_definition(plan, condition):
     """The producers that Definition 4.5 says another one dominates, scenario by scenario."""
     exact = ExactPrecedence(plan.network)
-    producers = {Happening(each.event, each.guard) for each in plan.effects if may_produce(each, condition)}
+    producers = {LabeledHappening(each.event, each.guard) for each in plan.effects if may_produce(each, condition)}
     for weak, strong in product(sorted(producers, key=str), repeat=2):
         everything = weak.guard | strong.guard | condition.guard
         possible = not exact.conflicting(exact.vocabulary.encode(everything)) and len(dict(everything)) == len(
@@ -400,7 +400,7 @@ def _without(plan, condition, happenings):
     kept = tuple(
         each
         for each in plan.effects
-        if each.literal.atom != condition.literal.atom or Happening(each.event, each.guard) not in happenings
+        if each.literal.atom != condition.literal.atom or LabeledHappening(each.event, each.guard) not in happenings
     )
     return replace(plan, effects=kept)
 

@@ -28,18 +28,19 @@ from typing import TypeAlias, assert_never
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number, shorten
-from robust.pike_bridge.model import Activity, Constraint, TeamPlan, Tpnu
+from robust.pike_bridge.model import Activity, Constraint, TeamPlan, Tpnu, check_choice
 from robust.plan.model import Parameter, ParameterReference
 from robust.plan.parameters import ATTRIBUTES, attributes_of, kind_of, number_text, set_attribute, toml_document
 from robust.plan.pddl.forms import read_text
 from robust.plan.polynomial import Polynomial
 from robust.plan.stn import ParameterDeclaration, bad_parameter_name, check_range, is_parameter_name
+from robust.qe.box import Box
 
 Bound: TypeAlias = Polynomial[ParameterReference]
 """A number, or a number and a parameter."""
 
 
-class Kind(Enum):
+class TeamParameterKind(Enum):
     """What a parameter is."""
 
     DURATION = "duration"
@@ -48,16 +49,21 @@ class Kind(Enum):
     HESITATION = "hesitation"
 
 
-_KINDS: Mapping[str, Kind] = {kind.value: kind for kind in Kind}
+_KINDS: Mapping[str, TeamParameterKind] = {kind.value: kind for kind in TeamParameterKind}
 _EXPECTED = "duration:ACTIVITY, at-least: or at-most:ACTIVITY or FROM:TO, or hesitation:CHOICE"
-_PREFIX = {Kind.DURATION: "", Kind.AT_LEAST: "least_", Kind.AT_MOST: "most_", Kind.HESITATION: "hesitation_"}
+_PREFIX = {
+    TeamParameterKind.DURATION: "",
+    TeamParameterKind.AT_LEAST: "least_",
+    TeamParameterKind.AT_MOST: "most_",
+    TeamParameterKind.HESITATION: "hesitation_",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class TeamParameterSpec:
     """One specification, not yet looked up; `attributes` as of :class:`robust.plan.parameters.ParameterSpec`."""
 
-    kind: Kind
+    kind: TeamParameterKind
     subject: str
     name: str | None = None
     attributes: Mapping[str, Fraction | None] = field(default_factory=dict)
@@ -69,7 +75,7 @@ class TeamParameter:
     """A parameter with what it stands for."""
 
     parameter: Parameter
-    kind: Kind
+    kind: TeamParameterKind
     places: tuple[int, ...]
     """In `Tpnu.temporal_constraints`."""
     meaning: str
@@ -103,6 +109,11 @@ class ParametricPlan:
     def declared(self) -> tuple[Parameter, ...]:
         """The parameters with their nominal values, weights and bounds."""
         return tuple(one.parameter for one in self.parameters)
+
+    @property
+    def declared_box(self) -> Box:
+        """All values within the declared bounds."""
+        return Box.declared(self.declared)
 
     @property
     def nominal(self) -> dict[str, Fraction]:
@@ -220,7 +231,7 @@ def specifications(
     Raises:
         InputError: if a file cannot be read, a specification is wrong, or one source has two of the same bound.
     """
-    found: dict[tuple[Kind, str], TeamParameterSpec] = {}
+    found: dict[tuple[TeamParameterKind, str], TeamParameterSpec] = {}
     for source in (own, () if file is None else read_parameter_file(file), [parse_spec(text) for text in texts]):
         seen = set()
         for spec in source:
@@ -242,13 +253,13 @@ def parametrize(plan: TeamPlan, specs: Iterable[TeamParameterSpec]) -> Parametri
     Raises:
         InputError: for what is not in the plan, for a name or a bound used twice, and for missing nominal values.
     """
-    work = _Work(plan)
+    work = _Parametrization(plan)
     for spec in specs:
         work.apply(spec)
     return ParametricPlan(plan, tuple(work.parameters), tuple((lower, upper) for lower, upper in work.bounds))
 
 
-class _Work:
+class _Parametrization:
     """The bounds while specifications are applied one by one."""
 
     def __init__(self, plan: TeamPlan) -> None:
@@ -267,7 +278,7 @@ class _Work:
             raise InputError(f"found parameter {name!r} twice, expected a new name: {remedy}", spec.location)
         given = spec.attributes
         lower = None if any(self._own(place) is None for place in places) else Fraction(0)
-        if spec.kind is Kind.HESITATION:
+        if spec.kind is TeamParameterKind.HESITATION:
             lower = Fraction(0)
         declaration = ParameterDeclaration(
             name,
@@ -292,21 +303,21 @@ class _Work:
         for place in places:
             for side in _SIDES[spec.kind]:
                 other = self._taken.setdefault((place, side), name)
-                if other != name and spec.kind is not Kind.HESITATION:
+                if other != name and spec.kind is not TeamParameterKind.HESITATION:
                     message = f"found a bound that parameter {other!r} is already, expected one parameter for a bound"
                     raise InputError(message, spec.location)
                 before = self.bounds[place][side]
-                late = spec.kind is Kind.HESITATION and before is not None
+                late = spec.kind is TeamParameterKind.HESITATION and before is not None
                 self.bounds[place][side] = before + own if late and before is not None else own
 
     def _nominal(self, spec: TeamParameterSpec, places: tuple[int, ...], what: str) -> Fraction | None:
         """The value that the plan has, if it has exactly one."""
         match spec.kind:
-            case Kind.HESITATION:
+            case TeamParameterKind.HESITATION:
                 return Fraction(0)
-            case Kind.DURATION | Kind.AT_LEAST:
+            case TeamParameterKind.DURATION | TeamParameterKind.AT_LEAST:
                 values = {self._constraints[place].lower for place in places}
-            case Kind.AT_MOST:
+            case TeamParameterKind.AT_MOST:
                 values = {self._constraints[place].upper for place in places}
             case _:
                 assert_never(spec.kind)
@@ -323,10 +334,10 @@ class _Work:
 
     def _subject(self, spec: TeamParameterSpec) -> tuple[tuple[int, ...], str, str]:
         """The temporal constraints that are meant, what their parameter is for people, and a short name of them."""
-        if spec.kind is Kind.HESITATION:
+        if spec.kind is TeamParameterKind.HESITATION:
             return self._before_choice(spec)
         subject = spec.subject
-        if not subject.startswith("(") and ":" in subject and spec.kind is not Kind.DURATION:
+        if not subject.startswith("(") and ":" in subject and spec.kind is not TeamParameterKind.DURATION:
             return self._between(spec)
         action = " ".join(subject.lower().strip("() ").split())
         pattern = [f"({action})"] if subject.startswith("(") else [f"({action})", f"({action} *)"]
@@ -344,9 +355,9 @@ class _Work:
         actions = list(dict.fromkeys(found.values()))
         whose = actions[0] if len(actions) == 1 else f"each of {', '.join(actions)}"
         what = {
-            Kind.DURATION: f"the duration of {whose}",
-            Kind.AT_LEAST: f"the least duration of {whose}",
-            Kind.AT_MOST: f"the greatest duration of {whose}",
+            TeamParameterKind.DURATION: f"the duration of {whose}",
+            TeamParameterKind.AT_LEAST: f"the least duration of {whose}",
+            TeamParameterKind.AT_MOST: f"the greatest duration of {whose}",
         }[spec.kind]
         short = actions[0] if len(actions) == 1 else action.replace("*", "")
         return tuple(found), what, short
@@ -366,15 +377,13 @@ class _Work:
             raise InputError(message, spec.location)
         [side] = _SIDES[spec.kind]
         bounded = [place for place in there if self.bounds[place][side] is not None]
-        extreme = "least" if spec.kind is Kind.AT_LEAST else "greatest"
+        extreme = "least" if spec.kind is TeamParameterKind.AT_LEAST else "greatest"
         return tuple(bounded or there), f"the {extreme} time from {source} to {target}", f"{source}_{target}"
 
     def _before_choice(self, spec: TeamParameterSpec) -> tuple[tuple[int, ...], str, str]:
         """The constraints that say how early a choice's event can be."""
-        choice = next((one for one in self._network.choices if one.name == spec.subject), None)
-        if choice is None:
-            hint = did_you_mean(spec.subject, self._network.domains)
-            raise InputError(f"found unknown choice {shorten(spec.subject)}{hint}", spec.location)
+        check_choice(self._network.domains, spec.subject, None, spec.location)
+        choice = next(each for each in self._network.choices if each.name == spec.subject)
         places = tuple(
             place
             for place, one in enumerate(self._network.constraints)
@@ -388,11 +397,11 @@ class _Work:
         return places, f"how long after it is possible {choice.name} is chosen", choice.name
 
 
-_SIDES: Mapping[Kind, tuple[int, ...]] = {
-    Kind.DURATION: (0, 1),
-    Kind.AT_LEAST: (0,),
-    Kind.AT_MOST: (1,),
-    Kind.HESITATION: (0,),
+_SIDES: Mapping[TeamParameterKind, tuple[int, ...]] = {
+    TeamParameterKind.DURATION: (0, 1),
+    TeamParameterKind.AT_LEAST: (0,),
+    TeamParameterKind.AT_MOST: (1,),
+    TeamParameterKind.HESITATION: (0,),
 }
 """Which bounds, lower (0) and upper (1), a parameter is."""
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from robust.errors import InputError, Location, did_you_mean
+from robust.errors import InputError, Location
 from robust.irr.search import Status
 from robust.irr.stops import JUST
 from robust.irr.widen import Widening, faces_of, touching
@@ -21,16 +21,16 @@ from robust.pike_bridge.envelopes.parameters import ParametricPlan
 from robust.pike_bridge.envelopes.pieces import (
     BoundStatement,
     Combination,
+    ParametricQuestion,
     Piece,
     Pieces,
-    Question,
     Statement,
     combinations,
-    declared_bounds,
     question,
+    waiting_question,
 )
-from robust.pike_bridge.envelopes.waiting import waiting_question
-from robust.pike_bridge.model import ALWAYS, Guard
+from robust.pike_bridge.model import ALWAYS, Guard, check_choice
+from robust.pike_bridge.searches import Announce, PikeSearch, Stopped, unheard
 from robust.plan.model import Parameter
 from robust.presented import Presented
 from robust.qe.box import Box, Face
@@ -48,12 +48,10 @@ def uncontrollable(plan: ParametricPlan) -> tuple[str, ...]:
     return tuple(one.name for one in plan.plan.network.choices if not one.controllable)
 
 
-def checked_choices(plan: ParametricPlan, names: Sequence[str], what: str) -> tuple[str, ...]:
+def checked_choices(plan: ParametricPlan, names: Sequence[str], where: str) -> tuple[str, ...]:
     """The names, if they are of choices; InputError, which says where they were found, if not."""
     for name in names:
-        if name not in plan.plan.network.domains:
-            hint = did_you_mean(name, plan.plan.network.domains)
-            raise InputError(f"{what}: found unknown choice {name!r}, expected one of the plan{hint}")
+        check_choice(plan.plan.network.domains, name, None, Location(where))
     return tuple(dict.fromkeys(names))
 
 
@@ -87,7 +85,7 @@ class LabeledRegion(Presented, ask="combinations"):
         """The parameter values for which some correct execution has these choices."""
         known = dict(choices)
         fitting = [
-            piece.polyhedron.restricted(declared_bounds(self.plan.declared))
+            piece.polyhedron.restricted(self.plan.declared_box.constraints())
             for piece in self.pieces
             if all(known.get(variable, value) == value for variable, value in piece.label)
         ]
@@ -112,7 +110,7 @@ class LabeledRegion(Presented, ask="combinations"):
         Raises:
             OutOfTimeError: if the deadline passes first.
         """
-        whole = Polyhedron(self.plan.names, tuple(declared_bounds(self.plan.declared)))
+        whole = Polyhedron.of_box(self.plan.names, self.plan.declared_box)
         cells: list[tuple[tuple[Combination, ...], list[Polyhedron]]] = [((), [whole])]
         for combination in self.combinations:
             following = []
@@ -130,7 +128,7 @@ class LabeledRegion(Presented, ask="combinations"):
         return tuple((possible, Region.union_of(self.plan.names, parts)) for possible, parts in cells)
 
 
-class LabeledRegionSearch:
+class LabeledRegionSearch(PikeSearch[LabeledRegion]):
     """Finds a labeled region.
 
     Args:
@@ -151,7 +149,7 @@ class LabeledRegionSearch:
         assume: Guard = ALWAYS,
         solver: str = "z3",
         deadline: Deadline = NEVER,
-        on_piece: Callable[[Piece], None] | None = None,
+        on_piece: Callable[[Piece], None] = lambda _piece: None,
     ) -> None:
         names = uncontrollable(plan) if key is None else checked_choices(plan, key, "choices")
         made = {one.variable for one in assume}
@@ -162,30 +160,14 @@ class LabeledRegionSearch:
         self._on_piece = on_piece
         self._started = time.perf_counter()
 
-    def run(self) -> LabeledRegion:
-        """All pieces; out of time or after Ctrl-C, those by then.
+    def _search(self) -> None:
+        for piece in self._pieces.search(self._deadline):
+            self._on_piece(piece)
 
-        Raises:
-            SolverError: if the solver is unknown, not installed, or fails.
-        """
-        try:
-            for piece in self._pieces.search(self._deadline):
-                if self._on_piece is not None:
-                    self._on_piece(piece)
-        except OutOfTimeError:
-            return self._ended(Status.TIMEOUT)
-        except KeyboardInterrupt:
-            return self._ended(Status.INTERRUPTED)
-        return self._ended(Status.COMPLETE)
-
-    def so_far(self, *, timed_out: bool) -> LabeledRegion | None:
-        """What is known by now."""
-        return self._ended(Status.TIMEOUT if timed_out else Status.INTERRUPTED)
-
-    def _ended(self, status: Status) -> LabeledRegion:
+    def _answer(self, stopped: Stopped | None) -> LabeledRegion:
         known = self._known
         known.pieces, known.queries = tuple(self._pieces.found), self._pieces.queries
-        known.status, known.seconds = status, time.perf_counter() - self._started
+        known.status, known.seconds = Status(stopped or "complete"), time.perf_counter() - self._started
         return known
 
 
@@ -245,11 +227,10 @@ class TeamEnvelope(Presented, ask="verified"):
     @property
     def region(self) -> Region:
         """The parameter values for which what the box promises is so, as far as polyhedra were found."""
-        bounds = Polyhedron(self.plan.names, tuple(declared_bounds(self.plan.declared)))
-        found = Region.union_of(self.plan.names, [bounds])
+        region = Region.union_of(self.plan.names, [Polyhedron.of_box(self.plan.names, self.plan.declared_box)])
         for each in self.combinations:
-            found = found.intersection(Region.union_of(self.plan.names, each.polyhedra))
-        return found
+            region = region.intersection(Region.union_of(self.plan.names, each.polyhedra))
+        return region
 
 
 class UnionBadSet:
@@ -257,7 +238,8 @@ class UnionBadSet:
 
     def __init__(self, parameters: Sequence[Parameter], alternatives: Sequence[Combination]) -> None:
         self._names = tuple(one.name for one in parameters)
-        self._bounds = [Polyhedron(self._names, tuple(one.negation())) for one in declared_bounds(parameters)]
+        sides = Box.declared(parameters).constraints()
+        self._bounds = [Polyhedron(self._names, tuple(side.negation())) for side in sides]
         self._alternatives = alternatives
         self.stops: dict[Polyhedron, TeamStop] = {one: TeamStop(ALWAYS, None, declared=True) for one in self._bounds}
         """Why each polyhedron that was found is bad."""
@@ -295,10 +277,10 @@ class UnionBadSet:
             if not broken.keys() & chosen.keys():
                 side = next(iter(broken))
                 chosen[side] = broken[side]
-        found = Polyhedron(self._names, tuple(chosen))
-        self.stops.setdefault(found, TeamStop(combination.choices, None))
-        self._sides.setdefault(found, tuple(chosen.values()))
-        return found
+        bad = Polyhedron(self._names, tuple(chosen))
+        self.stops.setdefault(bad, TeamStop(combination.choices, None))
+        self._sides.setdefault(bad, tuple(chosen.values()))
+        return bad
 
     def stop(self, piece: Polyhedron, face: Face, box: Box) -> TeamStop:
         """Why a box ends at a polyhedron, by the inequality that holds the face back: the whole box satisfies it."""
@@ -315,7 +297,7 @@ class UnionBadSet:
         return TeamStop(stop.choices, *towards[0]) if towards else stop
 
 
-class TeamEnvelopeSearch:
+class TeamEnvelopeSearch(PikeSearch[TeamEnvelope]):
     """Finds a box of parameter values around the nominal ones.
 
     Args:
@@ -323,7 +305,6 @@ class TeamEnvelopeSearch:
         assume: choices that are made already.
         for_all: choices of which every combination of values must lead to a correct execution.
         waiting: whether what they will be becomes known only when they are made.
-        on_stage: called with the name of each stage that begins.
 
     Raises:
         InputError: if a choice is unknown, or assumed and asked about for all values.
@@ -338,95 +319,78 @@ class TeamEnvelopeSearch:
         waiting: bool = False,
         solver: str = "z3",
         deadline: Deadline = NEVER,
-        on_stage: Callable[[str], None] | None = None,
+        on_stage: Announce = unheard,
     ) -> None:
         names = checked_choices(plan, for_all, "--for-all")
         for one in assume:
             if one.variable in names:
                 raise InputError(f"--for-all: found {one.variable!r}, which is assumed to be {one.value}; expected one")
-        self._found = TeamEnvelope(plan, assume, names, waiting, Box.nothing(plan.declared))
+        self._known = TeamEnvelope(plan, assume, names, waiting, Box.nothing(plan.declared))
         self._solver = solver
         self._deadline = deadline
-        self._say = on_stage or (lambda _stage: None)
+        self._say = on_stage
         self._started = time.perf_counter()
         self._bad = UnionBadSet(plan.declared, ())
 
-    def run(self) -> TeamEnvelope:
-        """The box; out of time or after Ctrl-C, the best by then; what is promised holds for all values in it.
+    def _search(self) -> None:
+        """Find a box; whenever that is ended, what is promised holds for all values in the best one by then."""
+        known, remaining = self._known, self._deadline.remaining
+        known.combinations = self._alternatives(Deadline.after(None if remaining is None else remaining * ENUMERATING))
+        self._bad = UnionBadSet(known.plan.declared, known.combinations)
+        if self._is_inside():
+            self._say("widening")
+            self._widen()
 
-        Raises:
-            SolverError: if the solver is unknown, not installed, or fails.
-        """
-        found = self._found
-        try:
-            remaining = self._deadline.remaining
-            share = None if remaining is None else remaining * ENUMERATING
-            alternatives = self._alternatives(Deadline.after(share))
-            found.combinations = alternatives
-            self._bad = UnionBadSet(found.plan.declared, alternatives)
-            if self._is_inside():
-                self._say("widening")
-                self._widen()
-        except OutOfTimeError:
-            found.status = Status.TIMEOUT
-        except KeyboardInterrupt:
-            found.status = Status.INTERRUPTED
-        return self._ended()
-
-    def so_far(self, *, timed_out: bool) -> TeamEnvelope | None:
-        """What is known by now."""
-        self._found.status = Status.TIMEOUT if timed_out else Status.INTERRUPTED
-        return self._ended()
-
-    def _ended(self) -> TeamEnvelope:
-        self._found.seconds = time.perf_counter() - self._started
-        self._found.boxes = self._bad.checks
-        return self._found
+    def _answer(self, stopped: Stopped | None) -> TeamEnvelope:
+        known = self._known
+        known.status = known.status if stopped is None else Status(stopped)
+        known.seconds, known.boxes = time.perf_counter() - self._started, self._bad.checks
+        return known
 
     # -- polyhedra -----------------------------------------------------------------------------------------------------
 
     def _alternatives(self, deadline: Deadline) -> tuple[Combination, ...]:
         """The combinations in all of which the box must be, as far as they are found in time."""
-        found = self._found
+        known = self._known
         self._say("choices and polyhedra")
-        pieces = self._enumerated(question(found.plan, found.for_all, found.assume), deadline)
-        alternatives = tuple(combinations(pieces, found.plan.plan.network.domains))
-        if not found.waiting or len(alternatives) < 2 or not all(each.pieces for each in alternatives):
+        pieces = self._enumerated(question(known.plan, known.for_all, known.assume), deadline)
+        alternatives = tuple(combinations(pieces, known.plan.plan.network.domains))
+        if not known.waiting or len(alternatives) < 2 or not all(each.pieces for each in alternatives):
             return alternatives
         self._say("waiting")
-        asked = waiting_question(found.plan, [each.choices for each in alternatives], found.assume)
+        asked = waiting_question(known.plan, [each.choices for each in alternatives], known.assume)
         return (Combination(ALWAYS, tuple(self._enumerated(asked, deadline))),)
 
-    def _enumerated(self, asked: Question, deadline: Deadline) -> list[Piece]:
+    def _enumerated(self, asked: ParametricQuestion, deadline: Deadline) -> list[Piece]:
         """All pieces, or those that are found in time."""
-        search = Pieces(asked, self._found.plan.declared, solver=self._solver)
+        search = Pieces(asked, self._known.plan.declared, solver=self._solver)
         try:
             for number, _ in enumerate(search.search(deadline), 1):
                 self._say(f"polyhedra: {number}")
         except OutOfTimeError:
-            self._found.status = Status.TIMEOUT
-        self._found.queries += search.queries
+            self._known.status = Status.TIMEOUT
+        self._known.queries += search.queries
         return search.found
 
     def _is_inside(self) -> bool:
         """Whether the nominal values are; if not, what is broken is noted."""
-        found = self._found
-        nominal = found.plan.nominal
-        for each in found.combinations:
+        known = self._known
+        nominal = known.plan.nominal
+        for each in known.combinations:
             if not any(nominal in one for one in each.polyhedra):
-                if found.status is Status.COMPLETE:
-                    found.status = Status.INVALID
-                found.broken, found.possible = each.choices, bool(each.pieces)
+                if known.status is Status.COMPLETE:
+                    known.status = Status.INVALID
+                known.broken, known.possible = each.choices, bool(each.pieces)
                 if each.pieces:
-                    found.needed = _fewest_broken(each.polyhedra, nominal)
+                    known.needed = _fewest_broken(each.polyhedra, nominal)
                 return False
-        found.box = Box.nominal(found.plan.declared)
+        known.box = Box.nominal(known.plan.declared)
         return True
 
     # -- boxes ---------------------------------------------------------------------------------------------------------
 
     def _widen(self) -> None:
-        found, parameters = self._found, self._found.plan.declared
+        known, parameters = self._known, self._known.plan.declared
         pieces: list[Polyhedron] = []
         Widening(
             bad=self._bad,
@@ -437,15 +401,15 @@ class TeamEnvelopeSearch:
             on_box=self._keep,
         ).run()
         for face in faces_of(parameters):
-            end = found.box[face[0]].end(face[1])
+            end = known.box[face[0]].end(face[1])
             if end is not None:
-                found.stops[face] = self._stop(face, end, pieces)
+                known.stops[face] = self._stop(face, end, pieces)
 
     def _keep(self, box: Box) -> None:
-        self._found.box = box
+        self._known.box = box
 
     def _stop(self, face: Face, end: Fraction, pieces: Sequence[Polyhedron]) -> TeamStop:
-        box = self._found.box
+        box = self._known.box
         touched = [self._bad.stop(piece, face, box) for piece in touching(pieces, box, face)]
         if not touched:
             piece = self._bad.piece_in(box.moved(face, end + face[1].sign * JUST), self._deadline)
@@ -455,7 +419,7 @@ class TeamEnvelopeSearch:
 
     def _is_own(self, stop: TeamStop, face: Face) -> bool:
         """Whether all that holds a face back are bounds of the one thing that the parameter is about."""
-        parameter = next(one for one in self._found.plan.parameters if one.name == face[0])
+        parameter = next(one for one in self._known.plan.parameters if one.name == face[0])
         places = {one.place if isinstance(one, BoundStatement) else None for one in stop.statements}
         return len(places) == 1 and places <= set(parameter.places)
 

@@ -20,20 +20,18 @@ class Registration:
 
     module: str
     name: str
-    takes_network: bool = False
-    """Whether it reasons about time itself, so that temporal conflicts need not be known."""
-    takes_solver: bool = False
-    takes_shortcut: bool = False
+    takes: frozenset[str] = frozenset()
+    """Of `network`, `solver` and `shortcut`; what takes a network reasons about time itself."""
     knows_implicants: bool = False
     """Whether it counts and lists all prime implicants: `HasImplicants`."""
 
 
 _HERE = "robust.pike_bridge.knowledge"
 _REGISTRY = {
-    "pitms": Registration(f"{_HERE}.tms", "PiTms", takes_solver=True, takes_shortcut=True, knows_implicants=True),
-    "atms": Registration(f"{_HERE}.tms", "Atms", takes_solver=True, takes_shortcut=True),
+    "pitms": Registration(f"{_HERE}.tms", "PiTms", frozenset({"solver", "shortcut"}), knows_implicants=True),
+    "atms": Registration(f"{_HERE}.tms", "Atms", frozenset({"solver", "shortcut"})),
     "bdd": Registration(f"{_HERE}.bdd", "BddKnowledgeBase", knows_implicants=True),
-    "sat": Registration(f"{_HERE}.sat", "SatKnowledgeBase", takes_network=True, takes_solver=True),
+    "sat": Registration(f"{_HERE}.sat", "SatKnowledgeBase", frozenset({"network", "solver"})),
 }
 
 
@@ -48,7 +46,7 @@ def reasons_about_time(name: str) -> bool:
     Raises:
         InputError: if there is no such knowledge base.
     """
-    return _registration(name).takes_network
+    return "network" in _registration(name).takes
 
 
 def create_knowledge_base(
@@ -76,19 +74,14 @@ def create_knowledge_base(
         OutOfTimeError: if the deadline passes.
     """
     registration = _registration(name)
-    options: dict[str, Any] = {}
-    if network is not None:
-        if not registration.takes_network:
-            able = ", ".join(each for each, entry in _REGISTRY.items() if entry.takes_network)
-            expected = f"expected the temporal conflicts in the theory, or one of {able}"
-            raise InputError(f"knowledge base {name!r} takes no network; {expected}")
-        options["network"] = network
-    if registration.takes_solver:
-        options["solver"] = solver
-    if registration.takes_shortcut:
-        options["shortcut"] = shortcut
+    if network is not None and not reasons_about_time(name):
+        able = ", ".join(filter(reasons_about_time, _REGISTRY))
+        expected = f"expected the temporal conflicts in the theory, or one of {able}"
+        raise InputError(f"knowledge base {name!r} takes no network; {expected}")
+    options: Mapping[str, Any] = {"network": network, "solver": solver, "shortcut": shortcut}
+    taken = {option: options[option] for option in registration.takes}
     create: Callable[..., KnowledgeBase] = getattr(import_module(registration.module), registration.name)
-    return create(theory, deadline=deadline, statistics=statistics, **options)
+    return create(theory, deadline=deadline, statistics=statistics, **taken)
 
 
 def _registration(name: str) -> Registration:

@@ -72,7 +72,7 @@ class Propositions:
 
     def constraint(self, constraint: Constraint) -> Term:
         """A temporal constraint, if its guard holds."""
-        difference = self._time(constraint.target) - self._time(constraint.source)
+        difference = self.difference(constraint.source, constraint.target)
         bounds = []
         if constraint.lower is not None:
             bounds.append(self.terms.at_least(difference - constraint.lower))
@@ -102,8 +102,13 @@ class Propositions:
             raise InputError(f"unknown assignment {assignment}{did_you_mean(str(assignment), known)}")
         return self._values[assignment]
 
-    def _time(self, event: str) -> Polynomial[str]:
+    def time_of(self, event: str) -> Polynomial[str]:
+        """The event's time as an expression."""
         return Polynomial.variable(f"time of {event}")
+
+    def difference(self, earlier: str, later: str) -> Polynomial[str]:
+        """How much later an event is than another."""
+        return self.time_of(later) - self.time_of(earlier)
 
 
 class SatKnowledgeBase(KnowledgeBase):

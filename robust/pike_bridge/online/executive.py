@@ -7,28 +7,17 @@ now and when to look again. Whatever it decides, a correct execution remains pos
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import assert_never
+from functools import partial
+from typing import NamedTuple, assert_never
 
-from robust.pike_bridge.model import Assignment, TeamPlan
-from robust.pike_bridge.online.patience import Act, Patience
-from robust.pike_bridge.online.progress import (
-    Chosen,
-    Completion,
-    Decision,
-    Dispatched,
-    Estimate,
-    Executed,
-    Failed,
-    Message,
-    Monitor,
-    Outcome,
-    Progress,
-    Rejected,
-    Succeeded,
-)
-from robust.pike_bridge.online.reasoner import Reasoner
-from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan
+from robust.pike_bridge.online import progress as said
+from robust.pike_bridge.online.patience import Patience, openings, values_of
+from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
+from robust.pike_bridge.scenarios import restrict
+from robust.pike_bridge.searches import PikeSearch, Stoppable, Stopped
 from robust.smt.limits import NEVER, Deadline
 
 Ranking = Callable[[Sequence[str]], Sequence[str]]
@@ -40,7 +29,7 @@ def as_written(alternatives: Sequence[str]) -> Sequence[str]:
     return alternatives
 
 
-def objection(plan: TeamPlan, known: Mapping[str, str], message: Outcome) -> str | None:
+def objection(plan: TeamPlan, known: Mapping[str, str], message: said.Outcome) -> str | None:
     """Why an outcome is not taken where the values of some choices are known; None if it is."""
     name, value = message.choice, message.value
     choice = next((each for each in plan.network.choices if each.name == name), None)
@@ -73,7 +62,7 @@ class PlanExecutive:
     def __init__(
         self,
         plan: TeamPlan,
-        reasoner: Callable[[Progress], Reasoner],
+        reasoner: Callable[[said.Progress], Reasoner],
         *,
         ranking: Ranking = as_written,
         monitor: bool = True,
@@ -82,17 +71,15 @@ class PlanExecutive:
         deadline: Deadline = NEVER,
     ) -> None:
         self.plan = plan
-        self.progress = Progress(plan)
+        self.progress = said.Progress(plan)
         self.reasoner = reasoner(self.progress)
         self.running: dict[int, Fraction] = {}
         """When each activity that runs was dispatched, by its place in the plan."""
-        self.outcome: Failed | Succeeded | None = None
-        self._monitor = Monitor(self.progress) if monitor else None
+        self.outcome: said.Failed | said.Succeeded | None = None
+        self._monitor = said.Monitor(self.progress) if monitor else None
         self._ranking = ranking
-        self._patience: Patience | None = None
-        if patience is not None:
-            shared = self.reasoner if isinstance(self.reasoner, SemanticReasoner) else None
-            self._patience = Patience(self.progress, patience, reasoner=shared, solver=solver, deadline=deadline)
+        shared = self.reasoner if isinstance(self.reasoner, SemanticReasoner) else None
+        self._patience = Patience(self.progress, patience, reasoner=shared, solver=solver, deadline=deadline)
         self._values: Mapping[str, str] = {}
         """Of the choices that are made at the event that is being executed, as far as they are decided."""
         self._deadline = deadline
@@ -123,17 +110,17 @@ class PlanExecutive:
     @property
     def withheld(self) -> frozenset[str]:
         """Events that could be executed now but would exclude what people may still decide."""
-        return frozenset() if self._patience is None or self.ended else self._patience.withheld
+        return frozenset() if self.ended else self._patience.withheld
 
     @property
     def withheld_until(self) -> Fraction | None:
         """When that is thought over if nothing happens before; None if nothing is withheld, or any time is early
         enough.
         """
-        return self._patience.alarm if self._patience is not None and self.withheld else None
+        return self._patience.alarm if self.withheld else None
 
     def _next_time(self) -> Fraction | None:
-        if self._patience is None or not self._patience.withheld:
+        if not self._patience.withheld:
             return self.reasoner.next_time(self._deadline)
         moments = (self._patience.alarm, self._patience.opening())
         return min((each for each in moments if each is not None), default=None)
@@ -146,7 +133,7 @@ class PlanExecutive:
         """
         return self.reasoner.possible(self._deadline)
 
-    def step(self, now: Fraction, messages: Sequence[Message] = ()) -> list[Decision]:
+    def step(self, now: Fraction, messages: Sequence[said.Message] = ()) -> list[said.Decision]:
         """Take note of what has happened, and do what can be done now [PIKE, Algorithm 1, lines 3 to 18].
 
         A time before that of the last step counts as that time. Messages after the end are rejected.
@@ -156,38 +143,38 @@ class PlanExecutive:
         """
         if self.ended:
             return [self._rejected(message, "the execution has ended") for message in messages]
-        decisions: list[Decision] = []
+        decisions: list[said.Decision] = []
         self._advance(now, decisions)
         for message in messages:
             decisions += self._take(message)
-        if messages and self._patience is not None:
+        if messages:
             self._patience.told()
         if self._changed and not self.reasoner.possible(self._deadline):
-            self.outcome = Failed(self.progress.now, "no correct execution is left")
+            self.outcome = said.Failed(self.progress.now, "no correct execution is left")
             return [*decisions, self.outcome]
         self._changed = False
         decisions += self._execute_all()
         self._wake_known = False
         if self._is_finished():
-            self.outcome = Succeeded(
+            self.outcome = said.Succeeded(
                 self.progress.now, tuple(Assignment(*each) for each in sorted(self.progress.chosen.items()))
             )
             decisions.append(self.outcome)
         return decisions
 
-    def repeat(self, now: Fraction, messages: Sequence[Message], decisions: Iterable[Decision]) -> None:
+    def repeat(self, now: Fraction, messages: Sequence[said.Message], decisions: Iterable[said.Decision]) -> None:
         """Take an earlier step again as it was decided then, to resume from a record of it; nothing is asked."""
         if self.ended:
             return
         decisions = tuple(decisions)
-        self._recorded = {each.choice: each.value for each in decisions if isinstance(each, Chosen)}
+        self._recorded = {each.choice: each.value for each in decisions if isinstance(each, said.Chosen)}
         self._advance(now, [])
         for message in messages:
             list(self._take(message))
         for decision in decisions:  # all others follow from the messages or from the events
-            if isinstance(decision, Executed) and not decision.reported:
+            if isinstance(decision, said.Executed) and not decision.reported:
                 list(self._mark(decision.event))
-            elif isinstance(decision, Failed | Succeeded):
+            elif isinstance(decision, said.Failed | said.Succeeded):
                 self.outcome = decision
         self._recorded = None
         self._wake_known = False
@@ -204,34 +191,34 @@ class PlanExecutive:
 
     # -- what has happened -------------------------------------------------------------------------------------------
 
-    def _advance(self, now: Fraction, decisions: list[Decision]) -> None:
+    def _advance(self, now: Fraction, decisions: list[said.Decision]) -> None:
         if now < self.progress.now:
             reason = f"the clock went back from {self.progress.now} to {now}"
-            decisions.append(Rejected("time", reason, self.progress.now))
+            decisions.append(said.Rejected("time", reason, self.progress.now))
         elif now > self.progress.now:
             self.progress.now = now
             self._changed = True
 
-    def _take(self, message: Message) -> Iterator[Decision]:
+    def _take(self, message: said.Message) -> Iterator[said.Decision]:
         match message:
-            case Outcome():
+            case said.Outcome():
                 yield from self._take_outcome(message)
-            case Completion():
+            case said.Completion():
                 yield from self._take_completion(message)
-            case Estimate():
+            case said.Estimate():
                 yield from self._take_estimate(message)
             case _:
                 assert_never(message)
 
-    def _take_outcome(self, message: Outcome) -> Iterator[Decision]:
+    def _take_outcome(self, message: said.Outcome) -> Iterator[said.Decision]:
         reason = objection(self.plan, self.progress.chosen, message)
         if reason is not None:
             yield self._rejected(message, reason)
         else:
             self._choose(message.choice, message.value)
-            yield Chosen(message.choice, message.value, self.progress.now, observed=True)
+            yield said.Chosen(message.choice, message.value, self.progress.now, observed=True)
 
-    def _take_completion(self, message: Completion) -> Iterator[Decision]:
+    def _take_completion(self, message: said.Completion) -> Iterator[said.Decision]:
         activities = self.plan.network.activities
         alike = [place for place, each in enumerate(activities) if each.action == message.action]
         running = [
@@ -250,7 +237,7 @@ class PlanExecutive:
             if not any(activities[place].target == end for place in self.running):
                 yield from self._mark(end, reported=True)
 
-    def _take_estimate(self, message: Estimate) -> Iterator[Decision]:
+    def _take_estimate(self, message: said.Estimate) -> Iterator[said.Decision]:
         contradictory = sorted(message.true & message.false)
         if contradictory:
             yield self._rejected(message, f"{contradictory[0]} is said to be both true and false")
@@ -262,11 +249,12 @@ class PlanExecutive:
 
     # -- what is done ------------------------------------------------------------------------------------------------
 
-    def _execute_all(self) -> Iterator[Decision]:
+    def _execute_all(self) -> Iterator[said.Decision]:
         """[PIKE, Algorithm 1, lines 10 to 18]: events are executed as long as there are executable ones."""
         refused: set[str] = set()
+        alternatives = {name: self._ranking(values) for name, values in self.plan.network.domains.items()}
         while True:
-            act = self._next_act(self._executable(refused))
+            act = self._patience.decide(self._executable(refused), alternatives)
             if act is None:
                 return
             if act.excluded is not None:
@@ -275,14 +263,6 @@ class PlanExecutive:
             self._values = dict(act.values)
             yield from self._mark(act.event)
             self._values = {}
-
-    def _next_act(self, executable: Iterator[str]) -> Act | None:
-        if self._patience is None:
-            event = next(executable, None)
-            return None if event is None else Act(event)
-        domains = self.plan.network.domains
-        alternatives = {name: self._ranking(values) for name, values in domains.items()}
-        return self._patience.decide(executable, alternatives)
 
     def _executable(self, refused: set[str]) -> Iterator[str]:
         for event in self._ranking(list(self.progress.frontier)):
@@ -293,7 +273,7 @@ class PlanExecutive:
             else:
                 refused.add(event)
 
-    def _mark(self, event: str, *, reported: bool = False) -> Iterator[Decision]:
+    def _mark(self, event: str, *, reported: bool = False) -> Iterator[said.Decision]:
         """ExecuteEvent [PIKE, Algorithm 3]."""
         now = self.progress.now
         self.progress.times[event] = now
@@ -306,19 +286,19 @@ class PlanExecutive:
                 self._choose(*assignment)
         if self._monitor is not None:
             self._monitor.executed(event)
-        yield Executed(event, now, reported)
+        yield said.Executed(event, now, reported)
         for choice in self.progress.structure.made_at.get(event, ()):
             if choice not in self.progress.chosen:
                 value = self._decide(choice)
                 if value is not None:
                     self._choose(choice, value)
-                    yield Chosen(choice, value, now)
+                    yield said.Chosen(choice, value, now)
         for place in self._activities.get(event, ()):
             activity = self.plan.network.activities[place]
             if self.progress.certain(activity.guard) and activity.target in self.progress.pending:
                 self.running[place] = now
                 action, end = activity.action, activity.target
-                yield Dispatched(action, activity.agent, now, end, activity.lower, activity.upper)
+                yield said.Dispatched(action, activity.agent, now, end, activity.lower, activity.upper)
 
     def _decide(self, choice: str) -> str | None:
         """The first value that could be committed to; None if the execution has failed already."""
@@ -347,5 +327,79 @@ class PlanExecutive:
             del self.progress.pending[event]
         return True
 
-    def _rejected(self, message: Message, reason: str) -> Rejected:
-        return Rejected(str(message), reason, self.progress.now)
+    def _rejected(self, message: said.Message, reason: str) -> said.Rejected:
+        return said.Rejected(str(message), reason, self.progress.now)
+
+
+# -- how long people have ----------------------------------------------------------------------------------------------
+
+
+class Moment(NamedTuple):
+    """Until when a choice can get a value; `latest` None: at any time, or, if it is not possible, at none."""
+
+    choice: str
+    value: str
+    possible: bool
+    latest: Fraction | None
+
+
+@dataclass
+class Moments(Stoppable, ask="feasible"):
+    """Until when each value of each choice that is people's can be chosen at the latest, as far as that is known."""
+
+    feasible: bool | None = None
+    """Whether a correct execution exists at all under the assumptions."""
+    moments: list[Moment] = field(default_factory=list)
+    status: str = "complete"
+
+
+@dataclass
+class LatestMoments(PikeSearch[Moments]):
+    """Finds, for each uncontrollable choice and value, the greatest time that its event has in a correct execution.
+
+    A patient executive begins at 0; its first steps are taken, as far as nothing is begun and nobody can choose. From
+    then on whatever is left open, by whomever, is as it suits the value best.
+
+    Args:
+        assume: choices that are made already.
+    """
+
+    plan: TeamPlan
+    assume: Guard = ALWAYS
+    solver: str = "z3"
+    deadline: Deadline = NEVER
+
+    def __post_init__(self) -> None:
+        self._known = Moments()
+
+    @property
+    def _begun(self) -> bool:
+        return self._known.feasible is not None
+
+    def _answer(self, stopped: Stopped | None) -> Moments:
+        self._known.status = stopped or self._known.status
+        return self._known
+
+    def _search(self) -> None:
+        executive = self._started()
+        progress, known = executive.progress, self._known
+        reasoner = SemanticReasoner(progress, solver=self.solver)
+        known.feasible = not executive.ended or isinstance(executive.outcome, said.Succeeded)
+        for intent in values_of(openings(progress), progress):
+            [(choice, value)] = intent.values
+            possible = known.feasible and reasoner.could(intent.guard, self.deadline)
+            latest = reasoner.latest(intent.guard, intent.events, self.deadline) if possible else None
+            known.moments.append(Moment(choice, value, possible, latest))
+
+    def _started(self) -> PlanExecutive:
+        """An executive that has done what it does before anyone else can."""
+        plan = restrict(self.plan, self.assume)
+        executive = PlanExecutive(plan, partial(SemanticReasoner, solver=self.solver), deadline=self.deadline)
+        now: Fraction | None = Fraction(0)
+        while now is not None and not executive.ended:
+            executive.step(now)
+            progress = executive.progress
+            if executive.running or any(each.event in progress.frontier for each in openings(progress)):
+                break
+            now = executive.wake
+        return executive

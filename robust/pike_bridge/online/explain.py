@@ -14,27 +14,11 @@ from fractions import Fraction
 from itertools import pairwise, takewhile
 
 from robust.numbers import format_number
+from robust.pike_bridge import model
 from robust.pike_bridge.knowledge.sat import satisfiable
-from robust.pike_bridge.model import (
-    ALWAYS,
-    GOAL,
-    INITIAL,
-    Activity,
-    Assignment,
-    Condition,
-    Constraint,
-    Effect,
-    Guard,
-    contradicts,
-    guard_text,
-    may_produce,
-    may_threaten,
-    reachable,
-)
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import OnlineSemantics, SemanticReasoner
 from robust.pike_bridge.semantics import Execution
-from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.session import Session
 from robust.smt.terms import Formula
@@ -51,7 +35,7 @@ class Wording:
         """From each event to those that are earlier whenever it is executed."""
         self._plan = progress.plan
         self._network = progress.plan.network
-        self._names = {INITIAL: "the initial state", GOAL: "the goal"}
+        self._names = {model.INITIAL: "the initial state", model.GOAL: "the goal"}
         self._name_ends_of_activities()
         self._name_ends_of_plan()
         for choice in self._network.choices:
@@ -62,29 +46,29 @@ class Wording:
         """`start of (get human mug)`; the event's own name if no activity starts or ends there."""
         return self._names.get(name, name)
 
-    def consumer(self, condition: Condition) -> str:
+    def consumer(self, condition: model.Condition) -> str:
         """Who has a condition."""
         return self._actor(condition.activity, "the goal")
 
-    def producer(self, effect: Effect) -> str:
+    def producer(self, effect: model.Effect) -> str:
         """Who has an effect."""
         return self._actor(effect.activity, "the initial state")
 
-    def condition(self, condition: Condition) -> str:
+    def condition(self, condition: model.Condition) -> str:
         """Who needs what, who establishes that, and who undoes it."""
-        producers = self._relevant(condition, may_produce, condition.first)
-        threats = self._relevant(condition, may_threaten, condition.last)
+        producers = self._relevant(condition, model.may_produce, condition.first)
+        threats = self._relevant(condition, model.may_threaten, condition.last)
         text = f"{self.consumer(condition)} needs {condition.literal}, which "
         if producers:
             text += f"only {self._causes(producers, condition)}"
         else:
             text += "nothing establishes"
-        undoing = list(dict.fromkeys(self.producer(each) for each in threats if each.event != INITIAL))
+        undoing = list(dict.fromkeys(self.producer(each) for each in threats if each.event != model.INITIAL))
         if producers and undoing:
             text += f"; {listed(undoing)} {'undoes' if len(undoing) == 1 else 'undo'} it"
         return text
 
-    def bound(self, constraint: Constraint, bound: Fraction, *, upper: bool) -> str:
+    def bound(self, constraint: model.Constraint, bound: Fraction, *, upper: bool) -> str:
         """One bound of a constraint, told as a distance from the earlier event to the later."""
         source, target = self.event(constraint.source), self.event(constraint.target)
         if bound < 0:
@@ -93,32 +77,34 @@ class Wording:
             text = f"{target} is not before {source}"
         else:
             text = f"at {'most' if upper else 'least'} {format_number(bound)} from {source} to {target}"
-        return f"{text} ({guard_text(constraint.guard)})" if constraint.guard else text
+        return f"{text} ({model.guard_text(constraint.guard)})" if constraint.guard else text
 
-    def sequence(self, activities: Sequence[Activity]) -> list[Activity] | None:
+    def sequence(self, activities: Sequence[model.Activity]) -> list[model.Activity] | None:
         """The order of activities, if the plan demands that they be one after the other whenever all are done."""
-        union: Guard = frozenset().union(*(each.guard for each in activities))
+        union: model.Guard = frozenset().union(*(each.guard for each in activities))
         if len(dict(union)) < len(union):
             return None
         graph = self._order(lambda constraint: constraint.guard <= union)
-        later = {each: reachable(graph, each.target) for each in activities}
+        later = {each: model.reachable(graph, each.target) for each in activities}
         ordered = sorted(activities, key=lambda each: len(later[each]), reverse=True)
         return ordered if all(other.source in later[one] for one, other in pairwise(ordered)) else None
 
     def _actor(self, activity: int | None, otherwise: str) -> str:
         return otherwise if activity is None else self._network.activities[activity].action
 
-    def _relevant(self, condition: Condition, matters: Callable[[Effect, Condition], bool], until: str) -> list[Effect]:
+    def _relevant(
+        self, condition: model.Condition, matters: Callable[[model.Effect, model.Condition], bool], until: str
+    ) -> list[model.Effect]:
         """Effects that matter to a condition, where the plan does not put them after an event."""
         return [
             each
             for each in self._plan.effects
             if matters(each, condition)
-            and not contradicts(each.guard, condition.guard)
+            and not model.contradicts(each.guard, condition.guard)
             and not self._after(each.event, until)
         ]
 
-    def _order(self, counts: Callable[[Constraint], bool] = lambda _: True) -> dict[str, set[str]]:
+    def _order(self, counts: Callable[[model.Constraint], bool] = lambda _: True) -> dict[str, set[str]]:
         """The events that the constraints that count put after each event, or at the same time."""
         graph: dict[str, set[str]] = {event.name: set() for event in self._network.events}
         for constraint in self._network.temporal_constraints:
@@ -126,17 +112,19 @@ class Wording:
                 graph[constraint.source].add(constraint.target)
         return graph
 
-    def _causes(self, producers: Iterable[Effect], condition: Condition) -> str:
+    def _causes(self, producers: Iterable[model.Effect], condition: model.Condition) -> str:
         """`(p1) establishes, if x = 1`; `(p1) if x = 1 and (p2) establish`."""
         causes = list(dict.fromkeys((self.producer(each), each.guard - condition.guard) for each in producers))
         if len(causes) == 1:
             who, label = causes[0]
-            return f"{who} establishes" + (f", if {guard_text(label)}" if label else "")
-        return listed([who + (f" if {guard_text(label)}" if label else "") for who, label in causes]) + " establish"
+            return f"{who} establishes" + (f", if {model.guard_text(label)}" if label else "")
+        return (
+            listed([who + (f" if {model.guard_text(label)}" if label else "") for who, label in causes]) + " establish"
+        )
 
     def _after(self, event: str, other: str) -> bool:
         """Whether the plan puts an event later than another, whenever it has it."""
-        return event != other and other in reachable(self._before, event)
+        return event != other and other in model.reachable(self._before, event)
 
     def _name_ends_of_activities(self) -> None:
         ends: dict[str, list[str]] = {}
@@ -149,19 +137,19 @@ class Wording:
     def _name_ends_of_plan(self) -> None:
         """An event that is before all others, or after them, but for the initial state and the goal."""
         graph = self._order()
-        inner = set(graph) - {INITIAL, GOAL}
-        following = {event: set().union(*(reachable(graph, each) for each in graph[event])) for event in graph}
+        inner = set(graph) - {model.INITIAL, model.GOAL}
+        following = {event: set().union(*(model.reachable(graph, each) for each in graph[event])) for event in graph}
         if len(inner) < 2 or any(event in following[event] for event in graph):
             return
         for event in inner:
             before, after = {each for each in graph if event in following[each]}, following[event]
-            if before <= {INITIAL} and after >= inner - {event}:
+            if before <= {model.INITIAL} and after >= inner - {event}:
                 self._names.setdefault(event, f"the beginning ({event})")
-            if after <= {GOAL} and before >= inner - {event}:
+            if after <= {model.GOAL} and before >= inner - {event}:
                 self._names.setdefault(event, f"the end ({event})")
 
 
-def durations(activities: Iterable[Activity], *, upper: bool = False) -> str:
+def durations(activities: Iterable[model.Activity], *, upper: bool = False) -> str:
     """`(get human mug) takes at least 0.5, (pour-coffee human) 0.2`."""
 
     verb = f"takes at {'most' if upper else 'least'} "
@@ -218,7 +206,7 @@ class Fact:
     kind: About
     text: str
     formula: Formula = field(compare=False, repr=False)
-    activity: Activity | None = field(default=None, compare=False)
+    activity: model.Activity | None = field(default=None, compare=False)
     """Of a least duration: whose it is."""
     limit: Fraction | None = field(default=None, compare=False)
     """Of an upper bound of the plan that is not a duration: how much."""
@@ -247,7 +235,7 @@ class Situation:
         self._plan = progress.plan
         self._terms = self.semantics.terms
         self._happened = [
-            *reversed(self.assignments(About.CHOICE, (Assignment(*each) for each in progress.chosen.items()))),
+            *reversed(self.assignments(About.CHOICE, (model.Assignment(*each) for each in progress.chosen.items()))),
             self._time(),
             *self._broken(),
             *reversed(list(self._events())),
@@ -259,7 +247,7 @@ class Situation:
 
     # -- hypotheses --------------------------------------------------------------------------------------------------
 
-    def assignments(self, kind: About, assignments: Iterable[Assignment]) -> list[Fact]:
+    def assignments(self, kind: About, assignments: Iterable[model.Assignment]) -> list[Fact]:
         """That choices are so."""
         suffix = ", if it were so" if kind is About.ASSUMPTION else ""
         return [Fact(kind, f"{each}{suffix}", self.semantics.guard(frozenset({each}))) for each in assignments]
@@ -273,7 +261,7 @@ class Situation:
 
     def unreported(self) -> list[Fact]:
         """That what is for others to report comes later than now."""
-        later = Polynomial.constant(self.progress.now + self._plan.separation)
+        later = self.progress.now + self._plan.separation
         return [
             Fact(About.REPORT, f"{self.wording.event(event)} is not reported yet", self._terms.conjunction(formulas))
             for event in self.progress.pending
@@ -400,19 +388,19 @@ class Situation:
     def _merely_orders(self, lower: Fraction) -> bool:
         return 0 <= lower <= self._plan.separation
 
-    def _apart(self, constraint: Constraint, bound: Fraction, *, least: bool) -> Formula:
+    def _apart(self, constraint: model.Constraint, bound: Fraction, *, least: bool) -> Formula:
         """That the events are at least, or at most, so far apart."""
         semantics = self.semantics
-        difference = semantics.time_of(constraint.target) - semantics.time_of(constraint.source) - bound
+        difference = semantics.difference(constraint.source, constraint.target) - bound
         return semantics.unless(constraint.guard, self._terms.at_least(difference if least else -difference))
 
     # -- what has happened -------------------------------------------------------------------------------------------
 
     def _time(self) -> Fact:
         """It is enough to say so of all pending events."""
-        now = Polynomial.constant(self.progress.now)
+        now = self.progress.now
         later = (self.semantics.not_earlier(event, now) for event in self.progress.pending)
-        return Fact(About.TIME, f"it is {format_number(self.progress.now)} already", self._terms.conjunction(later))
+        return Fact(About.TIME, f"it is {format_number(now)} already", self._terms.conjunction(later))
 
     def _broken(self) -> Iterator[Fact]:
         for effect, condition in sorted(self.progress.void, key=str):
@@ -428,7 +416,7 @@ class Situation:
 
 
 def conflict(
-    progress: Progress, environment: Guard = ALWAYS, *, solver: str = "z3", deadline: Deadline = NEVER
+    progress: Progress, environment: model.Guard = model.ALWAYS, *, solver: str = "z3", deadline: Deadline = NEVER
 ) -> tuple[Fact, ...] | None:
     """Why no correct execution continues what has happened in an environment; None if one does.
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, TypeAlias
 from robust.codec import plain
 from robust.errors import InputError, did_you_mean
 from robust.numbers import format_number
-from robust.pike_bridge.model import Activity, Assignment, may_produce, starts_with
+from robust.pike_bridge.model import Activity, Assignment, check_choice, may_produce, starts_with
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import OF_PLAN, About, Fact, Situation, durations, listed
 from robust.pike_bridge.online.progress import Chosen, Decision, Dispatched, Excluded, Executed, Failed
@@ -85,7 +85,7 @@ class Support:
     """When it is established."""
 
 
-class Reason:
+class Explanation:
     """An answer; its `text` tells it."""
 
     __slots__ = ()
@@ -94,8 +94,12 @@ class Reason:
     """What of it is in JSON."""
 
     @property
-    def text(self) -> str:
+    def lines(self) -> tuple[str, ...]:
         raise NotImplementedError
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
 
     def as_dict(self) -> dict[str, Any]:
         """A reason of `robust/pike-run/1`."""
@@ -103,7 +107,7 @@ class Reason:
 
 
 @dataclass(frozen=True, slots=True)
-class WhyExecuted(Reason):
+class WhyExecuted(Explanation):
     """Why an event was, or may be, executed: a continuation in which it is, and what it is good for there.
 
     Attributes:
@@ -134,12 +138,12 @@ class WhyExecuted(Reason):
         return tuple(found)
 
     @property
-    def text(self) -> str:
-        return "; ".join(self.parts) or f"nothing speaks against {self.name}"
+    def lines(self) -> tuple[str, ...]:
+        return ("; ".join(self.parts) or f"nothing speaks against {self.name}",)
 
 
 @dataclass(frozen=True, slots=True)
-class WhyChosen(Reason):
+class WhyChosen(Explanation):
     """Why a choice has a value, or must have it.
 
     Attributes:
@@ -162,7 +166,7 @@ class WhyChosen(Reason):
     @property
     def excluding(self) -> tuple[str, ...]:
         """Why it has no other value."""
-        return tuple(line for value, clash in self.impossible.items() for line in clash.under(f"not {value}"))
+        return _excluding(self.impossible)
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -174,12 +178,12 @@ class WhyChosen(Reason):
         return tuple(found)
 
     @property
-    def text(self) -> str:
-        return "\n".join((*self.excluding, "; ".join(self.parts)) if self.parts else self.excluding)
+    def lines(self) -> tuple[str, ...]:
+        return (*self.excluding, "; ".join(self.parts)) if self.parts else self.excluding
 
 
 @dataclass(frozen=True, slots=True)
-class WhyExcluded(Reason):
+class WhyExcluded(Explanation):
     """What values of open choices an act leaves impossible, each with what contradicts it then.
 
     Attributes:
@@ -197,11 +201,7 @@ class WhyExcluded(Reason):
 
     @property
     def lines(self) -> tuple[str, ...]:
-        return tuple(line for values, clash in self.impossible.items() for line in clash.under(f"not {values}"))
-
-    @property
-    def text(self) -> str:
-        return "\n".join(self.lines)
+        return _excluding(self.impossible)
 
 
 class Obstacle(VerdictEnum):
@@ -218,7 +218,7 @@ class Obstacle(VerdictEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class WhyNot(Reason, NoTruthValue, ask="obstacle"):
+class WhyNot(Explanation, NoTruthValue, ask="obstacle"):
     """Why an event is not executed now, a choice has not a value, or no correct execution is left.
 
     Attributes:
@@ -243,10 +243,6 @@ class WhyNot(Reason, NoTruthValue, ask="obstacle"):
     def lines(self) -> tuple[str, ...]:
         return (self.reason,) if self.conflict is None else self.conflict.under(self.reason)
 
-    @property
-    def text(self) -> str:
-        return "\n".join(self.lines)
-
 
 def answer(value: object) -> Any:
     """A part of a reason for JSON; continuations are in the order of time."""
@@ -260,6 +256,11 @@ def answer(value: object) -> Any:
             return {key: answer(each) for key, each in value.items()}
         case _:
             return plain(value)
+
+
+def _excluding(impossible: Mapping[str, Clash]) -> tuple[str, ...]:
+    """What contradicts each of the values."""
+    return tuple(line for values, clash in impossible.items() for line in clash.under(f"not {values}"))
 
 
 def _served(supports: tuple[Support, ...]) -> list[str]:
@@ -281,7 +282,7 @@ Question: TypeAlias = str | Assignment
 """An event by its name, or a choice with a value."""
 
 
-def why(executive: PlanExecutive, question: Question, *, solver: str = "z3", deadline: Deadline = NEVER) -> Reason:
+def why(executive: PlanExecutive, question: Question, *, solver: str = "z3", deadline: Deadline = NEVER) -> Explanation:
     """Why an event is executed, or may be, or a choice has a value, as far as the facts of now tell.
 
     What is not so, and cannot be now, is answered as by :func:`why_not`.
@@ -342,11 +343,7 @@ class Inquiry(Situation):
         """InputError if a question is about something that the plan does not have."""
         guards, domains = self.progress.structure.guards, self._plan.network.domains
         if isinstance(question, Assignment):
-            if question.variable not in domains:
-                raise InputError(f"unknown choice {question.variable}{did_you_mean(question.variable, domains)}")
-            if question.value not in domains[question.variable]:
-                expected = ", ".join(domains[question.variable])
-                raise InputError(f"{question.variable} has no value {question.value}; expected one of {expected}")
+            check_choice(domains, *question)
         elif question not in guards:
             raise InputError(f"unknown event {question}{did_you_mean(question, guards)}")
 
@@ -441,10 +438,10 @@ class Inquiry(Situation):
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        reasons: list[Reason | None] = []
+        reasons: list[Explanation | None] = []
         event = ""
         for decision in decisions:
-            reason: Reason | None = None
+            reason: Explanation | None = None
             match decision:
                 case Executed():
                     event = decision.event
@@ -637,5 +634,5 @@ class StepReasons:
     """
 
     continuation: Execution | None = None
-    decisions: tuple[Reason | None, ...] = ()
-    inferences: Mapping[str, Reason] = field(default_factory=dict)
+    decisions: tuple[Explanation | None, ...] = ()
+    inferences: Mapping[str, Explanation] = field(default_factory=dict)

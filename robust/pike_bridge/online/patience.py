@@ -30,9 +30,8 @@ from typing import NamedTuple
 from robust.numbers import format_number
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, contradicts, guard_text
 from robust.pike_bridge.online.progress import Excluded, Progress
-from robust.pike_bridge.online.reasoner import agrees
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.semantics import Execution
+from robust.pike_bridge.semantics import Execution, holds
 from robust.smt.limits import NEVER, Deadline
 
 JOINT = 64
@@ -46,7 +45,7 @@ _NAMED = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Act:
+class DueAct:
     """An event that is to be executed now, with values of the choices made there; what that excludes, if anything."""
 
     event: str
@@ -76,7 +75,7 @@ class Patience:
 
     Args:
         progress: what has happened, which others keep up to date.
-        margin: how long before the last moment waiting ends.
+        margin: how long before the last moment waiting ends; None: nothing is waited for [PIKE §3].
         reasoner: is asked; if not given, one is made when there is something to ask.
         solver: of that reasoner.
         deadline: questions raise OutOfTimeError if it passes.
@@ -88,13 +87,14 @@ class Patience:
     def __init__(
         self,
         progress: Progress,
-        margin: Fraction,
+        margin: Fraction | None,
         *,
         reasoner: SemanticReasoner | None = None,
         solver: str = "z3",
         deadline: Deadline = NEVER,
     ) -> None:
-        self.margin = margin
+        self.margin = margin or Fraction(0)
+        self._eager = margin is None
         self.withheld: frozenset[str] = frozenset()
         self.alarm: Fraction | None = None
         self._progress = progress
@@ -116,7 +116,7 @@ class Patience:
         self._excluding[1].clear()
         self._ceiling = (None, None)
 
-    def decide(self, executable: Iterable[str], alternatives: Mapping[str, Sequence[str]]) -> Act | None:
+    def decide(self, executable: Iterable[str], alternatives: Mapping[str, Sequence[str]]) -> DueAct | None:
         """What to do now; None: nothing.
 
         Args:
@@ -131,9 +131,9 @@ class Patience:
         first = next(candidates, None)
         if first is None:
             return None
-        waiting = openings(self._progress)
+        waiting = [] if self._eager else openings(self._progress)
         if not waiting:
-            return Act(first)
+            return DueAct(first)
         self._forget()
         self._remember(self._asked.witness)
         everything = kept = self._kept(waiting)
@@ -143,7 +143,7 @@ class Patience:
             acts[event] = list(self._values(event, alternatives))
             values = self._free(event, acts[event], kept)
             if values is not None:
-                return Act(event, values)
+                return DueAct(event, values)
         while True:
             events = self._reached([each.event for each in waiting], acts)
             reached = [each for each in waiting if each.event in events]
@@ -213,13 +213,10 @@ class Patience:
         """Whether a known continuation answers :meth:`_find`."""
         progress = self._progress
         return any(
-            agrees(environment, each.scenario)
+            holds(environment, each.scenario)
             and (
                 event is None
-                or (
-                    each.schedule.get(event) == progress.now
-                    and not any(agrees(label, each.scenario) for label in progress.external(event))
-                )
+                or (each.schedule.get(event) == progress.now and not progress.theirs(event, each.scenario))
             )
             for each in self._found
         )
@@ -233,7 +230,7 @@ class Patience:
 
     # -- waiting -----------------------------------------------------------------------------------------------------
 
-    def _at_last(self, acts: Mapping[str, list[Guard]], kept: list[Intent], everything: list[Intent]) -> Act | None:
+    def _at_last(self, acts: Mapping[str, list[Guard]], kept: list[Intent], everything: list[Intent]) -> DueAct | None:
         """Wait, unless that loses more than an act does."""
         now, progress, withheld = self._progress.now, self._progress, frozenset(acts)
         moment = (withheld, frozenset(kept), len(progress.times), len(progress.chosen))
@@ -285,7 +282,7 @@ class Patience:
     def _wait(self, intent: Intent, others: frozenset[str], moment: Fraction) -> Fraction | None:
         """A time until which an intent and other events can wait: after a moment, if they can wait that long."""
         events = intent.events | others
-        agreeing = (each for each in reversed(self._found) if agrees(intent.guard, each.scenario))
+        agreeing = (each for each in reversed(self._found) if holds(intent.guard, each.scenario))
         for each in islice(agreeing, _LOOKED_AT):
             wait = self._asked.wait(each, events)
             if wait is None or wait > moment:
@@ -310,7 +307,7 @@ class Patience:
         """Whether an event happens before each of those that are withheld in a known continuation."""
         guard = self._progress.structure.guards[event]
         for each in self._found:
-            if agrees(guard, each.scenario):
+            if holds(guard, each.scenario):
                 moment = each.schedule[event]
                 if all(each.schedule[other] > moment for other in withheld if other in each.schedule):
                     return True
@@ -339,7 +336,7 @@ class Patience:
 
     def _announced(
         self, act: tuple[str, Guard], everything: Sequence[Intent], spared: Sequence[Guard], reason: str
-    ) -> Act:
+    ) -> DueAct:
         """An act with what it excludes, and what is spared by it."""
         event, values = act
         lost = [each.values for each in everything if not self._keeps(each.guard, event, values)]
@@ -352,7 +349,7 @@ class Patience:
         joint = [each for each in lost if not any(one <= each for one in single)]
         told = tuple(guard_text(each) for each in (*single, *dict.fromkeys(joint)))
         kept = tuple(guard_text(each) for each in spared)
-        return Act(event, values, Excluded(event, self._progress.now, told, kept, reason) if told else None)
+        return DueAct(event, values, Excluded(event, self._progress.now, told, kept, reason) if told else None)
 
     def _undecided(self, everything: Sequence[Intent], waiting: Sequence[Opening]) -> str:
         names = {each.variable for intent in everything for each in intent.values} - {each.name for each in waiting}
@@ -386,11 +383,7 @@ class Patience:
             and all(execution.scenario[name] == value for name, value in progress.chosen.items())
             and all(execution.schedule.get(event) == time for event, time in progress.times.items())
             and all(
-                time >= later
-                or (
-                    time >= progress.now
-                    and not any(agrees(label, execution.scenario) for label in progress.external(event))
-                )
+                time >= later or (time >= progress.now and not progress.theirs(event, execution.scenario))
                 for event, time in execution.schedule.items()
                 if event in progress.pending
             )

@@ -7,24 +7,13 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from math import gcd, lcm
 from typing import TypeAlias
 
 from robust.errors import InputError, Location
 from robust.json_text import JsonTypes, Tagged, named
 from robust.numbers import shorten
-from robust.pike_bridge.model import (
-    ALWAYS,
-    Assignment,
-    Condition,
-    Constraint,
-    Effect,
-    Guard,
-    Literal,
-    TeamPlan,
-    may_produce,
-    reachable,
-)
+from robust.pike_bridge import model
+from robust.pike_bridge.semantics import holds
 from robust.plan.model import Atom
 
 
@@ -151,7 +140,7 @@ class Succeeded(Tagged):
     """Every activated event has been executed, correctly."""
 
     time: Fraction
-    scenario: tuple[Assignment, ...] = field(default=(), metadata=named("choices"))
+    scenario: tuple[model.Assignment, ...] = field(default=(), metadata=named("choices"))
     """What was chosen, by whomever."""
 
 
@@ -183,12 +172,12 @@ class Progress:
     `pending` holds the events that may still be executed, in the order of the plan.
     """
 
-    plan: TeamPlan
+    plan: model.TeamPlan
     now: Fraction = Fraction(0)
     times: dict[str, Fraction] = field(default_factory=dict)
     chosen: dict[str, str] = field(default_factory=dict)
     """Choices that were made or observed."""
-    void: set[tuple[Effect, Condition]] = field(default_factory=set)
+    void: set[tuple[model.Effect, model.Condition]] = field(default_factory=set)
     """Effects that do not support conditions any more: broken causal links."""
     reported: set[str] = field(default_factory=set)
     """Events that the world has decided. What has an earlier time is before them, even by less than ε, because it is
@@ -227,23 +216,27 @@ class Progress:
         """What all bounds of the plan and its ε are multiples of: so are the times at which anything changes."""
         return self.structure.grid
 
-    def compatible(self, guard: Guard) -> bool:
+    def compatible(self, guard: model.Guard) -> bool:
         """Whether no choice is known to be otherwise."""
         return all(self.chosen.get(variable, value) == value for variable, value in guard)
 
-    def certain(self, guard: Guard, given: Guard = ALWAYS) -> bool:
+    def certain(self, guard: model.Guard, given: model.Guard = model.ALWAYS) -> bool:
         """Whether the guard holds by what is known, and what is given."""
         return all(self.chosen.get(each.variable) == each.value or each in given for each in guard)
 
-    def external(self, event: str) -> list[Guard]:
+    def external(self, event: str) -> list[model.Guard]:
         """In which environments that are left the event is not ours to execute [PIKE §3, constraint 2].
 
         It is not at the end of an activity, which the world reports; and as long as an uncontrollable choice that is
         made there, or that its guard mentions, has not been observed.
         """
         if any(choice not in self.chosen for choice in self.structure.awaited[event]):
-            return [ALWAYS]
+            return [model.ALWAYS]
         return [label for label in self.structure.ends[event] if self.compatible(label)]
+
+    def theirs(self, event: str, scenario: Mapping[str, str]) -> bool:
+        """Whether the event is not the executive's to execute in a scenario."""
+        return any(holds(label, scenario) for label in self.external(event))
 
     def ours(self, event: str) -> bool:
         """Whether the executive may execute the event in some scenario."""
@@ -283,10 +276,10 @@ class Progress:
 class Structure:
     """What of a plan does not change while it is executed, indexed for execution."""
 
-    def __init__(self, plan: TeamPlan) -> None:
+    def __init__(self, plan: model.TeamPlan) -> None:
         network = plan.network
-        self.guards: dict[str, Guard] = network.guards
-        self.incoming: dict[str, list[Constraint]] = {event.name: [] for event in network.events}
+        self.guards: dict[str, model.Guard] = network.guards
+        self.incoming: dict[str, list[model.Constraint]] = {event.name: [] for event in network.events}
         """Every bound on an event as a constraint whose target it is."""
         for constraint in network.temporal_constraints:
             self.incoming[constraint.target].append(constraint)
@@ -305,7 +298,7 @@ class Structure:
             )
             for name, guard in self.guards.items()
         }
-        self.ends: dict[str, list[Guard]] = {event.name: [] for event in network.events}
+        self.ends: dict[str, list[model.Guard]] = {event.name: [] for event in network.events}
         """The guards of the activities that end at each event."""
         for activity in network.activities:
             self.ends[activity.target].append(activity.guard)
@@ -313,13 +306,13 @@ class Structure:
         """Events that are executed no later than an event, whenever that is; no two are so for one another."""
         self.before = {event: tuple(self._earlier(event, above=True)) for event in self.guards}
         """Events that are executed strictly earlier than an event, whenever that is."""
-        self.grid: Fraction = _grid(plan)
+        self.grid: Fraction = model.common_measure((plan.separation, *network.bounds))
         """What ε and all bounds are multiples of, and so all times at which anything becomes possible or impossible, as
         long as the reported ones are."""
 
     def preceding(self, event: str) -> set[str]:
         """The event, and all that are executed no later than it, whenever it is."""
-        return reachable(self.not_before, event)
+        return model.reachable(self.not_before, event)
 
     def _earlier(self, event: str, *, above: bool) -> Iterator[str]:
         """Events that are put before an event, or at its time unless `above`, by single constraints, whenever it is."""
@@ -331,21 +324,14 @@ class Structure:
 
     def _not_before(self) -> dict[str, tuple[str, ...]]:
         earlier = {event: tuple(dict.fromkeys(self._earlier(event, above=False))) for event in self.guards}
-        known = {event: reachable(earlier, event) for event in self.guards}
+        known = {event: model.reachable(earlier, event) for event in self.guards}
         return {event: tuple(each for each in earlier[event] if event not in known[each]) for event in self.guards}
 
 
-def _grid(plan: TeamPlan) -> Fraction:
-    """The greatest number that ε, if it is not 0, and all bounds are multiples of."""
-    bounds = [bound for each in plan.network.temporal_constraints for bound in (each.lower, each.upper) if bound]
-    denominator = lcm(plan.separation.denominator, *(bound.denominator for bound in bounds))
-    return Fraction(gcd(*(int(each * denominator) for each in (plan.separation, *bounds))), denominator)
-
-
-def _reversed(constraint: Constraint) -> Constraint:
+def _reversed(constraint: model.Constraint) -> model.Constraint:
     lower = None if constraint.upper is None else -constraint.upper
     upper = None if constraint.lower is None else -constraint.lower
-    return Constraint(constraint.target, constraint.source, lower, upper, constraint.guard)
+    return model.Constraint(constraint.target, constraint.source, lower, upper, constraint.guard)
 
 
 class Monitor:
@@ -353,15 +339,15 @@ class Monitor:
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
-        self._effects: dict[str, list[Effect]] = defaultdict(list)
+        self._effects: dict[str, list[model.Effect]] = defaultdict(list)
         for effect in progress.plan.effects:
             self._effects[effect.event].append(effect)
-        self._conditions: dict[Literal, list[Condition]] = defaultdict(list)
+        self._conditions: dict[model.Literal, list[model.Condition]] = defaultdict(list)
         for condition in progress.plan.conditions:
             self._conditions[condition.literal].append(condition)
-        self._latest: dict[Atom, Effect] = {}
-        self._producers: dict[Literal, list[Effect]] = defaultdict(list)
-        self._broken: set[Effect] = set()
+        self._latest: dict[Atom, model.Effect] = {}
+        self._producers: dict[model.Literal, list[model.Effect]] = defaultdict(list)
+        self._broken: set[model.Effect] = set()
 
     def executed(self, event: str) -> None:
         """Its effects are what is expected of their atoms from now on."""
@@ -371,7 +357,7 @@ class Monitor:
             self._latest[effect.literal.atom] = effect
             self._producers[effect.literal].append(effect)
 
-    def compare(self, estimate: Estimate) -> Iterator[tuple[Violated, list[tuple[Effect, Condition]]]]:
+    def compare(self, estimate: Estimate) -> Iterator[tuple[Violated, list[tuple[model.Effect, model.Condition]]]]:
         """Each expectation that is contradicted and that a later condition may rely on, and the links that break."""
         for atom, effect in list(self._latest.items()):
             if effect not in self._broken and self._contradicts(estimate, atom, effect.literal.positive):
@@ -389,13 +375,13 @@ class Monitor:
             return atom in estimate.false or (estimate.complete and atom not in estimate.true)
         return atom in estimate.true
 
-    def _relying(self, effect: Effect) -> Iterator[Condition]:
+    def _relying(self, effect: model.Effect) -> Iterator[model.Condition]:
         for condition in self._conditions[effect.literal]:
             open_still = condition.last in self._progress.pending and self._progress.compatible(condition.guard)
-            if open_still and may_produce(effect, condition):
+            if open_still and model.may_produce(effect, condition):
                 yield condition
 
-    def _announcement(self, effect: Effect, conditions: Iterable[Condition]) -> Violated:
+    def _announcement(self, effect: model.Effect, conditions: Iterable[model.Condition]) -> Violated:
         activities = self._progress.plan.network.activities
         consumers = (
             "the goal" if condition.activity is None else activities[condition.activity].action

@@ -8,36 +8,23 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import NamedTuple
 
 from robust.backends import SMT
 from robust.errors import InputError, did_you_mean
+from robust.pike_bridge import model
 from robust.pike_bridge.compile import Compilation, Compiling, Temporal
+from robust.pike_bridge.knowledge import knowledge_bases
 from robust.pike_bridge.knowledge.interface import Commitment, Exclude, Require
-from robust.pike_bridge.model import (
-    Condition,
-    Effect,
-    Environment,
-    Guard,
-    TeamPlan,
-    Tpnu,
-    Vocabulary,
-    entails,
-    may_produce,
-)
-from robust.pike_bridge.online import reasoner_names
 from robust.pike_bridge.online.progress import Progress
-from robust.pike_bridge.online.reasoner import News, Reasoner
-from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.online.semantic import News, Reasoner, SemanticReasoner
 from robust.pike_bridge.temporal.distance_graph import LabeledValueSet
 from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
 from robust.pike_bridge.temporal.schedule import most_general
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.terms import Terms
-
-__all__ = ["CompiledReasoners", "make_reasoner", "reasoner_names", "without_states"]
 
 
 class ExecutionFacts:
@@ -49,12 +36,12 @@ class ExecutionFacts:
     def __init__(self, compilation: Compilation, progress: Progress) -> None:
         self._progress = progress
         self.knowledge = compilation.knowledge
-        self.vocabulary = Vocabulary(compilation.augmented.network.domains)
-        self.known: Environment = 0
+        self.vocabulary = model.Vocabulary(compilation.augmented.network.domains)
+        self.known: model.Environment = 0
         """All assignments that hold by what has happened."""
-        self._conflicts: list[Environment] = []
+        self._conflicts: list[model.Environment] = []
         self._waiting: list[Commitment] = []
-        self._links: dict[tuple[str, Guard], list[tuple[Condition, Environment]]] = {}
+        self._links: dict[tuple[str, model.Guard], list[tuple[model.Condition, model.Environment]]] = {}
         for link in compilation.augmented.links:
             # A condition without support variable has this support only, so that it cannot be met at all.
             chosen = self.vocabulary.encode(link.selection | link.consumer.guard)
@@ -66,21 +53,21 @@ class ExecutionFacts:
         guards = self._progress.structure.guards
         environment = news.chosen.union(*(guards[event] for event in news.times))
         encoded = self.vocabulary.encode(environment)
-        if not entails(self.known, encoded):
+        if not model.entails(self.known, encoded):
             self.known |= encoded
             self._waiting.append(Require(environment))
         for effect, condition in news.void:
             self._void(effect, condition)
 
-    def exclude(self, labels: Iterable[Environment]) -> None:
+    def exclude(self, labels: Iterable[model.Environment]) -> None:
         """None of the environments holds."""
         for label in labels:
-            if self.possible(label) and not any(entails(label, each) for each in self._conflicts):
-                self._conflicts = [each for each in self._conflicts if not entails(each, label)]
+            if self.possible(label) and not any(model.entails(label, each) for each in self._conflicts):
+                self._conflicts = [each for each in self._conflicts if not model.entails(each, label)]
                 self._conflicts.append(label)
                 self._waiting.append(Exclude(self.vocabulary.decode(label)))
 
-    def possible(self, environment: Environment) -> bool:
+    def possible(self, environment: model.Environment) -> bool:
         """Whether the assignments that are known do not contradict the environment."""
         return self.vocabulary.consistent(self.known | environment)
 
@@ -94,35 +81,35 @@ class ExecutionFacts:
             self.knowledge.commit(self._waiting, deadline)
             self._waiting = []
 
-    def excluding(self, labels: Iterable[Environment], given: Environment) -> list[Commitment] | None:
+    def excluding(self, labels: Iterable[model.Environment], given: model.Environment) -> list[Commitment] | None:
         """As commitments that none of the labels holds, when `given` does; None if that cannot be."""
         whole = self.known | given
         left = (label & ~whole & self.vocabulary.made for label in labels if self.vocabulary.consistent(whole | label))
         general = most_general(sorted(left, key=int.bit_count))
         return None if 0 in general else [Exclude(self.vocabulary.decode(label)) for label in general]
 
-    def external(self, event: str) -> list[Environment]:
+    def external(self, event: str) -> list[model.Environment]:
         """In which environments an event is not the executive's to execute."""
         return [self.vocabulary.encode(label) for label in self._progress.external(event)]
 
-    def _void(self, effect: Effect, condition: Condition) -> None:
+    def _void(self, effect: model.Effect, condition: model.Condition) -> None:
         """A link is broken once no effect at its event, of the same guard, supports the condition."""
         alike = [
             each
             for each in self._progress.plan.effects
-            if (each.event, each.guard) == (effect.event, effect.guard) and may_produce(each, condition)
+            if (each.event, each.guard) == (effect.event, effect.guard) and model.may_produce(each, condition)
         ]
         if all((each, condition) in self._progress.void for each in alike):
             links = self._links.get((effect.event, effect.guard), ())
             self.exclude(chosen for each, chosen in links if each == condition)
 
 
-class Reach(NamedTuple):
+class LabeledReach(NamedTuple):
     """A labeled distance to or from an event; the label is without the guards of both ends."""
 
     event: str
     distance: Fraction
-    label: Environment
+    label: model.Environment
 
 
 class LabeledWindows:
@@ -133,14 +120,14 @@ class LabeledWindows:
     deadline passes first.
     """
 
-    def __init__(self, network: Tpnu, distances: LabeledDistances, deadline: Deadline) -> None:
-        self.vocabulary: Vocabulary = distances.vocabulary
-        self.guards: Mapping[str, Environment] = {
+    def __init__(self, network: model.Tpnu, distances: LabeledDistances, deadline: Deadline) -> None:
+        self.vocabulary: model.Vocabulary = distances.vocabulary
+        self.guards: Mapping[str, model.Environment] = {
             event.name: self.vocabulary.encode(event.guard) for event in network.events
         }
-        self.after: dict[str, list[Reach]] = {event: [] for event in self.guards}
+        self.after: dict[str, list[LabeledReach]] = {event: [] for event in self.guards}
         """D(event, other) for every other event."""
-        self._before: dict[str, list[Reach]] = {event: [] for event in self.guards}
+        self._before: dict[str, list[LabeledReach]] = {event: [] for event in self.guards}
         """D(other, event) for every other event."""
         self.lower = {event: LabeledValueSet[Fraction](self.vocabulary) for event in self.guards}
         """(−l, φ): in φ, the event is at l or later."""
@@ -150,10 +137,10 @@ class LabeledWindows:
             deadline.enforce()
             for target in self.guards:
                 for distance, label in distances.labeled(source, target) if source != target else ():
-                    self.after[source].append(Reach(target, distance, label))
-                    self._before[target].append(Reach(source, distance, label))
+                    self.after[source].append(LabeledReach(target, distance, label))
+                    self._before[target].append(LabeledReach(source, distance, label))
 
-    def executed(self, event: str, time: Fraction, known: Environment) -> None:
+    def executed(self, event: str, time: Fraction, known: model.Environment) -> None:
         """Propagate a time to the windows of all other events [PIKE, Equation 1]; what is known not to be is left out.
 
         `known` says which assignments hold for certain; labels are kept without them.
@@ -165,11 +152,11 @@ class LabeledWindows:
                 if window is not None and self.vocabulary.consistent(label | known):
                     window.add(sign * time + distance, label & ~known)
 
-    def missed(self, event: str, now: Fraction) -> Iterator[Environment]:
+    def missed(self, event: str, now: Fraction) -> Iterator[model.Environment]:
         """Where the event would have had to be executed before now [PIKE, Algorithm 1, line 6]."""
         return (label | self.guards[event] for bound, label in self.upper[event] if bound < now)
 
-    def early(self, event: str, now: Fraction) -> Iterator[Environment]:
+    def early(self, event: str, now: Fraction) -> Iterator[model.Environment]:
         """Where the event must not be executed yet [PIKE §3, constraint 3]."""
         return (label | self.guards[event] for bound, label in self.lower[event] if -bound > now)
 
@@ -211,7 +198,7 @@ class WindowReasoner(Reasoner):
             return self._instead.executable(event, deadline)
         return self._executable_at(event, self.progress.now, deadline)
 
-    def could(self, environment: Guard, deadline: Deadline) -> bool:
+    def could(self, environment: model.Guard, deadline: Deadline) -> bool:
         self.catch_up()
         if self._instead is not None:
             return self._instead.could(environment, deadline)
@@ -263,7 +250,7 @@ class WindowReasoner(Reasoner):
             return False
         return self._ask([Require(self.progress.structure.guards[event]), *excluded], deadline)
 
-    def _required(self, event: str, moment: Fraction) -> Iterator[Environment]:
+    def _required(self, event: str, moment: Fraction) -> Iterator[model.Environment]:
         """GetConstraintsRequiredToExecute: what must not hold [PIKE §3, constraints 2 to 6]."""
         yield from self._facts.external(event)
         yield from self._windows.early(event, moment)
@@ -285,7 +272,7 @@ class WindowReasoner(Reasoner):
                 else:
                     yield from (whole | each for each in theirs.get(other, ()))
 
-    def _missed(self, moment: Fraction) -> Iterator[Environment]:
+    def _missed(self, moment: Fraction) -> Iterator[model.Environment]:
         for event in self.progress.pending:
             yield from self._windows.missed(event, moment)
 
@@ -294,34 +281,9 @@ class WindowReasoner(Reasoner):
         return self._facts.knowledge.could_commit(commitments, deadline)
 
 
-@dataclass
-class CompiledReasoners:
-    """Makes reasoners that compile the plan first, each anew, because executions narrow what is compiled.
-
-    Args:
-        backend: the name of a knowledge base.
-        solver: `z3` or `cvc5`, for what is asked of solvers.
-        deadline: for compiling.
-
-    Making a reasoner raises OutOfTimeError if the deadline passes, and InputError if the back end or the solver is
-    unknown; afterwards `compilation` and `seconds` are those of the last one.
-    """
-
-    backend: str
-    solver: str = "z3"
-    deadline: Deadline = NEVER
-    compilation: Compilation | None = None
-    seconds: Mapping[str, float] = field(default_factory=dict)
-    """By stage: those of :class:`~robust.pike_bridge.compile.Compiling`, and windows."""
-
-    def __call__(self, progress: Progress) -> Reasoner:
-        compiling = Compiling(
-            progress.plan, self.backend, temporal=Temporal.APSP, solver=self.solver, deadline=self.deadline
-        )
-        self.seconds = compiling.seconds
-        self.compilation = compiling.compile()
-        with compiling.stage("windows"):
-            return WindowReasoner(progress, self.compilation, self.deadline, self.solver)
+def reasoner_names() -> tuple[str, ...]:
+    """What :func:`make_reasoner` knows: `smt`, and what windows ask."""
+    return (SMT, *knowledge_bases())
 
 
 def make_reasoner(name: str, *, solver: str = "z3", deadline: Deadline = NEVER) -> Callable[[Progress], Reasoner]:
@@ -329,8 +291,8 @@ def make_reasoner(name: str, *, solver: str = "z3", deadline: Deadline = NEVER) 
 
     Args:
         name: one of :func:`reasoner_names`: `smt` asks the semantic oracle's formula, and compiles nothing; with the
-            name of a knowledge base it is that of the paper, as :class:`CompiledReasoners` makes it. Both decide the
-            same.
+            name of a knowledge base it is that of the paper, which compiles the plan first, each time anew, because
+            executions narrow what is compiled. Both decide the same.
         solver: `z3` or `cvc5`, for what is asked of solvers.
         deadline: for what is compiled before; the reasoner is not made, with OutOfTimeError, if it passes.
 
@@ -339,13 +301,18 @@ def make_reasoner(name: str, *, solver: str = "z3", deadline: Deadline = NEVER) 
     """
     if name not in reasoner_names():
         raise InputError(f"unknown reasoner {name!r}{did_you_mean(name, reasoner_names())}")
-    if name != SMT:
-        return CompiledReasoners(name, solver=solver, deadline=deadline)
     terms = Terms()  # shared: executives that plan anew ask about one candidate after the other
-    return lambda progress: SemanticReasoner(progress, solver=solver, terms=terms)
+
+    def make(progress: Progress) -> Reasoner:
+        if name == SMT:
+            return SemanticReasoner(progress, solver=solver, terms=terms)
+        compiling = Compiling(progress.plan, name, temporal=Temporal.APSP, solver=solver, deadline=deadline)
+        return WindowReasoner(progress, compiling.compile(), deadline, solver)
+
+    return make
 
 
-def without_states(plan: TeamPlan) -> TeamPlan:
+def without_states(plan: model.TeamPlan) -> model.TeamPlan:
     """A plan as Drake sees it: choices and times, without what activities need, do or are to reach, so that there are
     no causal links and nothing to monitor [PIKE §1.2, §3; Conrad and Williams 2011].
     """

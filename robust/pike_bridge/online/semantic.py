@@ -1,25 +1,101 @@
-"""`smt`: an executive's questions put to the semantic oracle's formula; nothing is compiled.
+"""What an executive asks of its reasoning [PIKE, Algorithms 1 to 3], and `smt`: answers from the oracle's formula.
 
-One incremental solver is told what happens as it happens. It uses no labeled shortest paths, no causal links and no
-knowledge base, so that it is also what executives with those are held against.
+All reasoners mean the same by them. A *continuation* is a correct execution that agrees with all that has happened, and
+in which every pending event has the present time or a later one. An event is *executable* now if some continuation
+executes it now, in which whatever is not the executive's to execute comes later: what is not reported has not happened.
+Times are on the grid that the plan's bounds and its ε are on; "strictly before" is by ε at least.
+
+The semantic reasoner compiles nothing: one incremental solver is told what happens as it happens. It uses no labeled
+shortest paths, no causal links and no knowledge base, so that it is also what executives with those are held against.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass
 from fractions import Fraction
 from heapq import heappop, heappush
-from math import lcm
+from itertools import islice
+from math import ceil, floor, lcm
 
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import ALWAYS, Condition, Effect, Guard, guard
 from robust.pike_bridge.online.progress import Progress
-from robust.pike_bridge.online.reasoner import News, WitnessedReasoner
-from robust.pike_bridge.semantics import Execution, Semantics, holds
+from robust.pike_bridge.semantics import Execution, Semantics, Time, holds
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline
 from robust.smt.session import Session
 from robust.smt.terms import Formula, Terms
+
+
+@dataclass(frozen=True, slots=True)
+class News:
+    """What has happened since a reasoner was asked last."""
+
+    chosen: Guard
+    """Choices that were made or observed."""
+    times: Mapping[str, Fraction]
+    """Events that were executed, in their order."""
+    void: Set[tuple[Effect, Condition]]
+    """Effects that do not support conditions any more [PIKE §3, CheckActivatedCausalLinks]."""
+    later: bool
+    """Whether time has passed: windows may be missed [PIKE, Algorithm 1, line 6]."""
+
+
+class Reasoner(ABC):
+    """Answers about one execution. Its facts are in `progress`, where they only grow; each question looks for new ones.
+
+    Questions raise OutOfTimeError if their deadline passes, and change nothing then.
+    """
+
+    name: str
+
+    def __init__(self, progress: Progress) -> None:
+        self.progress = progress
+        self._seen: tuple[int, int, Set[tuple[Effect, Condition]], Fraction | None] = (0, 0, frozenset(), None)
+        """How many choices and events are known, which broken links, and the time."""
+
+    def catch_up(self) -> None:
+        """Learn what has happened; questions begin with it."""
+        progress, seen = self.progress, self._seen
+        self._seen = (len(progress.chosen), len(progress.times), frozenset(progress.void), progress.now)
+        if self._seen != seen:
+            choices, events, void, now = seen
+            chosen = guard(dict(islice(progress.chosen.items(), choices, None)))
+            times = dict(islice(progress.times.items(), events, None))
+            self._learn(News(chosen, times, progress.void - void, progress.now != now))
+
+    @abstractmethod
+    def _learn(self, news: News) -> None:
+        """Take note of what has happened."""
+
+    def possible(self, deadline: Deadline) -> bool:
+        """CorrectTeamPlanExists?: whether there is a continuation."""
+        return self.could(ALWAYS, deadline)
+
+    @abstractmethod
+    def executable(self, event: str, deadline: Deadline) -> bool:
+        """CanExecuteEventNow? [PIKE, Algorithm 2]."""
+
+    @abstractmethod
+    def could(self, environment: Guard, deadline: Deadline) -> bool:
+        """Whether there is a continuation in the environment."""
+
+    @abstractmethod
+    def next_time(self, deadline: Deadline) -> Fraction | None:
+        """A time from which on more may be executable or lost, though nothing happens before; None: never."""
+
+    def _opening(self, moment: Fraction) -> Fraction:
+        """When to look again if something is executable from a moment on."""
+        grid = self.progress.grid
+        return max(self.progress.now + grid, floor(moment / grid) * grid)
+
+    def _closing(self, moment: Fraction) -> Fraction:
+        """When to look again if nothing is possible after a moment."""
+        grid = self.progress.grid
+        return ceil(moment / grid) * grid + grid
+
 
 _FIRST = "first time"
 _BISECTION = 3
@@ -40,17 +116,12 @@ class OnlineSemantics(Semantics):
         theirs = (self.terms.negation(self.guard(label)) for label in self._progress.external(event))
         return self.terms.conjunction((self.guard(self._progress.structure.guards[event]), *theirs))
 
-    def not_earlier(self, event: str, moment: Polynomial[str], environment: Guard = ALWAYS) -> Formula:
-        """That the event, if it is activated in the environment, is at a moment or later."""
-        guard = self._progress.structure.guards[event] | environment
-        return self.unless(guard, self.terms.at_least(self._time(event) - moment))
-
-    def later(self, event: str, moment: Polynomial[str]) -> Formula:
+    def later(self, event: str, moment: Time) -> Formula:
         """That the event, if it is activated, is after a moment."""
         guard = self._progress.structure.guards[event]
-        return self.unless(guard, self.terms.greater(self._time(event) - moment))
+        return self.unless(guard, self.terms.greater(self.time_of(event) - moment))
 
-    def not_ours_before(self, event: str, moment: Polynomial[str]) -> list[Formula]:
+    def not_ours_before(self, event: str, moment: Time) -> list[Formula]:
         """That the event, wherever it is not the executive's to execute, is at a moment or later."""
         return [self.not_earlier(event, moment, label) for label in self._progress.external(event)]
 
@@ -118,18 +189,14 @@ class OnlineSemantics(Semantics):
         """That the effect does not support the condition."""
         return self._void.get((effect, condition), self.terms.true)
 
-    def time_of(self, event: str) -> Polynomial[str]:
-        """The event's time as an expression."""
-        return self._time(event)
-
     def _support(self, producer: Effect, threats: list[Effect], condition: Condition) -> Formula:
         broken = self._void[producer, condition] = self.terms.fresh_boolean(f"broken {len(self._void)} ")
         intact = self.terms.negation(broken)
         return self.terms.conjunction((intact, super()._support(producer, threats, condition)))
 
 
-class SemanticReasoner(WitnessedReasoner):
-    """Asks one solver session, which knows all that has happened by now.
+class SemanticReasoner(Reasoner):
+    """Asks one solver session, which knows all that has happened by now, what no known continuation answers.
 
     Args:
         terms: where formulas are built; reasoners about plans that are much alike are made faster if they share them.
@@ -142,6 +209,8 @@ class SemanticReasoner(WitnessedReasoner):
 
     def __init__(self, progress: Progress, *, solver: str = "z3", terms: Terms | None = None) -> None:
         super().__init__(progress)
+        self._witness: Execution | None = None
+        """A continuation, if one is known; choices that do not matter may be missing from it."""
         self._terms = terms or Terms()
         self._solver = solver
         self._begin()
@@ -158,7 +227,14 @@ class SemanticReasoner(WitnessedReasoner):
         self._session.add(*self._semantics.formulas)
 
     def _learn(self, news: News) -> None:
-        super()._learn(news)
+        witness, now = self._witness, self.progress.now
+        if witness is not None and (
+            news.void
+            or not holds(news.chosen, witness.scenario)
+            or any(witness.schedule.get(event) != time for event, time in news.times.items())
+            or (news.later and any(time < now for _, time in self._ahead(witness)))
+        ):
+            self._witness = None
         if self.progress.close(news.times):  # what was open about their order is known now
             self._begin()
             everything = guard(self.progress.chosen)
@@ -168,8 +244,29 @@ class SemanticReasoner(WitnessedReasoner):
         for event, time in news.times.items():
             self._session.add(semantics.guard(guards[event]), semantics.at(event, time))
         if news.later:  # no pending event is in the past; it is enough to say so of the frontier
-            now = Polynomial.constant(self.progress.now)
             self._session.add(*(semantics.not_earlier(event, now) for event in self.progress.frontier))
+
+    def executable(self, event: str, deadline: Deadline) -> bool:
+        self.catch_up()
+        now, ours = self.progress.now, self._semantics.ours(event)
+        if self._executes_at(event, now) or ours is self._terms.false:
+            return ours is not self._terms.false
+        return self._ask([ours, self._semantics.at(event, now), *self._unreported()], deadline)
+
+    def could(self, environment: Guard, deadline: Deadline) -> bool:
+        self.catch_up()
+        if self._witness is not None and holds(environment, self._witness.scenario):
+            return True
+        return self.progress.compatible(environment) and self._ask([self._semantics.guard(environment)], deadline)
+
+    def next_time(self, deadline: Deadline) -> Fraction | None:
+        """When something is executable first; if nothing is without a message, when it is too late for any."""
+        self.catch_up()
+        earliest = self._earliest_execution(deadline)
+        if earliest is not None:
+            return self._opening(earliest)
+        last = self.quiet_until(deadline)
+        return None if last is None else self._closing(last)
 
     def allows(self, moment: Fraction, environment: Guard, event: str | None, deadline: Deadline) -> bool:
         """Whether some continuation in the environment has nothing before a moment, and then the event, if given."""
@@ -268,8 +365,7 @@ class SemanticReasoner(WitnessedReasoner):
     ) -> Execution | None:
         """A continuation in the environment that has those of the events that it has after a moment; None without."""
         self.catch_up()
-        bound = Polynomial.constant(moment)
-        later = (self._semantics.later(each, bound) for each in sorted(events))
+        later = (self._semantics.later(each, moment) for each in sorted(events))
         return self._witness if self._ask([self._semantics.guard(environment), *later], deadline) else None
 
     def wait(self, continuation: Execution, events: Collection[str]) -> Fraction | None:
@@ -297,16 +393,22 @@ class SemanticReasoner(WitnessedReasoner):
     def _from(self, moment: Fraction, environment: Guard) -> Iterator[Formula]:
         yield self._semantics.guard(environment)
         for event in self.progress.frontier:
-            yield self._semantics.not_earlier(event, Polynomial.constant(moment))
+            yield self._semantics.not_earlier(event, moment)
 
-    def _find_continuation(self, environment: Guard, deadline: Deadline) -> bool:
-        return self._ask([self._semantics.guard(environment)], deadline)
-
-    def _find_execution(self, event: str, deadline: Deadline) -> bool:
-        ours = self._semantics.ours(event)
-        if ours is self._terms.false:
+    def _executes_at(self, event: str, moment: Fraction) -> bool:
+        """Whether the witness shows that an event would be executable at a moment, if it has nothing before."""
+        witness, progress = self._witness, self.progress
+        if witness is None or witness.schedule.get(event) != moment:
             return False
-        return self._ask([ours, self._semantics.at(event, self.progress.now), *self._unreported()], deadline)
+        later = moment + progress.plan.separation
+        return not any(
+            time < moment or progress.theirs(name, witness.scenario)
+            for name, time in self._ahead(witness)
+            if time < later
+        )
+
+    def _ahead(self, witness: Execution) -> list[tuple[str, Fraction]]:
+        return [(name, time) for name, time in witness.schedule.items() if name in self.progress.pending]
 
     def _ask(self, hypothesis: Iterable[Formula], deadline: Deadline) -> bool:
         with self._session.frame(*hypothesis):
@@ -323,10 +425,10 @@ class SemanticReasoner(WitnessedReasoner):
         progress = self.progress
         moment = (progress.now, len(progress.times), len(progress.chosen))
         if self._later[0] != moment:
-            self._later = (moment, list(self._externals_after(Polynomial.constant(progress.now))))
+            self._later = (moment, list(self._externals_after(progress.now)))
         return self._later[1]
 
-    def _externals_after(self, moment: Polynomial[str]) -> Iterator[Formula]:
+    def _externals_after(self, moment: Time) -> Iterator[Formula]:
         """That what is not the executive's to execute is later than a moment before which nothing pending is."""
         pending, before = self.progress.pending, self.progress.structure.before
         for event in pending:
@@ -334,14 +436,15 @@ class SemanticReasoner(WitnessedReasoner):
                 yield from self._semantics.not_ours_before(event, moment + self._epsilon)
 
     def _earliest_execution(self, deadline: Deadline, withheld: Collection[str] = ()) -> Fraction | None:
+        """The least time after now at which an event is executable if nothing happens before."""
         progress = self.progress
         candidates = [event for event in progress.frontier if progress.ours(event) and event not in withheld]
         if not candidates:
             return None
         soonest = progress.now + progress.grid
-        floor = max(soonest, min(progress.earliest(event) or soonest for event in candidates))
-        if any(self._executes_at(event, floor) for event in candidates):
-            return floor
+        first = max(soonest, min(progress.earliest(event) or soonest for event in candidates))
+        if any(self._executes_at(event, first) for event in candidates):
+            return first
         hypothesis = [
             self._terms.disjunction(
                 self._terms.conjunction(
@@ -351,22 +454,18 @@ class SemanticReasoner(WitnessedReasoner):
             ),
             *(self._semantics.not_earlier(event, self._first) for event in self.progress.frontier),
             *self._externals_after(self._first),
-            self._terms.at_least(self._first - floor),
+            self._terms.at_least(self._first - first),
         ]
         with self._session.frame(*hypothesis):
-            return self._best(floor, deadline, sign=1)
+            return self._best(first, deadline, sign=1)
 
     def quiet_until(self, deadline: Deadline) -> Fraction | None:
+        """The greatest time before which nothing need be executed; None if nothing ever need, or nothing is correct."""
         return self.latest(ALWAYS, list(self.progress.frontier), deadline) if self.possible(deadline) else None
 
     def _horizon(self) -> Fraction:
         """A time that no bound reaches which is made of the plan's numbers and the times so far."""
-        bounds = (
-            abs(bound)
-            for constraint in self.progress.plan.network.temporal_constraints
-            for bound in (constraint.lower, constraint.upper)
-            if bound is not None
-        )
+        bounds = map(abs, self.progress.plan.network.bounds)
         return self.progress.now + sum(bounds, self._epsilon * (len(self.progress.times) + 2))
 
     def _best(self, bound: Fraction, deadline: Deadline, sign: int) -> Fraction | None:
@@ -401,5 +500,4 @@ class SemanticReasoner(WitnessedReasoner):
 
     def _on_grid(self, time: Fraction, sign: int) -> Fraction:
         """The nearest time on the grid towards the bound, which is possible if the time is: bounds are on the grid."""
-        steps = time / self._grid
-        return (steps.__floor__() if sign > 0 else steps.__ceil__()) * self._grid
+        return (floor if sign > 0 else ceil)(time / self._grid) * self._grid

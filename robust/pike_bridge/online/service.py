@@ -16,18 +16,11 @@ from robust.errors import InputError, Location, did_you_mean
 from robust.json_text import Array, Tagged, parse_line
 from robust.numbers import shorten
 from robust.pike_bridge.compile import checked_assumptions
-from robust.pike_bridge.model import TeamPlan, guard
+from robust.pike_bridge.model import TeamPlan, check_choice, guard
+from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import conflict
 from robust.pike_bridge.online.journal import Journal, JournalStep, resume
-from robust.pike_bridge.online.progress import (
-    JSON,
-    Completion,
-    Decision,
-    Estimate,
-    Message,
-    Outcome,
-)
 from robust.records import in_line
 from robust.smt.limits import NEVER, Deadline
 
@@ -48,7 +41,7 @@ class Tick(Tagged):
 class Together(Tagged):
     """Several messages about one moment."""
 
-    messages: tuple[Message, ...] = ()
+    messages: tuple[said.Message, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +67,7 @@ class AskWhy(Tagged):
 
 
 Query: TypeAlias = AskPossible | AskState | AskWhy
-News: TypeAlias = Message | Tick | Together
+News: TypeAlias = said.Message | Tick | Together
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +75,7 @@ class Request:
     """What a line says: what has happened at one moment; a question, which changes nothing; or why it is wrong."""
 
     line: int
-    said: tuple[Message, ...] | Query | str
+    content: tuple[said.Message, ...] | Query | str
     time: Fraction | None = None
     """Of messages; None where it is the moment of arrival."""
 
@@ -101,28 +94,28 @@ def _request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
         found = parse_line(text.decode(), INPUT)
     except UnicodeDecodeError:
         raise InputError("found bytes that are no UTF-8, expected a JSON object") from None
-    said: News | Query = JSON.read(News | Query, found, beside=("time",))
-    asked = isinstance(said, Query)
+    request: News | Query = said.JSON.read(News | Query, found, beside=("time",))
+    asked = isinstance(request, Query)
     if "time" in found.members and (asked or not timed):
         reason = "questions have none" if asked else "the clock is real"
         raise InputError(f"found a time, expected none: {reason}", found.members["time"].location)
-    match said:
+    match request:
         case AskWhy() | AskPossible() | AskState():
-            checked_assumptions(plan, said.assume if isinstance(said, AskWhy) else {})
-            return Request(line, said)
+            checked_assumptions(plan, request.assume if isinstance(request, AskWhy) else {})
+            return Request(line, request)
         case Together(messages):
             listed = found.members.get("messages")
             places = [each.location for each in listed.items] if isinstance(listed, Array) else []
         case Tick():
             messages, places = (), []
         case _:
-            messages, places = (said,), [found.location]
+            messages, places = (request,), [found.location]
     for message, place in zip(messages, places, strict=True):
         check_message(plan, message, place)
-    return Request(line, messages, JSON.member(Fraction, found, "time") if timed else None)
+    return Request(line, messages, said.JSON.member(Fraction, found, "time") if timed else None)
 
 
-def check_message(plan: TeamPlan, message: Message, location: Location | None = None) -> None:
+def check_message(plan: TeamPlan, message: said.Message, location: Location | None = None) -> None:
     """What can be said of a message by the plan alone, whatever has happened.
 
     Atoms that nothing in the plan is about are allowed: those who look at the world see more than a plan needs.
@@ -132,31 +125,24 @@ def check_message(plan: TeamPlan, message: Message, location: Location | None = 
             choice that is for the executive.
     """
     match message:
-        case Outcome(name, value):
-            choice = next((each for each in plan.network.choices if each.name == name), None)
-            if choice is None:
-                raise _unknown("choice", name, plan.network.domains, location)
-            if choice.controllable:
+        case said.Outcome(name, value):
+            check_choice(plan.network.domains, name, None, location)
+            if name in (each.name for each in plan.network.choices if each.controllable):
                 raise InputError(f"found choice {name}, expected one that is not for the executive to make", location)
-            if value not in choice.domain:
-                expected = ", ".join(choice.domain)
-                raise InputError(f"found {name} = {shorten(value)}, expected one of {expected}", location)
-        case Completion(action, event):
+            check_choice(plan.network.domains, name, value, location)
+        case said.Completion(action, event):
             ends = {each.target for each in plan.network.activities if each.action == action}
             if not ends:
-                raise _unknown("activity", action, {each.action for each in plan.network.activities}, location)
+                suggestion = did_you_mean(action, {each.action for each in plan.network.activities})
+                reason = f"found unknown activity {shorten(action)}, expected one of the plan{suggestion}"
+                raise InputError(reason, location)
             if event is not None and event not in ends:
                 expected = f"where {action} ends: {', '.join(sorted(ends))}"
                 raise InputError(f"found event {shorten(event)}, expected {expected}", location)
-        case Estimate():
+        case said.Estimate():
             pass
         case _:
             assert_never(message)
-
-
-def _unknown(what: str, name: str, known: Mapping[str, Any] | set[str], location: Location | None) -> InputError:
-    suggestion = did_you_mean(name, known)
-    return InputError(f"found unknown {what} {shorten(name)}, expected one of the plan{suggestion}", location)
 
 
 @dataclass
@@ -222,7 +208,7 @@ class Service:
             InputError: if the journal cannot be written.
             OutOfTimeError: if the deadline passes; then the step that was under way is as if it had not begun.
         """
-        match request.said:
+        match request.content:
             case str(message):
                 yield {"kind": "error", "line": request.line, "message": message}
             case tuple(messages):
@@ -247,7 +233,7 @@ class Service:
         while not self.ended and (wake := self.wake) is not None and wake <= now:
             yield from self.step(now if now - wake > self.tolerance else wake, ())
 
-    def step(self, moment: Fraction, messages: tuple[Message, ...]) -> Iterator[Encoded]:
+    def step(self, moment: Fraction, messages: tuple[said.Message, ...]) -> Iterator[Encoded]:
         """Take a step, write it down, and then announce it.
 
         Raises:
@@ -269,8 +255,8 @@ class Service:
         """The last words about an execution."""
         return {"kind": "end", "outcome": outcome, "time": str(self.time), "step": self.steps}
 
-    def _numbered(self, decision: Decision) -> Encoded:
-        return {**JSON.write(Decision, decision), "step": self.steps}
+    def _numbered(self, decision: said.Decision) -> Encoded:
+        return {**said.JSON.write(said.Decision, decision), "step": self.steps}
 
     def _closing(self) -> Encoded:
         if self.executive.outcome is not None:

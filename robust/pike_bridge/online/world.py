@@ -20,27 +20,17 @@ from robust.backends import DRAKE, SMT, WINDOWS
 from robust.errors import SolverError
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.model import ALWAYS, Assignment, Literal, TeamPlan
+from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import Fact, conflict
 from robust.pike_bridge.online.inquiry import Inquiry, StepReasons
-from robust.pike_bridge.online.progress import (
-    Chosen,
-    Completion,
-    Decision,
-    Dispatched,
-    Estimate,
-    Message,
-    Outcome,
-    Progress,
-    Succeeded,
-    Violated,
-)
-from robust.pike_bridge.online.reasoner import Reasoner
+from robust.pike_bridge.online.journal import JournalStep
 from robust.pike_bridge.online.reasoners import make_reasoner, without_states
-from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
+from robust.pike_bridge.searches import PikeSearch, Stopped
 from robust.pike_bridge.semantics import Execution, faults, holds
 from robust.presented import Presented, VerdictEnum
-from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from robust.smt.limits import NEVER, Deadline
 
 
 class Human(Enum):
@@ -70,10 +60,10 @@ class Disturbance:
     literal: Literal
 
     @property
-    def seen(self) -> Estimate:
+    def seen(self) -> said.Estimate:
         """What is seen of it."""
         atoms = frozenset({self.literal.atom})
-        return Estimate(true=atoms) if self.literal.positive else Estimate(false=atoms)
+        return said.Estimate(true=atoms) if self.literal.positive else said.Estimate(false=atoms)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +85,7 @@ class Story:
     delay: Fraction = Fraction(0)
 
 
-Planned: TypeAlias = Message | Callable[[Fraction], Message | None]
+Planned: TypeAlias = said.Message | Callable[[Fraction], said.Message | None]
 """What is told at a time; it may depend on what has happened by then."""
 
 
@@ -122,7 +112,7 @@ class SimulatedTeam:
         self._random = Random(seed)  # noqa: S311 - reproducible
         self._agenda: list[tuple[Fraction, int, Planned]] = []
         self._due: set[str] = set()
-        self._running: dict[str, Completion] = {}
+        self._running: dict[str, said.Completion] = {}
         """What cooperative agents do, by the event at which it ends."""
         self._waiting: list[str] = []
         """Activities that cannot end before something else has happened."""
@@ -133,9 +123,9 @@ class SimulatedTeam:
         for name, (value, moment) in (story.outcomes or {}).items():
             if moment is not None:
                 self._due.add(name)
-                self._plan_for(moment, Outcome(name, value))
+                self._plan_for(moment, said.Outcome(name, value))
 
-    def receive(self, now: Fraction, decisions: Sequence[Decision]) -> None:
+    def receive(self, now: Fraction, decisions: Sequence[said.Decision]) -> None:
         """Begin what was dispatched, and make choices whose time has come."""
         self._advised = False
         if decisions:
@@ -143,7 +133,7 @@ class SimulatedTeam:
                 self._plan_for(now, partial(self._complete, end))
             self._waiting.clear()
         for decision in decisions:
-            if isinstance(decision, Dispatched):
+            if isinstance(decision, said.Dispatched):
                 self._begin(now, decision)
         progress = self._executive.progress
         for choice in self._plan.network.choices:
@@ -162,8 +152,8 @@ class SimulatedTeam:
         self._advised = True
         return self._agenda[0][0] if self._agenda else None
 
-    def messages(self, now: Fraction) -> Sequence[Message]:
-        found: list[Message] = []
+    def messages(self, now: Fraction) -> Sequence[said.Message]:
+        found: list[said.Message] = []
         while self._agenda and self._agenda[0][0] <= now:
             planned = heappop(self._agenda)[2]
             message = planned(now) if callable(planned) else planned
@@ -171,8 +161,8 @@ class SimulatedTeam:
                 found.append(message)
         return found
 
-    def _begin(self, now: Fraction, activity: Dispatched) -> None:
-        completion = Completion(activity.action, activity.end)
+    def _begin(self, now: Fraction, activity: said.Dispatched) -> None:
+        completion = said.Completion(activity.action, activity.end)
         first = now + activity.lower
         last = first + self._story.slack if activity.upper is None else now + activity.upper
         match self._story.pace:
@@ -188,7 +178,7 @@ class SimulatedTeam:
                 self._running[activity.end] = completion
                 self._plan_for(time, partial(self._complete, activity.end))
 
-    def _complete(self, end: str, now: Fraction) -> Message | None:
+    def _complete(self, end: str, now: Fraction) -> said.Message | None:
         """End an activity, unless that is better done later, or is done already."""
         if end in self._running and not self._judge.allows(now, ALWAYS, end, NEVER):
             found = self._judge.times_of(end, now, NEVER, first=True)
@@ -217,17 +207,17 @@ class SimulatedTeam:
                     self._plan_for(time, partial(self._complete, end))
                     return
 
-    def _choose(self, choice: str, now: Fraction) -> Message:
+    def _choose(self, choice: str, now: Fraction) -> said.Message:
         wanted = (self._story.outcomes or {}).get(choice)
         if wanted is not None:
-            return Outcome(choice, wanted[0])
+            return said.Outcome(choice, wanted[0])
         values: Sequence[str] = self._plan.network.domains[choice]
         if self._story.human is Human.RATIONAL:
             correct = [
                 each for each in values if self._judge.allows(now, frozenset({Assignment(choice, each)}), None, NEVER)
             ]
             values = correct or values
-        return Outcome(choice, self._random.choice(values))
+        return said.Outcome(choice, self._random.choice(values))
 
     def _drawn(self, greatest: Fraction) -> Fraction:
         """A random time on the grid, from 0 to the greatest."""
@@ -251,15 +241,12 @@ class Ending(VerdictEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class ExecutionStep:
-    """A moment at which something was reported or decided."""
+class ExecutionStep(JournalStep):
+    """A step with what came of it beside."""
 
-    time: Fraction
-    messages: tuple[Message, ...]
-    decisions: tuple[Decision, ...]
-    inferred: Mapping[str, tuple[str, ...]]
+    inferred: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """The values still possible of choices that are not made, where that has changed."""
-    seconds: float
+    seconds: float = 0.0
     """That the executive took to decide."""
     reasons: StepReasons | None = None
     """Of the decisions and inferences, if they were asked for."""
@@ -293,8 +280,8 @@ class ExecutionRecord(Presented, ask="ending"):
 
 
 @dataclass
-class Rehearsal:
-    """Executes a plan with a simulated team; `so_far` is what has happened at any moment.
+class Rehearsal(PikeSearch[ExecutionRecord]):
+    """Executes a plan with a simulated team.
 
     Args:
         plan: the plan.
@@ -318,7 +305,7 @@ class Rehearsal:
     solver: str = "z3"
     backend: str = SMT
     deadline: Deadline = NEVER
-    on_step: Callable[[ExecutionStep], None] | None = None
+    on_step: Callable[[ExecutionStep], None] = lambda _step: None
     explain: bool = False
     patience: Fraction | None = Fraction(0)
     drake: bool = False
@@ -328,7 +315,7 @@ class Rehearsal:
         self._known = dict(self.plan.network.domains)
 
     def run(self) -> ExecutionRecord:
-        """Execute; a deadline or Ctrl-C ends it with what has happened.
+        """Execute the plan; a deadline or Ctrl-C ends that with what has happened, if anything has.
 
         Raises:
             InputError: if there is no such back end.
@@ -344,24 +331,26 @@ class Rehearsal:
             solver=self.solver,
             deadline=self.deadline,
         )
-        world = SimulatedTeam(seen, self._executive, self._judge, self.story, seed=self.seed)
-        try:
-            run_in_world(self, world)
-        except OutOfTimeError:
-            return self._record(Ending.TIMEOUT)
-        except KeyboardInterrupt:
-            return self._record(Ending.INTERRUPTED)
-        outcome = self._executive.outcome
-        found = self._faults() if isinstance(outcome, Succeeded) else ()
-        if found and not self.drake:
-            raise SolverError(f"the execution is not correct: {found[0]}; please report this")
-        if found:
-            return replace(self._record(Ending.SUCCEEDED), ending=Ending.FAILED, faults=found)
-        return self._record(Ending.WAITING if outcome is None else Ending(outcome.kind()))
+        self._world = SimulatedTeam(seen, self._executive, self._judge, self.story, seed=self.seed)
+        return super().run()
 
-    def so_far(self, *, timed_out: bool) -> ExecutionRecord | None:
-        """What has happened by now; None before the first step."""
-        return self._record(Ending.TIMEOUT if timed_out else Ending.INTERRUPTED) if self._steps else None
+    @property
+    def _begun(self) -> bool:
+        return bool(self._steps)
+
+    def _search(self) -> None:
+        run_in_world(self, self._world)
+
+    def _answer(self, stopped: Stopped | None) -> ExecutionRecord:
+        if stopped is not None:
+            return self._record(Ending(stopped))
+        outcome = self._executive.outcome
+        wrong = self._faults() if isinstance(outcome, said.Succeeded) else ()
+        if wrong and not self.drake:
+            raise SolverError(f"the execution is not correct: {wrong[0]}; please report this")
+        if wrong:
+            return replace(self._record(Ending.SUCCEEDED), ending=Ending.FAILED, faults=wrong)
+        return self._record(Ending.WAITING if outcome is None else Ending(outcome.kind()))
 
     def _record(self, ending: Ending) -> ExecutionRecord:
         progress = self._executive.progress
@@ -380,12 +369,12 @@ class Rehearsal:
             conflict=facts or (),
         )
 
-    def step(self, now: Fraction, messages: Sequence[Message]) -> list[Decision]:
+    def step(self, now: Fraction, messages: Sequence[said.Message]) -> list[said.Decision]:
         """One step of the executive, recorded."""
         started = time.perf_counter()
         decisions = self._executive.step(now, messages)
         seconds = time.perf_counter() - started
-        changed = any(isinstance(each, Chosen | Violated) for each in decisions)
+        changed = any(isinstance(each, said.Chosen | said.Violated) for each in decisions)
         inferred = self._inferred() if self.infer and changed and not self._executive.ended else {}
         step = ExecutionStep(now, tuple(messages), tuple(decisions), inferred, seconds)
         if messages or decisions:
@@ -393,8 +382,7 @@ class Rehearsal:
             if self.explain:
                 inquiry = Inquiry(self._executive.progress, solver=self.solver, deadline=self.deadline)
                 step = self._steps[-1] = replace(step, reasons=inquiry.step(decisions, inferred))
-            if self.on_step is not None:
-                self.on_step(step)
+            self.on_step(step)
         return decisions
 
     @property
@@ -407,7 +395,7 @@ class Rehearsal:
         """Whether the execution has succeeded or failed."""
         return self._executive.ended
 
-    def _reasoner(self, deciding: Callable[[Progress], Reasoner], progress: Progress) -> Reasoner:
+    def _reasoner(self, deciding: Callable[[said.Progress], Reasoner], progress: said.Progress) -> Reasoner:
         """Who decides; the team is advised by semantics of its own, or by the same where that is what decides."""
         self._judge = SemanticReasoner(progress, solver=self.solver)
         return self._judge if self.backend == SMT else deciding(progress)

@@ -1,4 +1,4 @@
-"""What all temporal reasoning over plans with choices shares: precedence, the distance graph and labeled value sets.
+"""Precedence, also by the structure of a plan alone, and what it rests on: distance graph and labeled value sets.
 
 Source: [PIKE §2.1.1 for labeled values, §4.1, Definitions 4.1 to 4.3].
 """
@@ -6,16 +6,17 @@ Source: [PIKE §2.1.1 for labeled values, §4.1, Definitions 4.1 to 4.3].
 from __future__ import annotations
 
 from bisect import bisect_left, insort
-from collections.abc import Callable, Iterable, Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
 from itertools import product
-from math import lcm
+from math import inf, lcm
 from operator import itemgetter
 from typing import Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from robust.pike_bridge.model import Constraint, Environment, Tpnu, Vocabulary, entails, union
+from robust.pike_bridge.model import Constraint, Environment, Tpnu, Vocabulary, bits, entails, union
 from robust.smt.limits import NEVER, Deadline
 
 
@@ -81,8 +82,7 @@ def distance_graph(network: Tpnu) -> DistanceGraph:
     places = {event.name: place for place, event in enumerate(network.events)}
     guards = tuple(vocabulary.encode(event.guard) for event in network.events)
     constraints = network.temporal_constraints
-    bounds = [bound for entry in constraints for bound in (entry.lower, entry.upper) if bound is not None]
-    scale = lcm(*(bound.denominator for bound in bounds))
+    scale = lcm(*(bound.denominator for bound in network.bounds))
     edges: list[DistanceEdge] = []
     for number, entry in enumerate(constraints):
         source, target = places[entry.source], places[entry.target]
@@ -190,3 +190,109 @@ class LabeledValueSet(Generic[V]):
             # Unless every value of the variable occurs in some label, there is nothing to complete.
             if union([label for _, label in self.pairs]) & field == field:
                 pending |= self.merge(self.completions(variable)) & vocabulary.made
+
+
+# -- precedence by structure -------------------------------------------------------------------------------------------
+
+ROUNDS = 50
+"""Rounds over all events after which bounds are taken as they are; more are needed only around positive cycles."""
+
+Arrival: TypeAlias = tuple[int, int]
+"""An earlier event, and the least time from it."""
+Cases: TypeAlias = Sequence[Sequence[Arrival]]
+"""Alternatives of which at least one holds, each of arrivals that then all hold: one for each value of a choice."""
+
+
+class StructuralPrecedence:
+    """A :class:`Precedence` by unlabeled lower bounds, by cases on single choices, without labeled distances.
+
+    It is sound and much cheaper than labeled shortest paths, but not complete. Contexts only tell what is impossible:
+    what counts are the guards of the two events. All is computed when asked.
+    """
+
+    def __init__(self, network: Tpnu, deadline: Deadline = NEVER, *, epsilon: Fraction = Fraction(0)) -> None:
+        graph = distance_graph(network)
+        self._least = epsilon * graph.scale
+        self.vocabulary: Vocabulary = graph.vocabulary
+        self._guards = graph.guards
+        self._places = graph.places
+        self._deadline = deadline
+        self._incoming: dict[int, list[DistanceEdge]] = defaultdict(list)
+        for edge in graph.edges:
+            # Seen by its source, an edge is a lower bound: t(source) ≥ t(target) − weight.
+            self._incoming[edge.source].append(edge)
+        self._order = _order(graph)
+        self._bounds: dict[Environment, list[tuple[int, Sequence[Cases]]]] = {}
+        self._rows: dict[int, list[float]] = {}
+
+    def precedes(self, first: str, second: str, context: Environment) -> bool:
+        """first ≺ second, by a positive lower bound, of at least ε, that holds whenever both events and the context do.
+
+        False if the context is impossible with the events.
+
+        Raises:
+            KeyError: if there is no such event.
+            OutOfTimeError: if the deadline has passed.
+        """
+        before, after = self._places[first], self._places[second]
+        if self.conflicting(context | self._guards[before] | self._guards[after]):
+            return False
+        if before not in self._rows:
+            self._deadline.enforce()
+            self._rows[before] = self._longest(before)
+        return 0 < self._rows[before][after] >= self._least
+
+    def conflicting(self, environment: Environment) -> bool:
+        """Whether the environment contradicts itself: conflicts of times are not looked for."""
+        return not self.vocabulary.consistent(environment)
+
+    def _longest(self, source: int) -> list[float]:
+        """Lower bounds on the time from one event to all, −∞ for none, by relaxation until nothing changes."""
+        guard = self._guards[source]
+        if guard not in self._bounds:
+            self._bounds[guard] = [(event, self._bounds_of(event, guard)) for event in self._order]
+        lower = [-inf] * len(self._guards)
+        lower[source] = 0
+        for _ in range(ROUNDS):
+            changed = False
+            for event, bounds in self._bounds[guard]:
+                for cases in bounds:
+                    found = min(max(lower[other] + delay for other, delay in arrivals) for arrivals in cases)
+                    if found > lower[event]:
+                        lower[event] = found
+                        changed = True
+            if not changed:
+                break
+        return lower
+
+    def _bounds_of(self, event: int, environment: Environment) -> list[Cases]:
+        """What the event's time is at least, in the scenarios of an environment that activate it."""
+        whole = environment | self._guards[event]
+        if not self.vocabulary.consistent(whole):
+            return []
+        found: dict[int, list[Arrival]] = defaultdict(list)
+        """By the bit of an assignment, or 0 for what always holds."""
+        for edge in self._incoming[event]:
+            missing = edge.label & ~whole & self.vocabulary.made
+            if missing & (missing - 1) == 0 and self.vocabulary.consistent(edge.label | whole):
+                found[missing].append((edge.target, -edge.weight))
+        assigned = [self.vocabulary.assignments[bit.bit_length() - 1].variable for bit in found if bit]
+        fields = [self.vocabulary.field(variable) for variable in dict.fromkeys(assigned)]
+        by_value = [[1 << position for position in bits(field)] for field in fields]
+        covered: list[Cases] = [[found[bit] for bit in values] for values in by_value if found.keys() >= set(values)]
+        return [[found[0]], *covered] if 0 in found else covered
+
+
+def _order(graph: DistanceGraph) -> list[int]:
+    """The events so that most constraints lead forward: by the length of the longest chain of positive lower bounds."""
+    depth = [0] * len(graph.events)
+    forward = [(edge.target, edge.source) for edge in graph.edges if edge.weight < 0 and edge.source != edge.target]
+    for _ in range(len(depth)):
+        changed = False
+        for before, after in forward:
+            if depth[after] <= depth[before] < len(depth):
+                depth[after] = depth[before] + 1
+                changed = True
+        if not changed:
+            break
+    return sorted(range(len(depth)), key=depth.__getitem__)

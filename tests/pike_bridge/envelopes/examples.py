@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from benchmarks.generators.team_plans import Shape
 from benchmarks.generators.team_plans import random_plan as structured_plan
-from robust.pike_bridge.envelopes.parameters import Kind, TeamParameterSpec, parametrize, specifications
+from robust.pike_bridge.envelopes.parameters import TeamParameterKind, TeamParameterSpec, parametrize, specifications
 from robust.pike_bridge.model import guard
 from robust.pike_bridge.semantics import Existence, Oracle
 
@@ -28,20 +28,27 @@ def random_parameters(plan, seed, count=2):
     network = plan.network
     specs = []
     for at in draw.sample(range(len(network.activities)), min(count, len(network.activities))):
-        kind = draw.choice([Kind.DURATION, Kind.DURATION, Kind.AT_LEAST, Kind.AT_MOST])
-        attributes = {"default": network.activities[at].lower} if kind is Kind.AT_MOST else {}
+        kind = draw.choice(
+            [
+                TeamParameterKind.DURATION,
+                TeamParameterKind.DURATION,
+                TeamParameterKind.AT_LEAST,
+                TeamParameterKind.AT_MOST,
+            ]
+        )
+        attributes = {"default": network.activities[at].lower} if kind is TeamParameterKind.AT_MOST else {}
         specs.append(TeamParameterSpec(kind, network.activities[at].action, f"g{at}", attributes))
     bounded = [one for one in network.constraints if one.upper is not None]
     if bounded and draw.random() < 0.7:
         one = draw.choice(bounded)
         attributes = {"default": one.upper}
-        specs.append(TeamParameterSpec(Kind.AT_MOST, f"{one.source}:{one.target}", "limit", attributes))
+        specs.append(TeamParameterSpec(TeamParameterKind.AT_MOST, f"{one.source}:{one.target}", "limit", attributes))
     chosen = [one.name for one in network.choices if one.event is not None]
     if chosen and draw.random() < 0.3:
         name = draw.choice(chosen)
         event = next(one.event for one in network.choices if one.name == name)
         if any(one.target == event and one.lower is not None and one.lower >= 0 for one in network.constraints):
-            specs.append(TeamParameterSpec(Kind.HESITATION, name, "late"))
+            specs.append(TeamParameterSpec(TeamParameterKind.HESITATION, name, "late"))
     return parametrize(plan, specs)
 
 

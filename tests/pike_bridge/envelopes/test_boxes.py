@@ -10,8 +10,8 @@ from robust.errors import InputError
 from robust.irr.search import Status
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
+from robust.pike_bridge.envelopes.pieces import _CertainOrder
 from robust.pike_bridge.envelopes.search import TeamEnvelopeSearch
-from robust.pike_bridge.envelopes.waiting import _Order
 from robust.pike_bridge.model import guard
 from robust.pike_bridge.online.world import Ending, Rehearsal, Story
 from robust.pike_bridge.semantics import Existence, Oracle
@@ -208,7 +208,7 @@ def test_what_copies_share_makes_no_difference(monkeypatch):
         plan = random_parameters(structured(seed), seed)
         asked.append((plan, [one.name for one in plan.plan.network.choices if not one.controllable][:2]))
     together = [waited(*each) for each in asked]
-    monkeypatch.setattr(_Order, "no_later", lambda *_: False)
+    monkeypatch.setattr(_CertainOrder, "no_later", lambda *_: False)
     apart = [waited(*each) for each in asked]
     for one, other in zip(together, apart, strict=True):
         assert (one.box, one.verified, one.status) == (other.box, other.verified, other.status)

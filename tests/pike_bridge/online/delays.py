@@ -67,13 +67,13 @@ class Continuations:
             if event in times:
                 asked += [semantics.guard(label), semantics.at(event, times[event])]
                 continue
-            asked.append(semantics.unless(label, semantics.not_before(event, now)))
-            later = semantics.not_before(event, now + self._plan.epsilon)
+            asked.append(semantics.not_earlier(event, now))
+            late = now + self._plan.epsilon
             made = {each.name for each in network.choices if each.event == event} | {each.variable for each in label}
             if made & self._observed - chosen.keys():
-                asked.append(semantics.unless(label, later))
+                asked.append(semantics.not_earlier(event, late))
             for activity in network.activities:
                 if activity.target == event:
-                    asked.append(semantics.unless(label | activity.guard, later))
+                    asked.append(semantics.not_earlier(event, late, activity.guard))
         with self._session.frame(*asked):
             return self._session.check("an intent") is Verdict.SATISFIABLE

@@ -12,8 +12,7 @@ from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.model import Activity, Event, Literal, TeamPlan, Tpnu, guard
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Failed, Outcome
-from robust.pike_bridge.online.reasoner import Reasoner
-from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
 from robust.pike_bridge.online.world import Disturbance, SimulatedTeam, Story
 from robust.pike_bridge.semantics import Execution, Existence, Oracle, Semantics, faults, holds
 from robust.plan.model import Atom
@@ -136,7 +135,7 @@ def is_left(plan, progress):
         if event in progress.times:
             session.add(semantics.guard(label), semantics.at(event, progress.times[event]))
         else:
-            session.add(semantics.unless(label, semantics.not_before(event, progress.now)))
+            session.add(semantics.not_earlier(event, progress.now))
     return session.check("what is left") is Verdict.SATISFIABLE
 
 

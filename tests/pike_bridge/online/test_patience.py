@@ -7,9 +7,8 @@ from random import Random
 import pytest
 
 from robust.pike_bridge.model import Assignment, Choice, Constraint, Event, TeamPlan, Tpnu, guard
-from robust.pike_bridge.online.executive import PlanExecutive
+from robust.pike_bridge.online.executive import LatestMoments, PlanExecutive
 from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, why_not
-from robust.pike_bridge.online.moments import LatestMoments
 from robust.pike_bridge.online.patience import JOINT, intents
 from robust.pike_bridge.online.progress import Chosen, Excluded, Executed, Failed, Outcome, Progress, Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner
