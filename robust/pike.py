@@ -32,7 +32,7 @@ from robust.options.declare import Options, named_values, not_negative, place_of
 from robust.options.functions import Verb
 from robust.options.shared import Solving
 from robust.pike_bridge.action_model import Instance, load_team_plan
-from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
+from robust.pike_bridge.builder import act, build, choose, k_intents, parallel, sequence, within
 from robust.pike_bridge.compile import (
     Checking,
     Compilation,
@@ -48,7 +48,6 @@ from robust.pike_bridge.cross_check import CrossCheck, Crossed, Crossing, Disagr
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize, specifications
 from robust.pike_bridge.envelopes.search import LabeledRegion, LabeledRegionSearch, TeamEnvelope, TeamEnvelopeSearch
 from robust.pike_bridge.files import read_tpnu, write_tpnu
-from robust.pike_bridge.k_intents import k_intents
 from robust.pike_bridge.knowledge import knowledge_bases
 from robust.pike_bridge.knowledge.interface import KnowledgeBase
 from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu, check_choice
@@ -157,11 +156,11 @@ def load(path: str | os.PathLike[str], *, epsilon: Number = EPSILON) -> TeamPlan
     return load_team_plan(path, epsilon=not_negative(epsilon, place_of("epsilon")))
 
 
-def _team_plan(plan: Plan, _: Options) -> TeamPlan:
+def _team_plan(plan: Plan, options: Options) -> TeamPlan:
     if isinstance(plan, Instance):
         return plan.plan()
     if isinstance(plan, str | os.PathLike):
-        return load(plan)
+        return load(plan, epsilon=getattr(options, "separation", EPSILON))
     if not isinstance(plan, TeamPlan):
         expected = "a plan of load(), of build() with its PDDL, or a path"
         raise InputError(f"found {shorten(repr(plan))}, expected {expected}", place_of("plan"))
@@ -395,8 +394,12 @@ def _time(value: Number, text: str, option: str) -> Fraction:
 # -- envelopes ---------------------------------------------------------------------------------------------------------
 
 
-def _parametric(plan: Plan | ParametricPlan, options: Options) -> ParametricPlan:
-    """A plan with its parameters: its own, in a file, those of a file, and of options."""
+def parametric(plan: Plan | ParametricPlan, options: Options) -> ParametricPlan:
+    """A plan with its parameters: those in its own file, in the TOML file, and of options.
+
+    Raises:
+        InputError: if one is wrong.
+    """
     if isinstance(plan, ParametricPlan) or not isinstance(options, asking.ParametricOptions):
         return cast("ParametricPlan", plan)
     own = read_tpnu(plan).parameters if isinstance(plan, str | os.PathLike) else ()
@@ -404,7 +407,7 @@ def _parametric(plan: Plan | ParametricPlan, options: Options) -> ParametricPlan
     return parametrize(_team_plan(plan, options), specs)
 
 
-_parametric_verb = Verb(_parametric, "as of :func:`check`; one that has parameters already is taken as it is")
+_parametric_verb = Verb(parametric, "as of :func:`check`; one that has parameters already is taken as it is")
 
 
 def searching_region(plan: ParametricPlan, options: asking.PikeRegionOptions) -> LabeledRegionSearch:

@@ -20,7 +20,7 @@ from robust.codec import plain
 from robust.draw.style import BLACK, BLUE, VERMILION
 from robust.errors import InputError
 from robust.execute.drive import run_in_world
-from robust.pike_bridge.k_intents import KIntents, k_intents
+from robust.pike_bridge.builder import KIntents, k_intents
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.progress import Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner

@@ -41,11 +41,9 @@ COMMANDS: dict[str, Command | Group] = {
             "run": Command("Execute a plan with choices with a simulated team.", "robust.cli.pike:run"),
             "plot": Command("Draw a plan with choices.", "robust.cli.pike:plot"),
             "new": Command("Write a plan with choices to begin with.", "robust.cli.pike:new"),
-            "region": Command(
-                "Which choices are possible for which durations and limits?", "robust.cli.pike_envelopes:region"
-            ),
+            "region": Command("Which choices are possible for which durations and limits?", "robust.cli.pike:region"),
             "envelope": Command(
-                "How far may durations and limits deviate, whatever is chosen?", "robust.cli.pike_envelopes:envelope"
+                "How far may durations and limits deviate, whatever is chosen?", "robust.cli.pike:envelope"
             ),
         },
     ),

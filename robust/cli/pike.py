@@ -10,26 +10,32 @@ from typing import TYPE_CHECKING, TypeVar
 from robust.backends import DRAKE
 from robust.cli.build import action
 from robust.cli.guard import Run
-from robust.errors import UNDECIDED, exit_code_of
+from robust.errors import UNDECIDED, InputError, exit_code_of
 from robust.options.declare import place_of, refuse_replacing
 from robust.options.pike import (
     K_INTENTS,
     MomentsOptions,
     PikeCheckCommand,
     PikeCompileCommand,
+    PikeEnvelopeCommand,
     PikeNewCommand,
     PikePlotCommand,
+    PikeRegionCommand,
     PikeRunCommand,
     Staged,
     TeamPlanFile,
 )
+from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
     from robust.api import Search
     from robust.pike_bridge.action_model import Instance
+    from robust.pike_bridge.envelopes.parameters import ParametricPlan
+    from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope
     from robust.pike_bridge.model import TeamPlan
     from robust.pike_bridge.online.world import ExecutionRecord
     from robust.show.pike import PikePlot
+    from robust.show.pike_envelopes import Cells
 
 Asked = TypeVar("Asked", bound=Staged)
 
@@ -155,6 +161,85 @@ def run(options: PikeRunCommand, run: Run) -> int:
     return exit_code_of(record.ending.value)
 
 
+# -- envelopes ---------------------------------------------------------------------------------------------------------
+
+
+def _parametric(options: PikeRegionCommand | PikeEnvelopeCommand) -> ParametricPlan:
+    """The plan with its parameters; InputError if there are none, or one is wrong."""
+    from robust.pike import parametric
+
+    plan = parametric(options.file, options)
+    if not plan.parameters:
+        raise InputError(
+            "found no parameters, expected some: --parameter duration:ACTIVITY, or a file", place_of("parameters")
+        )
+    if options.plot is not None:
+        from robust.draw.plane import shown_team_axes
+
+        shown_team_axes(plan, tuple(options.axes or ()))
+    return plan
+
+
+@action(PikeRegionCommand)
+def region(options: PikeRegionCommand, run: Run) -> int:
+    """For which durations and limits of a plan with choices does which choice lead to a correct execution?"""
+    from robust.pike import searching_region
+    from robust.show import pike_envelopes as show
+
+    count, drawn = 0, tuple(options.axes or ())
+
+    def on_piece(_piece: object) -> None:
+        nonlocal count
+        count += 1
+        run.display.say(f"polyhedra: {count}")
+
+    def begin() -> Search[LabeledRegion]:
+        return searching_region(_parametric(options), options.changed(timeout=run.remaining, on_piece=on_piece))
+
+    cells: Cells | None = None
+
+    def answer(found: LabeledRegion) -> None:
+        run.answer(
+            lambda: show.region_document(found, cells),
+            lambda out: show.print_region(out, found, quiet=options.quiet),
+        )
+
+    found = run.best(begin, answer)
+    if not found.cut_short and (options.json or options.plot is not None):
+        cells = run.also("cutting", lambda: _cells(found, run))
+    answer(found)
+    if options.plot is not None:
+        from robust.draw.plane import plot_cells
+
+        run.write(partial(plot_cells, found, cells, options.plot, drawn))
+    if found.cut_short:
+        return exit_code_of(found.status.value)
+    return 0 if found.pieces else 1
+
+
+def _cells(found: LabeledRegion, run: Run) -> Cells | None:
+    """The region cut by what is possible; None if there is no time."""
+    try:
+        return found.exactly(Deadline.after(run.remaining))
+    except OutOfTimeError:
+        return None
+
+
+@action(PikeEnvelopeCommand)
+def envelope(options: PikeEnvelopeCommand, run: Run) -> int:
+    """How far may durations and limits of a plan with choices deviate: for some choices, or whatever people choose?"""
+    from robust.pike import searching_envelope
+
+    def begin() -> Search[TeamEnvelope]:
+        asked = options.changed(timeout=run.remaining, on_stage=run.display.say)
+        return searching_envelope(_parametric(options), asked)
+
+    found = run.reply(begin)
+    if options.plot is not None and found.combinations:
+        run.write(partial(found.plot, options.plot, axes=tuple(options.axes or ())))
+    return exit_code_of(found.status.value)
+
+
 # -- new ---------------------------------------------------------------------------------------------------------------
 
 
@@ -162,7 +247,7 @@ def run(options: PikeRunCommand, run: Run) -> int:
 def new(options: PikeNewCommand, run: Run) -> int:
     """Write a plan with choices, with its PDDL, to begin with; what to type next is said."""
     from robust.pike_bridge.action_model import shipped
-    from robust.pike_bridge.k_intents import k_intents
+    from robust.pike_bridge.builder import k_intents
     from robust.show import pike as show
 
     def write() -> tuple[Instance, Path]:

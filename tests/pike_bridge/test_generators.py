@@ -14,8 +14,8 @@ from benchmarks.generators.team_plans import random_plan
 from benchmarks.pike.figure17_18 import closest_factors, random_k_intents
 from robust.errors import InputError
 from robust.pike_bridge.action_model import load_team_plan
+from robust.pike_bridge.builder import k_intents
 from robust.pike_bridge.causal import augment
-from robust.pike_bridge.k_intents import k_intents
 from robust.pike_bridge.model import EPSILON, GOAL, INITIAL
 from robust.pike_bridge.semantics import Existence, Oracle
 from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances

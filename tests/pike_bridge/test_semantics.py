@@ -13,7 +13,7 @@ from benchmarks.generators.team_plans import Shape, random_plan
 from robust.errors import InputError, SolverError
 from robust.pike_bridge import knowledge
 from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.builder import act, build, choose, parallel, sequence
+from robust.pike_bridge.builder import act, build, choose, k_intents, parallel, sequence
 from robust.pike_bridge.compile import Checking, Compiling, Measuring, PlanVerdict, Temporal
 from robust.pike_bridge.cross_check import (
     Crossing,
@@ -24,7 +24,6 @@ from robust.pike_bridge.cross_check import (
     shrink,
     subjects,
 )
-from robust.pike_bridge.k_intents import k_intents
 from robust.pike_bridge.knowledge import Registration
 from robust.pike_bridge.knowledge.interface import Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase

@@ -19,8 +19,7 @@ from benchmarks.pike.baselines import (
 )
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.action_model import Instance, load_team_plan
-from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
-from robust.pike_bridge.k_intents import k_intents
+from robust.pike_bridge.builder import act, build, choose, k_intents, parallel, sequence, within
 from robust.pike_bridge.model import EPSILON, guard
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.reasoners import make_reasoner

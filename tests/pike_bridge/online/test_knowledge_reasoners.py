@@ -7,7 +7,7 @@ from random import Random
 import pytest
 
 from robust.errors import InputError
-from robust.pike_bridge.k_intents import k_intents
+from robust.pike_bridge.builder import k_intents
 from robust.pike_bridge.model import Choice, Constraint, guard
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Completion, Executed, Progress
