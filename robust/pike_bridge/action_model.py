@@ -34,25 +34,7 @@ from robust.pike_bridge.model import (
     reachable,
 )
 from robust.pike_bridge.validate import NOWHERE, Places, validate
-from robust.plan.model import (
-    ActionInstance,
-    And,
-    Atom,
-    AtomEffect,
-    Comparison,
-    Duration,
-    DurationConstraint,
-    Expression,
-    Fluent,
-    Holds,
-    NumericVariable,
-    Or,
-    Relation,
-    Timing,
-    Truth,
-    junction,
-)
-from robust.plan.model import Condition as StateCondition
+from robust.plan import model as states
 from robust.plan.pddl.forms import read_text
 from robust.plan.pddl.grounding import ground_action, ground_goal
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
@@ -115,32 +97,32 @@ Durations: TypeAlias = tuple[Fraction, Fraction | None]
 class StaticFacts:
     """The atoms that no effect of the plan touches, and the fluents that no action of the domain changes."""
 
-    def __init__(self, domain: Domain, problem: Problem, instances: Iterable[ActionInstance]) -> None:
+    def __init__(self, domain: Domain, problem: Problem, instances: Iterable[states.ActionInstance]) -> None:
         self._initial = problem.atoms
         self._touched = {effect.atom for instance in instances for effect in instance.atom_effects}
-        self._values: Mapping[Fluent, Fraction] = {
+        self._values: Mapping[states.Fluent, Fraction] = {
             fluent: value for fluent, value in problem.fluents.items() if fluent.function not in domain.written
         }
         self._written = domain.written
 
-    def simplify(self, condition: StateCondition) -> StateCondition:
+    def simplify(self, condition: states.Condition) -> states.Condition:
         """The condition with what never changes decided."""
         match condition:
-            case Truth():
+            case states.Truth():
                 return condition
-            case Holds(atom, value):
-                return condition if atom in self._touched else Truth((atom in self._initial) == value)
-            case Comparison(expression, relation):
+            case states.Holds(atom, value):
+                return condition if atom in self._touched else states.Truth((atom in self._initial) == value)
+            case states.Comparison(expression, relation):
                 known = self._known(expression)
-                return Truth(relation.holds(known.constant_term)) if known.is_constant else condition
-            case And(operands):
-                return junction([self.simplify(operand) for operand in operands], every=True)
-            case Or(operands):
-                return junction([self.simplify(operand) for operand in operands], every=False)
+                return states.Truth(relation.holds(known.constant_term)) if known.is_constant else condition
+            case states.And(operands):
+                return states.junction([self.simplify(operand) for operand in operands], every=True)
+            case states.Or(operands):
+                return states.junction([self.simplify(operand) for operand in operands], every=False)
             case _:
                 assert_never(condition)
 
-    def durations(self, instance: ActionInstance, schema: ActionSchema) -> Durations:
+    def durations(self, instance: states.ActionInstance, schema: ActionSchema) -> Durations:
         """The durations that the action allows.
 
         Raises:
@@ -151,7 +133,7 @@ class StaticFacts:
         upper: Fraction | None = None
         for constraint in instance.durations:
             slope, limit = self._limit(constraint, instance, schema)
-            both = constraint.condition.relation is Relation.EQUAL
+            both = constraint.condition.relation is states.Relation.EQUAL
             if slope > 0 or both:
                 lower = max(lower, limit)
             if slope < 0 or both:
@@ -159,28 +141,28 @@ class StaticFacts:
         return lower, upper
 
     def _limit(
-        self, constraint: DurationConstraint, instance: ActionInstance, schema: ActionSchema
+        self, constraint: states.DurationConstraint, instance: states.ActionInstance, schema: ActionSchema
     ) -> tuple[Fraction, Fraction]:
         """A bound on the duration, and the factor whose sign says on which side it is."""
         expression = self._known(constraint.condition.expression)
         for variable in sorted(expression.variables, key=str):
-            if isinstance(variable, Fluent) and variable.function not in self._written:
+            if isinstance(variable, states.Fluent) and variable.function not in self._written:
                 reason = f"duration {constraint.text} of {instance} reads it"
                 remedy = f"add (= {variable} VALUE) to the problem's :init"
                 message = f"found no initial value of {variable}, expected one because {reason}: {remedy}"
                 raise InputError(message, schema.location)
-        slope = dict(expression.coefficients()).get(Duration(), Fraction(0))
-        strict = constraint.condition.relation not in {Relation.AT_LEAST, Relation.EQUAL}
-        if expression.variables != {Duration()} or not expression.is_linear or slope == 0 or strict:
+        slope = dict(expression.coefficients()).get(states.Duration(), Fraction(0))
+        strict = constraint.condition.relation not in {states.Relation.AT_LEAST, states.Relation.EQUAL}
+        if expression.variables != {states.Duration()} or not expression.is_linear or slope == 0 or strict:
             message = f"found duration {constraint.text} of {instance}, expected <=, >= or = and a constant"
             raise UnsupportedError(f"{message} in plans with choices", schema.location)
         return slope, -expression.constant_term / slope
 
-    def _known(self, expression: Expression) -> Expression:
+    def _known(self, expression: states.Expression) -> states.Expression:
         """With the values of fluents that never change."""
 
-        def value(variable: NumericVariable) -> Expression:
-            if isinstance(variable, Fluent) and variable in self._values:
+        def value(variable: states.NumericVariable) -> states.Expression:
+            if isinstance(variable, states.Fluent) and variable in self._values:
                 return Polynomial.constant(self._values[variable])
             return Polynomial.variable(variable)
 
@@ -211,7 +193,7 @@ class _Joining:
         self._places = places
         self._epsilon = epsilon
         self._network = network
-        instances: dict[str, ActionInstance] = {}
+        instances: dict[str, states.ActionInstance] = {}
         for at, activity in enumerate(network.activities):
             if activity.action not in instances:
                 instances[activity.action] = self._ground(at, activity)
@@ -236,7 +218,7 @@ class _Joining:
         initial = [Effect(Literal(atom, atom in self._problem.atoms), INITIAL, ALWAYS, None) for atom in sorted(atoms)]
         return TeamPlan(network, tuple(conditions), (*initial, *effects), self._epsilon)
 
-    def _ground(self, at: int, activity: Activity) -> ActionInstance:
+    def _ground(self, at: int, activity: Activity) -> states.ActionInstance:
         location = self._places.of("activities", at, "action") or activity.location
         name, *arguments = activity.action.strip("()").split()
         schema = self._domain.actions.get(name)
@@ -246,7 +228,7 @@ class _Joining:
             raise InputError(message, location)
         return ground_action(self._domain, self._problem, activity.action, name, arguments, True, location)
 
-    def _schema(self, instance: ActionInstance) -> ActionSchema:
+    def _schema(self, instance: states.ActionInstance) -> ActionSchema:
         return self._domain.actions[instance.action]
 
     def _bounded(self, at: int, activity: Activity, allowed: Durations) -> Activity:
@@ -280,25 +262,27 @@ class _Joining:
         )
 
     def _literals(
-        self, condition: StateCondition, text: str, owner: str, declared: ActionSchema | Problem
+        self, condition: states.Condition, text: str, owner: str, declared: ActionSchema | Problem
     ) -> Iterator[Literal]:
         """The literals of a conjunction.
 
         Those that nothing in the plan changes stay, too: something outside of it may, and a link from the initial state
         is what monitoring notices that by.
         """
-        simplified = self._facts.simplify(condition) if isinstance(condition, Comparison | Or) else condition
+        simplified = (
+            self._facts.simplify(condition) if isinstance(condition, states.Comparison | states.Or) else condition
+        )
         match simplified:
-            case Truth(value):
+            case states.Truth(value):
                 if not value:
                     yield _never(condition, text)
-            case Holds(atom, value):
+            case states.Holds(atom, value):
                 yield Literal(atom, value)
-            case And(operands):
+            case states.And(operands):
                 for operand in operands:
                     yield from self._literals(operand, text, owner, declared)
-            case Comparison() | Or():
-                kind = "a numeric condition" if isinstance(simplified, Comparison) else "a disjunction"
+            case states.Comparison() | states.Or():
+                kind = "a numeric condition" if isinstance(simplified, states.Comparison) else "a disjunction"
                 message = f"found {kind} {text} of {owner}, expected a conjunction of literals in plans with choices"
                 raise UnsupportedError(message, declared.location)
             case _:
@@ -318,33 +302,33 @@ class _Joining:
         added = {(effect.timing, effect.atom) for effect in unconditional if effect.value}
         for timing, atom, value in dict.fromkeys((one.timing, one.atom, one.value) for one in unconditional):
             if value or (timing, atom) not in added:
-                event = activity.target if timing is Timing.AT_END else activity.source
+                event = activity.target if timing is states.Timing.AT_END else activity.source
                 yield Effect(Literal(atom, value), event, activity.guard, at)
 
-    def _happens(self, effect: AtomEffect, instance: ActionInstance) -> bool:
+    def _happens(self, effect: states.AtomEffect, instance: states.ActionInstance) -> bool:
         condition = self._facts.simplify(effect.condition)
-        if isinstance(condition, Truth):
+        if isinstance(condition, states.Truth):
             return condition.value
         message = f"found a conditional effect on {effect.atom} of {instance}"
         expected = "expected effects without conditions in plans with choices"
         raise UnsupportedError(f"{message}, {expected}", self._schema(instance).location)
 
 
-def _never(condition: StateCondition, text: str) -> Literal:
+def _never(condition: states.Condition, text: str) -> Literal:
     """What stands for a condition that can never be met: a literal that nothing produces."""
-    if isinstance(condition, Holds):
+    if isinstance(condition, states.Holds):
         return Literal(condition.atom, condition.value)
     # No object has a name in parentheses, so that nothing else is about this atom.
-    return Literal(Atom("never", (text,)))
+    return Literal(states.Atom("never", (text,)))
 
 
-def _span(activity: Activity, timing: Timing) -> tuple[str, str]:
+def _span(activity: Activity, timing: states.Timing) -> tuple[str, str]:
     match timing:
-        case Timing.AT_START:
+        case states.Timing.AT_START:
             return activity.source, activity.source
-        case Timing.AT_END:
+        case states.Timing.AT_END:
             return activity.target, activity.target
-        case Timing.OVER_ALL:
+        case states.Timing.OVER_ALL:
             return activity.source, activity.target
         case _:
             assert_never(timing)
