@@ -10,7 +10,8 @@ print(pike.region(plan, coffee).possible({"coffee": Fraction(3), "limit": Fracti
 print(pike.envelope(plan, coffee, for_all=["xA1"]).box)
 
 A plan is what :func:`load` returns, an :class:`Instance` of a generator, or the path of a `.tpnu.json` file. Times are
-in the plan's own unit. Ctrl-C and time limits end a question with what is known by then; its result says so.
+in the plan's own unit. Ctrl-C and time limits end a question with what is known by then; its result says so. Where
+nothing is, Ctrl-C raises KeyboardInterrupt.
 """
 
 from __future__ import annotations
