@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -281,6 +281,36 @@ class WindowReasoner(Reasoner):
         return self._facts.knowledge.could_commit(commitments, deadline)
 
 
+@dataclass
+class CompiledReasoners:
+    """Makes reasoners that compile the plan first, each anew, because executions narrow what is compiled.
+
+    Args:
+        backend: the name of a knowledge base.
+        solver: `z3` or `cvc5`, for what is asked of solvers.
+        deadline: for compiling.
+
+    Making a reasoner raises OutOfTimeError if the deadline passes, and InputError if the back end or the solver is
+    unknown; afterwards `compilation` and `seconds` are those of the last one.
+    """
+
+    backend: str
+    solver: str = "z3"
+    deadline: Deadline = NEVER
+    compilation: Compilation | None = None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    """By stage: those of :class:`~robust.pike_bridge.compile.Compiling`, and windows."""
+
+    def __call__(self, progress: Progress) -> Reasoner:
+        compiling = Compiling(
+            progress.plan, self.backend, temporal=Temporal.APSP, solver=self.solver, deadline=self.deadline
+        )
+        self.seconds = compiling.seconds
+        self.compilation = compiling.compile()
+        with compiling.stage("windows"):
+            return WindowReasoner(progress, self.compilation, self.deadline, self.solver)
+
+
 def reasoner_names() -> tuple[str, ...]:
     """What :func:`make_reasoner` knows: `smt`, and what windows ask."""
     return (SMT, *knowledge_bases())
@@ -291,8 +321,8 @@ def make_reasoner(name: str, *, solver: str = "z3", deadline: Deadline = NEVER) 
 
     Args:
         name: one of :func:`reasoner_names`: `smt` asks the semantic oracle's formula, and compiles nothing; with the
-            name of a knowledge base it is that of the paper, which compiles the plan first, each time anew, because
-            executions narrow what is compiled. Both decide the same.
+            name of a knowledge base it is that of the paper, as :class:`CompiledReasoners` makes it. Both decide the
+            same.
         solver: `z3` or `cvc5`, for what is asked of solvers.
         deadline: for what is compiled before; the reasoner is not made, with OutOfTimeError, if it passes.
 
@@ -301,15 +331,10 @@ def make_reasoner(name: str, *, solver: str = "z3", deadline: Deadline = NEVER) 
     """
     if name not in reasoner_names():
         raise InputError(f"unknown reasoner {name!r}{did_you_mean(name, reasoner_names())}")
+    if name != SMT:
+        return CompiledReasoners(name, solver=solver, deadline=deadline)
     terms = Terms()  # shared: executives that plan anew ask about one candidate after the other
-
-    def make(progress: Progress) -> Reasoner:
-        if name == SMT:
-            return SemanticReasoner(progress, solver=solver, terms=terms)
-        compiling = Compiling(progress.plan, name, temporal=Temporal.APSP, solver=solver, deadline=deadline)
-        return WindowReasoner(progress, compiling.compile(), deadline, solver)
-
-    return make
+    return lambda progress: SemanticReasoner(progress, solver=solver, terms=terms)
 
 
 def without_states(plan: model.TeamPlan) -> model.TeamPlan:
