@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from robust.execute.validate import Verdict
     from robust.irr.check import Answer, CheckResult, Counterexample
     from robust.irr.compare import Comparison
-    from robust.irr.quantities import RepairStatus
+    from robust.irr.conflicts import RepairStatus
     from robust.irr.repair import Repair
     from robust.irr.search import EnvelopeResult, Status, Step
     from robust.plan.model import ParametrizedPlan
@@ -72,7 +72,7 @@ _HOME = {
     "RegionResult": "robust.qe.compute",
     "RegionStatus": "robust.qe.compute",
     "Repair": "robust.irr.repair",
-    "RepairStatus": "robust.irr.quantities",
+    "RepairStatus": "robust.irr.conflicts",
     "RiskResult": "robust.probability.risk",
     "RiskStatus": "robust.probability.risk",
     "RobustError": "robust.errors",

@@ -71,11 +71,11 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
     """What is the least change of bounds after which a network is controllable? Ctrl-C prints the best so far."""
     from robust.show import stnu as show
     from robust.smt.limits import Deadline
-    from robust.stnu.repairs import RepairSearch
+    from robust.stnu.repairs import NetworkRepairSearch
 
     def judge(network: Network) -> Repair:
         def begin() -> Search[Repair]:
-            return RepairSearch(network, *_weights(options, network), Deadline.after(run.remaining))
+            return NetworkRepairSearch(network, *_weights(options, network), Deadline.after(run.remaining))
 
         return run.best(begin, lambda last: tell(last, network))
 

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from robust.irr.conflicts import Candidate, Chosen
 from robust.irr.quantities import Cost, Kind, Quantity, Unchanged, bound_name
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Side
@@ -25,21 +26,11 @@ _FAR = Fraction(1_000_000)
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
-    """The cheapest changes under some inequalities; `values` has what changes only, `cost` is the infimum."""
-
-    chosen: tuple[LinearConstraint, ...]
-    values: Mapping[str, Fraction]
-    cost: Cost
-    attained: bool = True
-
-
-@dataclass(frozen=True, slots=True)
 class Programme:
     """The linear programme of the cheapest changes under some inequalities, of quantities that are `used`, of which
     `new` ones were infinite; `best` is its solution."""
 
-    chosen: tuple[LinearConstraint, ...]
+    chosen: Chosen
     used: Sequence[str]
     new: Sequence[str]
     names: Sequence[str]
@@ -87,15 +78,15 @@ class CheapestChanges:
             return all(sign < 0 for sign in endless)
         return names is not None or choice.evaluate(Unchanged(self.quantities, values))
 
-    def candidate(self, chosen: tuple[LinearConstraint, ...], free: Collection[str]) -> Candidate | None:
+    def candidate(self, chosen: Chosen, free: Collection[str]) -> Candidate[Cost] | None:
         """The cheapest changes of `free` quantities that satisfy inequalities; None if none do."""
         programme = self.programme(chosen, free)
         return None if programme is None else self.solution(programme)
 
-    def programme(self, chosen: tuple[LinearConstraint, ...], free: Collection[str]) -> Programme | None:
+    def programme(self, chosen: Chosen, free: Collection[str]) -> Programme | None:
         """What the cheapest changes of `free` quantities that satisfy inequalities cost; None if none do."""
         constraints = []
-        for choice in chosen:
+        for choice in chosen.values():
             endless = [n for n in choice.parameters if n not in free and self.quantities[n].old is None]
             if not endless:
                 old = {n: self.quantities[n].old or _NOTHING for n in choice.parameters if n not in free}
@@ -120,7 +111,7 @@ class CheapestChanges:
             chosen, used, [name for name in used if name not in finite], names, constraints, objective, best
         )
 
-    def solution(self, solved: Programme) -> Candidate:
+    def solution(self, solved: Programme) -> Candidate[Cost]:
         """Changes that cost that, or little more."""
         best = solved.best
         point = self._point(solved)

@@ -1,22 +1,22 @@
 """Searches that know what is bad: exact widening, and the box of greatest weighted width Σ ω(u − l) [IRR §5, CCMMZ].
 
 A box misses a bad polyhedron if and only if its ends break one of the inequalities of that polyhedron's projection onto
-the ends of the boxes that meet it; so each bad polyhedron known is one clause over the 2n ends. Models of the clauses
-are improved by linear programming until no better one exists; the winner is checked against the envelope, and a bad
-point in it adds a polyhedron. When the winner is inside it is optimal: no box that misses even the known polyhedra is
-better.
+the ends of the boxes that meet it; so each known bad polyhedron is a clause over the 2n ends, and the best box is found
+as in :mod:`robust.irr.conflicts`. It is checked against the envelope, and a bad point in it adds a polyhedron. When it
+is inside it is optimal: no box that misses even the known polyhedra is better.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from itertools import product
 from typing import Unpack
 
 from robust.encode.interface import Encoding
 from robust.encode.variables import Linear, variable
+from robust.irr.conflicts import Candidate, Chosen, Clause, Optimum, Point
 from robust.irr.containment import require_some_schedule
 from robust.irr.irr import ordered
 from robust.irr.search import Conduct, OutsideError, Search, stops_at
@@ -27,13 +27,11 @@ from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Interval, Side
 from robust.qe.compute import RegionSearch, RegionStatus
 from robust.qe.constraint import LinearConstraint
-from robust.qe.eliminate.enumerate import satisfiable
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import feasible_point, maximize
 from robust.smt.export import Exporter
 from robust.smt.limits import Deadline
-from robust.smt.session import Session
-from robust.smt.terms import Terms
+from robust.smt.terms import Formula
 
 ENUMERATION = 20.0
 """Seconds at most that the optimal box spends on knowing the envelope before it starts."""
@@ -162,19 +160,8 @@ class ExactSearch(Search):
         self._record(self._bad.checks, accepted=True)
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """Ends of a box with their weighted width; if not `attained`, some ends do not belong to the box."""
-
-    width: Fraction
-    attained: bool
-    ends: Mapping[str, Fraction]
-    chosen: Sequence[LinearConstraint]
-
-
-@dataclass(eq=False, kw_only=True)
-class OptimalBox:
-    """One search for the widest box.
+class OptimalBox(Optimum[Fraction]):
+    """One search for the widest box; points are its ends, and it costs less the wider it is.
 
     Args:
         bad: the bad set.
@@ -184,22 +171,33 @@ class OptimalBox:
         inside: where boxes are looked for, if that is less than what is not bad.
     """
 
-    bad: DiscoveredBadSet
-    pieces: list[Obstacle]
-    contain_nominal: bool
-    deadline: Deadline
-    inside: BadSet | None = None
+    QUESTION = "a wider box that misses what is known"
 
-    def __post_init__(self) -> None:
-        self._parameters = self.bad.encoding.plan.parameters
+    def __init__(
+        self,
+        *,
+        bad: DiscoveredBadSet,
+        pieces: list[Obstacle],
+        contain_nominal: bool,
+        deadline: Deadline,
+        inside: BadSet | None = None,
+    ) -> None:
+        super().__init__(solver=bad.solver, deadline=deadline)
+        self._bad = bad
+        self._pieces = pieces
+        self._contain_nominal = contain_nominal
+        self._inside = inside or bad
+        self._parameters = bad.encoding.plan.parameters
         self._faces = faces_of(self._parameters)
         self._ends = [end_of(face) for face in self._faces]
         self._reach = REACH * max([Fraction(1), *(abs(parameter.nominal) for parameter in self._parameters)])
-        self._terms = Terms()
-        self._session = Session(self._terms, solver=self.bad.solver)
-        self._clauses: list[tuple[LinearConstraint, ...]] = []
-        """What a box must satisfy to miss each known piece."""
-        self.bound: Fraction | None = None
+        weights = {parameter.name: parameter.weight for parameter in self._parameters}
+        self._objective = {end_of((name, side)): side.sign * weights[name] for name, side in self._faces}
+
+    @property
+    def bound(self) -> Fraction | None:
+        """What no box is wider than, in weighted width; None if not finite or not known."""
+        return None if self.lowest is None else -self.lowest
 
     def run(self) -> Box:
         """Search until the best box is proved optimal; `bound` is then its weighted width over finite sides.
@@ -210,10 +208,10 @@ class OptimalBox:
             InputError: if no parameter values even leave a schedule.
         """
         while True:
-            candidate = self._best_candidate()
+            candidate = self._widest_known()
             box = self._box_at(candidate)
-            far = self._far_faces(candidate)
-            self.bound = None if far else candidate.width
+            far = [face for face in self._faces if abs(candidate.point[end_of(face)]) == self._reach]
+            self.lowest = None if far else candidate.cost
             piece = self._bad_piece(box)
             if piece is None and not far:
                 return self._with_ends_closed(box)
@@ -225,80 +223,64 @@ class OptimalBox:
                 if piece is None or self._reach > FARTHEST:
                     return unbounded if piece is None else box
                 self._reach *= 2
-            elif piece in self.pieces:
+            elif piece in self._pieces:
                 # Only approached, and from a side where some parameter has no room: take a box just short of it.
                 return self._box_just_below(candidate)
-            self.pieces.append(piece)
-
-    def _far_faces(self, candidate: Candidate) -> list[Face]:
-        """Faces that only the reach of the search holds back."""
-        return [face for face in self._faces if abs(candidate.ends[end_of(face)]) == self._reach]
+            self._pieces.append(piece)
 
     def _bad_piece(self, box: Box) -> Obstacle | None:
-        return (self.inside or self.bad).piece_in(box, self.deadline)
+        return self._inside.piece_in(box, self.deadline)
 
     # -- the best box that misses the known pieces --------------------------------------------------------------------
 
-    def _best_candidate(self) -> Candidate:
+    def _widest_known(self) -> Candidate[Fraction]:
         """The widest box that misses every known piece, proved by an unsatisfiable query for a wider one."""
-        terms = self._terms
-        for piece in self.pieces[len(self._clauses) :]:
-            self._clauses.append(missing(piece, self._ends))
-            self._session.add(terms.disjunction(c.to_formula(terms) for c in self._clauses[-1]))
-        width = sum((variable(ParameterReference(n)).scaled(f) for n, f in self._objective().items()), _ZERO)
-        symbols = [terms.real(ParameterReference(name)) for name in self._ends]
-        best: Candidate | None = None
-        while best is None or best.width != self.bound:
-            better = [] if best is None else [terms.greater(width - best.width)]
-            with self._session.frame(*(c.to_formula(terms) for c in self._always()), *better):
-                if not satisfiable(self._session, "a wider box that misses what is known", self.deadline):
-                    break
-                values = self._session.values(symbols)
-            point = {name: Fraction(values.get(name, 0)) for name in self._ends}
-            chosen = [next(c for c in clause if c.evaluate(point)) for clause in self._clauses]
-            best = self._improved(chosen)
-        if best is None:
-            require_some_schedule(self.bad.encoding, self.bad.open_session(), self.deadline)
+        self.clauses += [Clause(missing(piece, self._ends)) for piece in self._pieces[len(self.clauses) :]]
+        candidate = self.best_known()
+        if candidate is None:
+            require_some_schedule(self._bad.encoding, self._bad.open_session(), self.deadline)
             reason = "the envelope is empty: no parameter values are inside"
-            plan = self.bad.encoding.plan
+            plan = self._bad.encoding.plan
             raise OutsideError(reason, plan.nominal if plan.has_nominal else {})
-        return best
+        return candidate
 
-    def _improved(self, chosen: Sequence[LinearConstraint]) -> Candidate:
-        """The widest box under one choice of disjuncts."""
-        best = maximize(self._ends, [*self._always(), *chosen], self._objective())
+    def cheapest(self, chosen: Chosen, point: Point) -> Candidate[Fraction] | None:
+        best = maximize(self._ends, [*self.always(), *chosen.values()], self._objective)
         if best is None or best.value is None:
-            raise ValueError("a model satisfies the constraints, and all ends are within reach")
-        return Candidate(best.value, best.attained, best.point, chosen)
+            return None
+        return Candidate(chosen, best.point, -best.value, best.attained)
 
-    def _always(self) -> Iterator[LinearConstraint]:
+    def cheaper(self, cost: Fraction) -> Formula:
+        width = sum((variable(ParameterReference(n)).scaled(f) for n, f in self._objective.items()), _ZERO)
+        return self.terms.greater(width + cost)
+
+    def symbols(self) -> Iterable[str]:
+        return self._ends
+
+    def always(self) -> Iterator[LinearConstraint]:
         """Lower ends below upper ends, all within reach, and around the nominal point where that is asked for."""
         for parameter in self._parameters:
             low, high = end_of((parameter.name, Side.LOWER)), end_of((parameter.name, Side.UPPER))
             yield LinearConstraint.of({low: 1, high: -1}, "<=", 0)
             yield LinearConstraint.of({low: 1}, ">=", -self._reach)
             yield LinearConstraint.of({high: 1}, "<=", self._reach)
-            if self.contain_nominal:
+            if self._contain_nominal:
                 yield LinearConstraint.of({low: 1}, "<=", parameter.nominal)
                 yield LinearConstraint.of({high: 1}, ">=", parameter.nominal)
 
-    def _objective(self) -> dict[str, Fraction]:
-        weights = {parameter.name: parameter.weight for parameter in self._parameters}
-        return {end_of((name, side)): side.sign * weights[name] for name, side in self._faces}
-
     # -- from ends to boxes --------------------------------------------------------------------------------------------
 
-    def _box_at(self, candidate: Candidate) -> Box:
+    def _box_at(self, candidate: Candidate[Fraction]) -> Box:
         """The box at the ends; if its width is only approached, without the ends of sides that have any width.
 
         Ends at the nominal point stay where the box is to contain it.
         """
         intervals = {}
         for parameter in self._parameters:
-            low = candidate.ends[end_of((parameter.name, Side.LOWER))]
-            high = candidate.ends[end_of((parameter.name, Side.UPPER))]
+            low = candidate.point[end_of((parameter.name, Side.LOWER))]
+            high = candidate.point[end_of((parameter.name, Side.UPPER))]
             closed = candidate.attained or low == high
-            kept = parameter.nominal if self.contain_nominal else None
+            kept = parameter.nominal if self._contain_nominal else None
             intervals[parameter.name] = Interval(low, high, closed or low == kept, closed or high == kept)
         return Box(intervals)
 
@@ -312,7 +294,7 @@ class OptimalBox:
                         box = closed
         return box
 
-    def _box_just_below(self, candidate: Candidate) -> Box:
+    def _box_just_below(self, candidate: Candidate[Fraction]) -> Box:
         """A box of the same width but for its open ends, or if there is none, a closed one that is a little narrower.
 
         Strict bounds on sides without any width must be kept; those on the others are what the open ends stand for.
@@ -323,19 +305,18 @@ class OptimalBox:
             for side in Side
             if interval.width == 0
         }
-        kept = [c if flat & set(c.parameters) else c.closed() for c in (*self._always(), *candidate.chosen)]
-        for shortfall in (Fraction(0), max(candidate.width, Fraction(1)) / 1_000_000):
-            least = LinearConstraint.of(self._objective(), ">=", candidate.width - shortfall)
-            ends = feasible_point(
-                self._ends, [*(kept if not shortfall else [*self._always(), *candidate.chosen]), least]
-            )
+        strict = [*self.always(), *candidate.chosen.values()]
+        kept = [c if flat & set(c.parameters) else c.closed() for c in strict]
+        for shortfall in (Fraction(0), max(-candidate.cost, Fraction(1)) / 1_000_000):
+            least = LinearConstraint.of(self._objective, ">=", -candidate.cost - shortfall)
+            ends = feasible_point(self._ends, [*(strict if shortfall else kept), least])
             if ends is not None:
-                box = self._box_at(Candidate(candidate.width, bool(shortfall), ends, candidate.chosen))
+                box = self._box_at(replace(candidate, point=ends, attained=bool(shortfall)))
                 piece = self._bad_piece(box)
                 if piece is None:
                     return box if shortfall else self._with_ends_closed(box)
-                if piece not in self.pieces:
-                    self.pieces.append(piece)
+                if piece not in self._pieces:
+                    self._pieces.append(piece)
                     return self.run()
         raise ValueError("a supremum is approached from within the constraints")
 

@@ -30,7 +30,6 @@ from robust.plan.model import (
     TimePoint,
 )
 from robust.plan.polynomial import Polynomial
-from robust.presented import VerdictEnum
 from robust.qe.box import Side
 
 
@@ -247,24 +246,6 @@ def _bounded(constraint: TemporalConstraint, side: Side, value: Fraction) -> str
 
 
 # -- what comes of a repair --------------------------------------------------------------------------------------------
-
-
-class RepairStatus(VerdictEnum):
-    """How a search for a repair ended."""
-
-    UNNEEDED = "unneeded"
-    """It is right as it is."""
-    OPTIMAL = "optimal"
-    FEASIBLE = "feasible"
-    """A repair, but perhaps not the cheapest."""
-    IMPOSSIBLE = "impossible"
-    """Whatever is changed of what may be changed, it is not right."""
-    UNKNOWN = "unknown"
-
-    @property
-    def is_open(self) -> bool:
-        """Whether something ended the search before it was done."""
-        return self in {RepairStatus.FEASIBLE, RepairStatus.UNKNOWN}
 
 
 @dataclass(frozen=True, slots=True, order=True)

@@ -3,11 +3,7 @@
 What may be changed become parameters of a plan of their own. In it, the changes that leave something bad, a schedule
 that breaks an obligation or parameter values without a schedule, are a union of polyhedra, discovered one at a time as
 in :mod:`robust.irr.widen`. What a plan is required to tolerate is projected out of each; a change is good if it breaks
-one of the inequalities of each polyhedron that is left. A solver looks for cheaper and cheaper choices of one broken
-inequality for each, exact linear programming makes the best of each choice, and when there is no cheaper one its cost
-is a lower bound. If nothing bad is left by these changes they are optimal; else there is another polyhedron. Going on
-from there with the cheapest inequality of one polyhedron after the other finds a repair early that may not be the
-cheapest.
+one of the inequalities of each polyhedron that is left. The cheapest is found as in :mod:`robust.irr.conflicts`.
 
 Cost is a pair: how many numbers change, and the weighted sum of the changes. By sum, the first counts only bounds that
 were infinite: no distance from infinity can be told, so as few as possible become finite.
@@ -15,22 +11,22 @@ were infinite: no distance from infinity can be told, so as few as possible beco
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from operator import attrgetter
 
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON, Facet
 from robust.errors import SolverError
-from robust.irr.cheapest import Candidate, CheapestChanges, cost_name
+from robust.irr.cheapest import CheapestChanges, cost_name
 from robust.irr.check import Answer, Checker, CheckResult
+from robust.irr.conflicts import Candidate, Chosen, Clause, Point, RepairSearching, RepairStatus
 from robust.irr.containment import EFFORTS, within
 from robust.irr.quantities import (
     Change,
     Cost,
     Kind,
-    RepairStatus,
     Unchanged,
     change_of,
     changed,
@@ -47,9 +43,10 @@ from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import CROWDED, satisfiable
 from robust.qe.nnf import Model
 from robust.qe.polyhedron import Polyhedron
+from robust.searching import Status
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
-from robust.smt.terms import Formula, Terms
+from robust.smt.terms import Formula
 
 _NOTHING = Fraction(0)
 
@@ -89,20 +86,12 @@ class Repair(Presented, ask="status"):
         return self.status.is_open
 
 
-@dataclass(frozen=True, slots=True)
-class _Clause:
-    """One of these inequalities holds in every repair; `reason` is what breaks otherwise."""
-
-    choices: tuple[LinearConstraint, ...]
-    reason: str
-
-
 _CHANGES = {frozenset({Kind.BOUND}): "bounds", frozenset({Kind.NOMINAL}): "nominal", frozenset(Kind): "both"}
 """What may change, in the words of options."""
 
 
-class RepairSearch:
-    """One search; knows at any moment what it has found.
+class RepairSearch(RepairSearching[Cost, Repair]):
+    """One search for the least change of a plan.
 
     Args:
         plan: the plan.
@@ -129,72 +118,42 @@ class RepairSearch:
         deadline: Deadline = NEVER,
         on_repair: Callable[[Cost], None] | None = None,
     ) -> None:
+        super().__init__(solver=solver, deadline=deadline, lowest=Cost())
         self._plan = plan
         self._required = dict(require or {})
         self._kinds = kinds
         self._counts = count
         self._epsilon = epsilon
         self._solver = solver
-        self._deadline = deadline
         self._on_repair = on_repair
-        self._started = time.perf_counter()
         gap = None if reorder else epsilon
         self._quantities = {one.name: one for one in quantities(plan, kinds, self._required, gap)}
-        self._cheapest = CheapestChanges(plan, self._quantities, counts=count)
-        self._infinity = self._cheapest.greatest * (1 + len(plan.constraints))
-        self._clauses: list[_Clause] = []
-        self._examined = 0
-        self._lowest = Cost()
-        self._best: Candidate | None = None
+        self._changes = CheapestChanges(plan, self._quantities, counts=count)
+        self._infinity = self._changes.greatest * (1 + len(plan.constraints))
         self._proof: CheckResult | None = None
-        self._terms = Terms()
-        self._session = Session(self._terms, solver=solver)
-        self._asserted = 0
         self._declared: set[str] = set()
-        self._hopeful = False
-
-    def run(self) -> Repair:
-        """Search until the best repair is proved to be the cheapest, or time is out."""
-        try:
-            return self._search()
-        except OutOfTimeError as stopped:
-            return self._unfinished(reason=stopped.reason)
-        except KeyboardInterrupt:
-            return self._unfinished(interrupted=True)
-
-    def so_far(self, *, timed_out: bool) -> Repair:
-        """The best repair by now, and how much cheaper one could be."""
-        return self._unfinished(interrupted=not timed_out)
+        self._contradiction: tuple[str, ...] = ()
 
     # -- the search ----------------------------------------------------------------------------------------------------
 
-    def _search(self) -> Repair:
+    def _search(self) -> None:
         plan = lifted(self._plan, list(self._quantities.values()))
-        self._bad = _BadChanges(self._plan, RelationalEncoding(plan, self._epsilon), self._solver, self._deadline)
+        self._bad = _BadChanges(self._plan, RelationalEncoding(plan, self._epsilon), self._solver, self.deadline)
         self._network = self._bad.open_session()
-        self._network.add_all(self._bad.encoding.network_formulas(), self._deadline)
+        self._network.add_all(self._bad.encoding.network_formulas(), self.deadline)
         point = {name: self._required.get(name, Interval(value, value)) for name, value in self._plan.nominal.items()}
         self._network.add(
             *within(self._bad.encoding, {n: one for n, one in point.items() if n not in self._quantities})
         )
-        while self._best is None or self._best.cost > self._lowest:
-            candidate = self._cheapest_known()
-            if candidate is None:
-                break
-            self._lowest = candidate.cost
-            if self._clause_at(candidate) is None:
-                self._accept(candidate)
-                continue
-            if not self._hopeful and (broken := self._hopeless()):
-                return self._result(RepairStatus.IMPOSSIBLE, contradiction=broken)
-            self._hopeful = True
-            self._dive(candidate)
-        if self._best is None:
-            return self._result(RepairStatus.IMPOSSIBLE, contradiction=tuple(self._contradiction()))
-        self._lowest = self._best.cost
-        return self._result(RepairStatus.OPTIMAL if self._best.values else RepairStatus.UNNEEDED)
+        self.search()
+        if self.best is None and not self._contradiction:
+            self._contradiction = tuple(self._irreconcilable())
 
-    def _hopeless(self) -> tuple[str, ...]:
+    def is_hopeless(self) -> bool:
+        self._contradiction = self._kept_nowhere()
+        return bool(self._contradiction)
+
+    def _kept_nowhere(self) -> tuple[str, ...]:
         """Obligations that no schedule keeps at one of the required points, whatever is changed; often there are none.
 
         A repaired plan has a schedule there, and all its schedules keep all obligations. None of those that are named
@@ -205,7 +164,7 @@ class RepairSearch:
         kept = {one.name: encoding.terms.negation(one.violation) for one in asked}
         session = self._bad.open_session()
         formulas = (formula for one in asked for formula in encoding.full_query(one) if formula is not one.violation)
-        session.add_all(list(dict.fromkeys(formulas)), self._deadline)
+        session.add_all(list(dict.fromkeys(formulas)), self.deadline)
         fixed = {one.name: one.nominal for one in self._plan.parameters if one.name not in self._quantities}
         for corner in _ends(self._required):
             at = {name: Interval(value, value) for name, value in {**fixed, **corner}.items()}
@@ -213,7 +172,7 @@ class RepairSearch:
 
                 def refuted(formulas: Iterable[Formula], session: Session = session) -> bool:
                     with session.frame(*formulas):
-                        return session.check("some valid schedule", self._deadline, EFFORTS[1]) is Verdict.UNSATISFIABLE
+                        return session.check("some valid schedule", self.deadline, EFFORTS[1]) is Verdict.UNSATISFIABLE
 
                 # Without any schedule there are statements to blame, which the search names.
                 if refuted(()) or not refuted(kept.values()):
@@ -225,90 +184,63 @@ class RepairSearch:
                 return tuple(kept)
         return ()
 
-    def _cheapest_known(self) -> Candidate | None:
-        """The cheapest changes that no known clause forbids; None if they are no cheaper than the best repair."""
-        for clause in self._clauses[self._asserted :]:
-            self._session.add(self._asserted_clause(self._session, clause, self._declared))
-        self._asserted = len(self._clauses)
-        least, found = self._best, None
-        while True:
-            cheaper = [] if least is None else [self._cheaper(least.cost)]
-            with self._session.frame(*cheaper):
-                if not satisfiable(self._session, "cheaper changes that no known clause forbids", self._deadline):
-                    return found
-                known = self._session.values(self._terms.real(ParameterReference(n)) for n in self._symbols())
-            least = found = self._improved({name: Fraction(value) for name, value in known.items()})
+    def point_of(self, model: Point) -> Point:
+        return {name: model[name] for name in self._declared if not self._has_flag(name) or model.get(_flag(name))}
 
-    def _improved(self, model: Mapping[str, Fraction]) -> Candidate:
-        """The best of the choices that a model makes."""
-        free = {name for name in self._declared if not self._has_flag(name) or model.get(_flag(name))}
-        values = {name: model[name] for name in free if name in model}
-        chosen = (next(one for one in clause.choices if self._cheapest.holds(one, values)) for clause in self._clauses)
-        found = self._cheapest.candidate(tuple(chosen), free)
-        if found is None:
-            raise ValueError("a model satisfies the inequalities that were chosen by it")
-        return found
+    def holds(self, choice: LinearConstraint, point: Point) -> bool:
+        return self._changes.holds(choice, point)
 
-    def _dive(self, candidate: Candidate) -> None:
-        """Satisfy one clause after the other by its cheapest inequality; the end is a repair, if there is one."""
-        while (clause := self._clause_at(candidate)) is not None:
-            steps = []
-            for choice in clause.choices:
-                self._deadline.enforce()
-                chosen = (*candidate.chosen, choice)
-                needed = {n for one in chosen for n in one.parameters if not self._cheapest.holds(one, {}, (n,))}
-                free = {n for n, one in self._quantities.items() if one.old is not None} | needed
-                if (found := self._cheapest.programme(chosen, free)) is not None:
-                    steps.append(found)
-            if self._counts:
-                candidate = min(map(self._cheapest.solution, steps), key=lambda one: one.cost, default=candidate)
-            elif steps:
-                candidate = self._cheapest.solution(min(steps, key=lambda one: one.cost))
-            if not steps or (self._best is not None and candidate.cost >= self._best.cost):
-                return
-        self._accept(candidate)
+    def cheapest(self, chosen: Chosen, point: Point) -> Candidate[Cost] | None:
+        return self._changes.candidate(chosen, point.keys())
 
-    def _accept(self, candidate: Candidate) -> None:
+    def step(self, candidate: Candidate[Cost], number: int) -> Candidate[Cost] | None:
+        steps = []
+        for choice in self.clauses[number].choices:
+            self.deadline.enforce()
+            chosen = {**candidate.chosen, number: choice}
+            needed = {n for c in chosen.values() for n in c.parameters if not self._changes.holds(c, {}, (n,))}
+            free = {n for n, quantity in self._quantities.items() if quantity.old is not None} | needed
+            if (programme := self._changes.programme(chosen, free)) is not None:
+                steps.append(programme)
+        if self._counts:
+            return min(map(self._changes.solution, steps), key=attrgetter("cost"), default=None)
+        return self._changes.solution(min(steps, key=attrgetter("cost"))) if steps else None
+
+    def accept(self, candidate: Candidate[Cost]) -> None:
         """Check the repaired plan by itself; it is the best one by now."""
         plan = self._changed(candidate)
         box = Box.nominal(plan.parameters).changed(self._required)
         encoding = RelationalEncoding(plan, self._epsilon)
-        proof = Checker(encoding, box, solver=self._solver, deadline=self._deadline).run()
+        proof = Checker(encoding, box, solver=self._solver, deadline=self.deadline).run()
         if proof.answer is Answer.UNKNOWN:
             raise KeyboardInterrupt if proof.interrupted else OutOfTimeError(proof.reason)
         if proof.answer is Answer.REFUTED:
-            found = "; ".join(proof.counterexamples) or proof.reason
-            raise SolverError(f"the check does not confirm a repair ({found}); please report this plan as a bug")
-        self._best, self._proof = candidate, proof
+            broken = "; ".join(proof.counterexamples) or proof.reason
+            raise SolverError(f"the check does not confirm a repair ({broken}); please report this plan as a bug")
+        self.best, self._proof = candidate, proof
         if self._on_repair is not None:
             self._on_repair(candidate.cost)
 
-    def _clause_at(self, candidate: Candidate) -> _Clause | None:
-        """A clause that the changes do not satisfy; None if nothing bad is left by them."""
-        self._deadline.enforce()
-        for known in self._clauses:
-            if not any(self._cheapest.holds(choice, candidate.values) for choice in known.choices):
-                return known
-        self._examined += 1
+    def conflict_at(self, candidate: Candidate[Cost]) -> Clause | None:
         while True:
-            piece = self._bad.piece_in(self._box_at(candidate), self._deadline)
+            piece = self._bad.piece_in(self._box_at(candidate), self.deadline)
             if piece is None:
                 return None
             clause = self._clause(piece)
-            if clause not in self._clauses:
-                self._clauses.append(clause)
-            if not any(self._cheapest.holds(choice, candidate.values) for choice in clause.choices):
+            if not any(self.holds(choice, candidate.point) for choice in clause.choices):
                 return clause
-            if all(one.old is not None for one in self._quantities.values()):
+            if clause not in self.clauses:
+                self.clauses.append(clause)
+            if all(quantity.old is not None for quantity in self._quantities.values()):
                 raise ValueError(f"{piece} meets what its clause excludes")
             # Only a bound that stands for an infinite one can have run into it.
             self._infinity *= 2
 
-    def _box_at(self, candidate: Candidate) -> Box:
+    def _box_at(self, candidate: Candidate[Cost]) -> Box:
         """Where the plan with parameters for what may be changed has to be valid."""
         moved = dict(self._required)
         for name, one in self._quantities.items():
-            value = candidate.values.get(name, one.old)
+            value = candidate.point.get(name, one.old)
             if value is not None:
                 moved[name] = Interval(value, value)
             else:
@@ -316,7 +248,7 @@ class RepairSearch:
                 moved[name] = Interval(end, None) if one.side is Side.UPPER else Interval(None, end)
         return Box.nominal(self._bad.encoding.plan.parameters).changed(moved)
 
-    def _clause(self, piece: Polyhedron) -> _Clause:
+    def _clause(self, piece: Polyhedron) -> Clause:
         """What a repair must break of a polyhedron: it is bad whatever the required parameters are in it."""
         fixed = {
             one.name: one.nominal
@@ -326,18 +258,18 @@ class RepairSearch:
         bad = [one.substitute(fixed) for one in piece.constraints]
         if any(not self._required.keys().isdisjoint(one.parameters) for one in bad):
             bad += Box(self._required).constraints()
-            projected = project(bad, self._required.keys(), self._deadline)
+            projected = project(bad, self._required.keys(), self.deadline)
             if projected is None:
                 raise ValueError(f"{piece} meets what is required, but no changes meet both")
             bad = list(projected)
         choices = dict.fromkeys(negated for one in bad for negated in one.negation())
-        return _Clause(tuple(filter(self._leaves_schedule, choices)), self._bad.reasons[piece])
+        return Clause(tuple(filter(self._leaves_schedule, choices)), self._bad.reasons[piece])
 
     def _leaves_schedule(self, choice: LinearConstraint) -> bool:
         """Whether some changes that satisfy an inequality leave any schedule at all; else it is not worth a try."""
         terms = self._bad.encoding.terms
         with self._network.frame(choice.to_formula(terms)):
-            return satisfiable(self._network, "some schedule under an inequality between changes", self._deadline)
+            return satisfiable(self._network, "some schedule under an inequality between changes", self.deadline)
 
     # -- what the solver knows -----------------------------------------------------------------------------------------
 
@@ -345,27 +277,30 @@ class RepairSearch:
         """Whether a change of the quantity counts."""
         return self._counts or self._quantities[name].old is None
 
-    def _symbols(self) -> Iterator[str]:
+    def symbols(self) -> Iterator[str]:
         for name in self._declared:
             yield name
             if self._has_flag(name):
                 yield _flag(name)
 
-    def _asserted_clause(self, session: Session, clause: _Clause, declared: set[str]) -> Formula:
+    def formula(self, clause: Clause) -> Formula:
+        return self._as_formula(self.session, clause, self._declared)
+
+    def _as_formula(self, session: Session, clause: Clause, declared: set[str]) -> Formula:
         """The clause as a formula; what it mentions for the first time is declared."""
-        terms = self._terms
+        terms = self.terms
         mentioned = {name for choice in clause.choices for name in choice.parameters}
-        partners = {other for name in mentioned if (other := self._cheapest.partner(name)) is not None}
+        partners = {other for name in mentioned if (other := self._changes.partner(name)) is not None}
         new = sorted((mentioned | partners) - declared)
         declared.update(new)
         for name in new:
             session.add(*self._domain(name))
-            session.add(*(self._formula(order) for order in self._cheapest.in_order(name, new)))
+            session.add(*(self._formula(order) for order in self._changes.in_order(name, new)))
         return terms.disjunction(map(self._formula, clause.choices))
 
     def _formula(self, choice: LinearConstraint) -> Formula:
         """An inequality that bounds which stay infinite satisfy or break."""
-        terms, plain = self._terms, choice.to_formula(self._terms)
+        terms, plain = self.terms, choice.to_formula(self.terms)
         endless = [(n, f) for n, f in choice.coefficients if self._quantities[n].old is None]
         if not endless:
             return plain
@@ -376,70 +311,60 @@ class RepairSearch:
 
     def _domain(self, name: str) -> Iterator[Formula]:
         """What holds of a quantity in every model: its limits, its price, and a flag that is 1 if it changes."""
-        terms, one = self._terms, self._quantities[name]
-        yield from (limit.to_formula(terms) for limit in self._cheapest.limits(one))
+        terms, one = self.terms, self._quantities[name]
+        yield from (limit.to_formula(terms) for limit in self._changes.limits(one))
         flag = _variable(_flag(name))
         if self._has_flag(name):
             yield terms.disjunction((terms.equal(flag), terms.equal(flag - 1)))
         if one.old is not None:
-            yield from (limit.to_formula(terms) for limit in self._cheapest.price(name))
+            yield from (limit.to_formula(terms) for limit in self._changes.price(name))
             if self._has_flag(name):
                 yield terms.disjunction((terms.equal(_variable(name) - one.old), terms.equal(flag - 1)))
 
-    def _cheaper(self, cost: Cost) -> Formula:
-        """That changes cost less."""
-        terms = self._terms
+    def cheaper(self, cost: Cost) -> Formula:
+        terms = self.terms
         flags = [_variable(_flag(name)) for name in self._declared if self._has_flag(name)]
         costs = [_variable(cost_name(name)) for name in self._declared if self._quantities[name].old is not None]
         spare = Polynomial.constant(Fraction(cost.count)) - sum(flags, Polynomial[ParameterReference]({}))
         less = Polynomial.constant(cost.total) - sum(costs, Polynomial[ParameterReference]({}))
         return terms.disjunction((terms.greater(spare), terms.conjunction((terms.equal(spare), terms.greater(less)))))
 
-    def _contradiction(self) -> Iterator[str]:
+    def _irreconcilable(self) -> Iterator[str]:
         """Obligations, or statements of the network, that no allowed changes reconcile; none can be left out."""
-        needed = list(dict.fromkeys(clause.reason for clause in self._clauses))
+        needed = list(dict.fromkeys(clause.reason for clause in self.clauses))
         for reason in list(needed):
-            session = Session(self._terms, solver=self._solver)
-            others = [clause for clause in self._clauses if clause.reason in needed and clause.reason != reason]
+            session = Session(self.terms, solver=self._solver)
+            others = [clause for clause in self.clauses if clause.reason in needed and clause.reason != reason]
             declared: set[str] = set()
             for clause in others:
-                session.add(self._asserted_clause(session, clause, declared))
-            if not satisfiable(session, f"changes without regard to {reason}", self._deadline):
+                session.add(self._as_formula(session, clause, declared))
+            if not satisfiable(session, f"changes without regard to {reason}", self.deadline):
                 needed.remove(reason)
         yield from needed
 
     # -- results -------------------------------------------------------------------------------------------------------
 
-    def _changed(self, candidate: Candidate) -> ParametrizedPlan:
-        return changed(self._plan, list(self._quantities.values()), candidate.values)
+    def _changed(self, candidate: Candidate[Cost]) -> ParametrizedPlan:
+        return changed(self._plan, list(self._quantities.values()), candidate.point)
 
-    def _unfinished(self, *, interrupted: bool = False, reason: str | None = None) -> Repair:
-        status = RepairStatus.UNKNOWN if self._best is None else RepairStatus.FEASIBLE
-        return self._result(status, interrupted=interrupted, reason=reason)
-
-    def _result(
-        self,
-        status: RepairStatus,
-        *,
-        contradiction: tuple[str, ...] = (),
-        interrupted: bool = False,
-        reason: str | None = None,
-    ) -> Repair:
-        best = self._best
+    def _result(self, status: Status, reason: str | None = None) -> Repair:
+        best, changes = self.best, () if self.best is None else tuple(self._changes_of(self.best))
+        # Where the infimum is only approached, the changes cost a little more.
+        cost = None if best is None else Cost(best.cost.count, sum((one.cost or _NOTHING for one in changes), _NOTHING))
         return Repair(
-            status=status,
+            status=self.repaired(status),
             required=self._required,
             plan=None if best is None else self._changed(best),
-            changes=() if best is None else tuple(self._changes(best)),
-            cost=None if best is None else self._paid(best),
-            bound=self._lowest,
-            conflicts=len(self._clauses),
-            candidates=self._examined,
-            seconds=time.perf_counter() - self._started,
+            changes=changes,
+            cost=cost,
+            bound=self.lowest or Cost(),
+            conflicts=len(self.clauses),
+            candidates=self.examined,
+            seconds=self._seconds(),
             attained=best is None or best.attained,
-            contradiction=contradiction,
+            contradiction=self._contradiction,
             check=self._proof,
-            interrupted=interrupted,
+            interrupted=status is Status.INTERRUPTED,
             reason=reason,
             change=_CHANGES[frozenset(self._kinds)],
             count=self._counts,
@@ -447,24 +372,20 @@ class RepairSearch:
             solver=self._solver,
         )
 
-    def _paid(self, found: Candidate) -> Cost:
-        """What the changes cost: a little more than the infimum where that is only approached."""
-        return Cost(found.cost.count, sum((one.cost or _NOTHING for one in self._changes(found)), _NOTHING))
+    def _changes_of(self, repair: Candidate[Cost]) -> Iterator[Change]:
+        for name, quantity in self._quantities.items():
+            if name in repair.point:
+                yield change_of(self._plan, quantity, repair.point[name], self._served(name, repair.point))
 
-    def _changes(self, found: Candidate) -> Iterator[Change]:
-        for name, one in self._quantities.items():
-            if name in found.values:
-                yield change_of(self._plan, one, found.values[name], self._served(name, found.values))
-
-    def _served(self, name: str, values: Mapping[str, Fraction]) -> tuple[str, ...]:
+    def _served(self, name: str, values: Point) -> tuple[str, ...]:
         """What breaks if a change is undone, together with that of the bound which would be on the wrong side of it."""
         undone = {other: value for other, value in values.items() if other != name}
-        other = self._cheapest.partner(name)
+        other = self._changes.partner(name)
         if self._quantities[name].old is not None and other in undone:
             now = Unchanged(self._quantities, undone)
-            if not all(order.evaluate(now) for order in self._cheapest.in_order(name, {name, other})):
+            if not all(order.evaluate(now) for order in self._changes.in_order(name, {name, other})):
                 del undone[other]
-        broken = (c.reason for c in self._clauses if not any(self._cheapest.holds(each, undone) for each in c.choices))
+        broken = (one.reason for one in self.clauses if not any(self.holds(choice, undone) for choice in one.choices))
         return tuple(dict.fromkeys(broken))
 
 

@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robust.irr.quantities import RepairStatus
+    from robust.irr.conflicts import RepairStatus
     from robust.qe.box import Side
     from robust.stnu.files import load, write
     from robust.stnu.network import Edge, Link, Network
@@ -29,7 +29,7 @@ _HOME = {
     "Link": "robust.stnu.network",
     "Network": "robust.stnu.network",
     "Repair": "robust.stnu.repairs",
-    "RepairStatus": "robust.irr.quantities",
+    "RepairStatus": "robust.irr.conflicts",
     "Side": "robust.qe.box",
     "Verdict": "robust.stnu.verdicts",
     "check": "robust.stnu.verdicts",

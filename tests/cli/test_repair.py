@@ -69,7 +69,7 @@ def test_out_of_time(monkeypatch):
     def late(*_):
         raise OutOfTimeError
 
-    monkeypatch.setattr(RepairSearch, "_cheapest_known", late)
+    monkeypatch.setattr(RepairSearch, "best_known", late)
     ended = command("repair", *FLEXIBLE)
     assert ended.code == 3
     assert ended.out.startswith("unknown: out of time, no repair found; none costs less than cost 0")

@@ -16,8 +16,9 @@ from robust.encode.interface import EPSILON
 from robust.errors import InputError, SolverError
 from robust.irr import repair as repairs
 from robust.irr.check import Answer, Checker, CheckResult
-from robust.irr.quantities import Kind
-from robust.irr.repair import Cost, RepairSearch, RepairStatus
+from robust.irr.conflicts import RepairStatus
+from robust.irr.quantities import Cost, Kind
+from robust.irr.repair import RepairSearch
 from robust.plan.load import load_plan
 from robust.plan.model import Bound, ParametrizedPlan, TemporalConstraint
 from robust.plan.polynomial import Polynomial
@@ -266,7 +267,7 @@ def test_out_of_time_and_interrupted(monkeypatch) -> None:
     assert found.status is RepairStatus.UNKNOWN
     assert found.cut_short
     assert not found.interrupted
-    monkeypatch.setattr(RepairSearch, "_cheapest_known", _interrupt)
+    monkeypatch.setattr(RepairSearch, "best_known", _interrupt)
     found = robust.repair(plan)
     assert found.interrupted
     assert found.status is RepairStatus.UNKNOWN
@@ -278,14 +279,14 @@ def _interrupt(_search: RepairSearch) -> None:
 
 def test_the_best_so_far_has_a_gap(monkeypatch) -> None:
     """The first dive ends with a repair; then time is out."""
-    original = RepairSearch._cheapest_known
+    original = RepairSearch.best_known
 
     def once(search: RepairSearch):
-        if search._best is not None:
+        if search.best is not None:
             raise OutOfTimeError
         return original(search)
 
-    monkeypatch.setattr(RepairSearch, "_cheapest_known", once)
+    monkeypatch.setattr(RepairSearch, "best_known", once)
     costs: list[Cost] = []
     search = RepairSearch(navigation("plan-flexible-wait.stn"), on_repair=costs.append, deadline=Deadline.after(60))
     found = search.run()
@@ -304,7 +305,7 @@ def test_whenever_time_is_out_the_gap_holds(count) -> None:
 def confirm_gap(plan, steps) -> None:
     least, left = RepairSearch(plan).run(), steps
     search = RepairSearch(plan)
-    original = search._clause_at
+    original = search.violated
 
     def until(candidate):
         nonlocal left
@@ -313,7 +314,7 @@ def confirm_gap(plan, steps) -> None:
             raise OutOfTimeError
         return original(candidate)
 
-    search._clause_at = until
+    search.violated = until
     found = search.run()
     if left >= 0:
         assert (found.status, found.bound) == (least.status, least.bound)

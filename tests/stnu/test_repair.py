@@ -10,9 +10,10 @@ import z3
 
 from robust import stnu
 from robust.errors import InputError
+from robust.irr.conflicts import Candidate
 from robust.smt.limits import Deadline
 from robust.stnu import RepairStatus, Side
-from robust.stnu.repairs import RepairSearch, _Candidate
+from robust.stnu.repairs import NetworkRepairSearch
 from tests.network import oracles
 from tests.stnu.networks import explicit, network, random_network
 
@@ -78,7 +79,7 @@ def changed(found, others, last, share):
 
 def by_z3(found, weights):
     """The cheapest changes, by z3's optimisation over all conflicts that the changes of its answers leave."""
-    search = RepairSearch(found, ONE, ONE, weights, Deadline())
+    search = NetworkRepairSearch(found, ONE, ONE, weights, Deadline())
     optimiser = z3.Optimize()
     names = {}
     for number, link in enumerate(found.links):
@@ -95,14 +96,14 @@ def by_z3(found, weights):
         assert optimiser.check() == z3.sat
         model = optimiser.model()
         point = {name: Fraction(str(model.eval(one, model_completion=True))) for name, (one, _) in names.items()}
-        conflict = search._conflict(search_candidate(point))
+        conflict = search.violated(search_candidate(point))
         if conflict is None:
             return Fraction(str(cost.value()))
-        optimiser.add(z3.Or([inequality(one, names) for one in conflict.choices]))
+        optimiser.add(z3.Or([inequality(one, names) for one in search.clauses[conflict].choices]))
 
 
 def search_candidate(point):
-    return _Candidate((), {name: value for name, value in point.items() if value}, Fraction(0))
+    return Candidate({}, {name: value for name, value in point.items() if value}, Fraction(0))
 
 
 def inequality(constraint, names):
@@ -243,9 +244,9 @@ def test_the_best_so_far_and_its_gap():
     """After the dive, a repair is known before it is proved to be the cheapest."""
     gaps = 0
     for seed, found, weights in refuted(range(40), 4, 3, 6, 5):
-        search = RepairSearch(found, ONE, ONE, weights, Deadline())
+        search = NetworkRepairSearch(found, ONE, ONE, weights, Deadline())
         best = search.run()
-        again = RepairSearch(found, ONE, ONE, weights, Deadline())
+        again = NetworkRepairSearch(found, ONE, ONE, weights, Deadline())
         again._dive(search_candidate({}))
         early = again.so_far(timed_out=False)
         assert early.status is RepairStatus.FEASIBLE, seed
