@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from robust.irr.compare import Comparison
     from robust.irr.conflicts import RepairStatus
     from robust.irr.repair import Repair
-    from robust.irr.search import EnvelopeResult, Status, Step
+    from robust.irr.search import EnvelopeResult, Step
     from robust.plan.model import ParametrizedPlan
     from robust.presented import Presented
     from robust.probability.distributions import Distribution
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from robust.qe.compute import RegionResult, RegionStatus
     from robust.qe.region import Region
     from robust.reading import convert, load_plan, validate
+    from robust.searching import Status
     from robust.show.exports import export
     from robust.sweeps.batch import Batch
     from robust.unified_planning.convert import from_unified_planning, to_unified_planning
@@ -77,7 +78,7 @@ _HOME = {
     "RiskStatus": "robust.probability.risk",
     "RobustError": "robust.errors",
     "SolverError": "robust.errors",
-    "Status": "robust.irr.search",
+    "Status": "robust.searching",
     "Step": "robust.irr.search",
     "TooFarError": "robust.execute.snap",
     "UnsupportedError": "robust.errors",

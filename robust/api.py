@@ -171,9 +171,10 @@ def check(plan: ParametrizedPlan, options: CheckOptions) -> CheckResult:
 
 def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Search[EnvelopeResult]:
     """What :func:`envelope` runs."""
-    from robust.irr.search import Conduct, EnvelopeResult, Status
+    from robust.irr.search import Conduct, EnvelopeResult
     from robust.plan.load import require_nominal_values
     from robust.qe.box import Box
+    from robust.searching import Status
 
     if options.from_nominal:
         require_nominal_values(plan.parameters)

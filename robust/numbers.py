@@ -11,12 +11,8 @@ import re
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Rational, Real
-from typing import TYPE_CHECKING
 
 from robust.errors import LONGEST_PATH, InputError, Location
-
-if TYPE_CHECKING:
-    from robust.qe.box import Interval
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+/[0-9]+|(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE](?P<exponent>[+-]?[0-9]+))?)")
 _LIMIT = 10**300
@@ -154,13 +150,6 @@ def end(value: Fraction | None, *, upper: bool, closed: bool = True) -> str:
     if value is None:
         return "∞" if upper else "−∞"
     return readable(value) if closed else f"{'<' if upper else '>'} {readable(value)}"
-
-
-def interval_text(interval: Interval) -> str:
-    """`[1, 2)`, `(−∞, 3]`."""
-    opening = "[" if interval.lower is not None and interval.lower_closed else "("
-    closing = "]" if interval.upper is not None and interval.upper_closed else ")"
-    return f"{opening}{end(interval.lower, upper=False)}, {end(interval.upper, upper=True)}{closing}"
 
 
 def exact_end(value: Fraction | None, *, upper: bool) -> str:

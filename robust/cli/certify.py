@@ -324,7 +324,7 @@ def _box(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) ->
     if options.box is not None:
         return read_box(options.box, nominal)
     from robust.api import envelope
-    from robust.irr.search import Status
+    from robust.searching import Status
 
     found = envelope(
         plan, epsilon=options.separation, encoding=options.encoding, solver=options.solver, timeout=deadline.remaining

@@ -196,7 +196,7 @@ def _box(step: Step) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from robust.numbers import interval_text
+    from robust.qe.box import interval_text
 
     table = Table(box=None, pad_edge=False, show_header=False)
     for name, interval in list(step.box.intervals.items())[:_ROWS]:

@@ -106,9 +106,10 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
     """How far may parameters deviate, all at once, before the plan can fail? Ctrl-C prints the best box so far."""
     from robust.api import searching_envelope
     from robust.show import documents
-    from robust.show.presenting import print_result
+    from robust.show.envelopes import print_envelope
 
     plan: ParametrizedPlan | None = None
+    beside = documents.NOTHING_BESIDE
     wanted = options.controllability is not None
     exported: str | None = None
 
@@ -124,22 +125,20 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
             if exported is not None and options.output is None:
                 out.file.write(exported)
             else:
-                print_result(out, found, quiet=options.quiet)
+                print_envelope(out, found, whole, quiet=options.quiet)
 
+        whole = beside
         if plan is not None and found.verified:
-            found = replace(found, probability=_probability(options, plan, found))
-        run.answer(
-            lambda: documents.envelope(found, controllability=wanted),
-            tell,
-        )
+            whole = replace(beside, probability=_probability(options, plan, found))
+        run.answer(lambda: documents.envelope(found, whole, controllability=wanted), tell)
 
     result = run.best(begin, show)
     if plan is not None and result.status.value == "invalid":
-        result = replace(result, counterexample=_counterexample(options, run, plan))
+        beside = replace(beside, counterexample=_counterexample(options, run, plan))
     if plan is not None and wanted and result.verified:
-        result = replace(result, controllability=_controllability(options, run, plan, result))
+        beside = replace(beside, controllability=_controllability(options, run, plan, result))
     if plan is not None and options.export is not None and result.verified:
-        exported = _exported(options, run, plan, result)
+        exported = _exported(options, run, plan, result, beside.controllability)
     show(result)
     if exported is not None and (output := options.output) is not None:
         run.write(partial(atomic_write, output, exported, place_of("output")))
@@ -154,11 +153,12 @@ def _exported(
     run: Run,
     plan: ParametrizedPlan,
     result: EnvelopeResult,
+    report: ControllabilityReport | None,
 ) -> str | None:
     """What is exported: of a box that is to be controllable, the part of it that is; None if that is not known."""
     from robust.show.exports import export
 
-    kind, report = options.controllability, result.controllability
+    kind = options.controllability
     if kind is None:
         return export(plan, result, options.export or "")
     if report is None or report.shrunk is None:

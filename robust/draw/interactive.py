@@ -17,9 +17,9 @@ from robust.irr.compare import Comparison
 from robust.plan.model import ZERO, Bound, Parameter, ParameterReference, ParametrizedPlan
 from robust.qe.box import Box
 from robust.qe.broken import Breaks
-from robust.qe.compute import RegionStatus
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
+from robust.searching import Status
 from robust.show.regions import METHOD_NAMES, comparison_details, in_form
 from robust.show.words import Words
 
@@ -28,9 +28,9 @@ MOST = 600
 _STEPS = 200
 """Of a slider, at least."""
 _ENDED = {
-    RegionStatus.TIMEOUT: "the time limit ended its computation",
-    RegionStatus.INTERRUPTED: "an interruption ended its computation",
-    RegionStatus.UNKNOWN: "a solver failed in its computation",
+    Status.TIMEOUT: "the time limit ended its computation",
+    Status.INTERRUPTED: "an interruption ended its computation",
+    Status.UNKNOWN: "a solver failed in its computation",
 }
 
 
@@ -53,7 +53,7 @@ def comparison_page(result: Comparison, breaks: Breaks | None, *, name: str, eps
 def shown_region(result: Comparison) -> tuple[Region | None, str]:
     """The region that a page can decide with; else why there is none, as a sentence."""
     if result.region is None:
-        why = _ENDED[RegionStatus.INTERRUPTED if result.interrupted else RegionStatus.TIMEOUT]
+        why = _ENDED[Status.INTERRUPTED if result.interrupted else Status.TIMEOUT]
     elif not result.region.is_exact:
         why = _ENDED[result.region.status]
     else:

@@ -34,13 +34,14 @@ from robust.draw.style import (
     wrapped,
 )
 from robust.errors import InputError
-from robust.irr.search import EnvelopeResult, Status
+from robust.irr.search import EnvelopeResult
 from robust.numbers import approximate, end, readable
 from robust.options.declare import place_of
 from robust.probability.blame import Share
 from robust.probability.risk import RiskResult
 from robust.qe.box import Box
 from robust.qe.region import Region
+from robust.searching import Status
 from robust.show.probabilities import bounds_text, places_for
 from robust.show.words import Words
 

@@ -63,7 +63,6 @@ from robust.execute.parametrization import (
 from robust.execute.snap import Snapped
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample
 from robust.irr.exact import ExactSearch
-from robust.irr.search import Status
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.load import assemble
@@ -75,6 +74,7 @@ from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
 from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
+from robust.searching import Status
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
 

@@ -28,7 +28,6 @@ from robust.execute.planners.interface import Planner
 from robust.execute.slices import Left
 from robust.execute.worlds import Executed, Luck, Outcome, Rules, SimulatedWorld, condition_with
 from robust.irr.methods import BoxMethod
-from robust.irr.search import Status
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.parameters import ParameterSpec, Target
@@ -39,9 +38,10 @@ from robust.plan.timed import TimedPlan
 from robust.plan.timeline import Reading, State
 from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box
-from robust.qe.compute import RegionSearch, RegionStatus
+from robust.qe.compute import RegionSearch
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
+from robust.searching import Status
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
 
@@ -225,7 +225,7 @@ def _sliced(dispatchable: Dispatchable, executor: Slice, options: Options) -> Di
     plan, box = dispatchable.plan, dispatchable.box
     seconds = REGION_SECONDS if options.timeout is None else min(options.timeout, REGION_SECONDS)
     found = RegionSearch(plan, epsilon=options.epsilon, solver=options.solver, timeout=seconds).run()
-    if found.status is RegionStatus.INTERRUPTED:
+    if found.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     region = found.inner()
     if not found.is_exact:

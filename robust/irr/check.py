@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from robust.plan.model import TimePoint
 from robust.plan.simulate import Simulation, simulate
 from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
+from robust.searching import Searching, Status
 from robust.smt.export import Exporter
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Statistics, Verdict
@@ -81,7 +81,7 @@ class CheckResult(Presented, ask="answer"):
 
 
 @dataclass(eq=False)
-class Checker:
+class Checker(Searching[CheckResult]):
     """Examines the obligations of a plan over a box of parameter values.
 
     Args:
@@ -105,6 +105,7 @@ class Checker:
     on_obligation: Callable[[int, int, str], None] | None = None
 
     def __post_init__(self) -> None:
+        super().__init__()
         self._statistics = Statistics()
         self._answers: dict[str, Answer] = {}
         self._counterexamples: dict[str, Counterexample] = {}
@@ -112,42 +113,34 @@ class Checker:
         self._existence_known = False
         self._broken: Facet | None = None
         self._reason: str | None = None
-        self._started = time.perf_counter()
 
-    def run(self) -> CheckResult:
+    def _search(self) -> None:
         """Decide.
 
         Raises:
             InputError: if the network has no schedule, whatever the parameter values.
             SolverError: if the simulator does not confirm a counterexample.
         """
-        interrupted = False
-        try:
-            if self._has_schedule():
-                self._examine()
-        except KeyboardInterrupt:
-            interrupted = True
-        found = self._found()
-        unknown = found.answer is Answer.UNKNOWN and not interrupted
-        failure = self._statistics.failure
-        if unknown and failure is not None:
-            return replace(found, reason=failure)
-        return replace(found, interrupted=interrupted, timed_out=unknown and self.deadline.moment is not None)
+        if self._has_schedule():
+            self._examine()
 
-    def so_far(self, *, timed_out: bool) -> CheckResult:
-        """What is known by now, if the check is given up: because time is out, or else by an interruption."""
-        return replace(self._found(), interrupted=not timed_out, timed_out=timed_out)
-
-    def _found(self) -> CheckResult:
+    def _result(self, status: Status, reason: str | None = None) -> CheckResult:
         answers = {o.name: self._answers.get(o.name, Answer.UNKNOWN) for o in self.encoding.obligations}
+        overall = self._overall(answers)
+        # Each question ends by itself when time is out, or its solver fails.
+        undecided = overall is Answer.UNKNOWN and status is not Status.INTERRUPTED
+        failure = self._statistics.failure if undecided and status is not Status.TIMEOUT else None
+        late = undecided and failure is None and self.deadline.moment is not None
         return CheckResult(
-            self._overall(answers),
+            overall,
             self.box,
             answers,
             self._counterexamples,
-            time.perf_counter() - self._started,
-            self._reason,
+            self._seconds(),
+            self._reason or failure,
+            interrupted=status is Status.INTERRUPTED,
             statistics=self._statistics,
+            timed_out=late or status is Status.TIMEOUT,
             settled=self._settled,
             encoding=self.encoding.name,
             solver=self.solver,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction
@@ -13,16 +12,17 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding
 from robust.irr.check import Answer, Checker
 from robust.irr.methods import BoxMethod
-from robust.irr.search import DECIDED, EnvelopeResult, Status
+from robust.irr.search import EnvelopeResult
 from robust.irr.widen import faces_of, least_stretch
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented
 from robust.qe.box import Box, Face, Side
-from robust.qe.compute import RegionResult, RegionSearch, RegionStatus
+from robust.qe.compute import RegionResult, RegionSearch
 from robust.qe.estimate import VolumeBounds, bounding_cell
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.qe.slabs import Growing
+from robust.searching import DECIDED, Searching, Status
 from robust.smt.limits import Deadline, OutOfTimeError
 
 Values = dict[str, Fraction]
@@ -108,7 +108,7 @@ class Comparison(Presented, ask="status"):
         if self.interrupted or Status.INTERRUPTED in found:
             return Status.INTERRUPTED
         complete = self.region is not None and self.region.is_exact and len(self.entries) == len(METHODS)
-        if Status.UNKNOWN in found or (self.region is not None and self.region.status is RegionStatus.UNKNOWN):
+        if Status.UNKNOWN in found or (self.region is not None and self.region.status is Status.UNKNOWN):
             return Status.UNKNOWN
         if not complete or Status.TIMEOUT in found:
             return Status.TIMEOUT
@@ -121,8 +121,8 @@ class Comparison(Presented, ask="status"):
 
 
 @dataclass(eq=False)
-class Comparing:
-    """One comparison; `so_far` is what it has found at any moment.
+class Comparing(Searching[Comparison]):
+    """One comparison.
 
     Args:
         plan: the plan.
@@ -147,28 +147,19 @@ class Comparing:
     on_stage: Callable[[str], None] | None = None
 
     def __post_init__(self) -> None:
-        self._started = time.perf_counter()
+        super().__init__()
         self._region: RegionResult | None = None
         self._volume: VolumeBounds | None = None
         self._entries: dict[str, Entry] = {}
         self._interrupted = False
 
-    def run(self) -> Comparison:
-        """Compare; Ctrl-C ends it with what is known.
+    def _search(self) -> None:
+        """Compare.
 
         Raises:
             InputError: wrong options, or a network without any schedule.
             UnsupportedError: an expression that is not linear.
         """
-        try:
-            self._run_stages()
-        except KeyboardInterrupt:
-            self._interrupted = True
-        except OutOfTimeError:
-            pass  # what is missing says so
-        return self._found()
-
-    def _run_stages(self) -> None:
         # The region can take any time, so that it comes last; but of a time that is limited a box may take more than
         # its part, as far as its solver does not heed the limit, and the region is what all else is measured by.
         stages = (*METHODS, "region") if self.timeout is None else ("region", *METHODS)
@@ -187,30 +178,25 @@ class Comparing:
         self._region = RegionSearch(
             self.plan, epsilon=self.epsilon, solver=self.solver, encoding=self.encoding, timeout=limit
         ).run()
-        self._interrupted = self._region.status is RegionStatus.INTERRUPTED
+        self._interrupted = self._region.status is Status.INTERRUPTED
 
     def _find_box(self, method: str, limit: float | None) -> None:
         try:
-            result = self._search(method, limit)
+            result = self._box(method, limit)
         except OutOfTimeError:
             return  # not even encoded: there is no box
         self._entries[method] = Entry(method, result)
         self._interrupted = result.status is Status.INTERRUPTED
 
-    def so_far(self, *, timed_out: bool) -> Comparison:
-        """What is known by now, if the comparison is given up: because time is out, or else by an interruption."""
-        self._interrupted = not timed_out
-        return self._found()
-
-    def _found(self) -> Comparison:
+    def _result(self, status: Status, reason: str | None = None) -> Comparison:
         return Comparison(
             self.plan,
             self.beta,
             self._region,
             self._volume,
             tuple(self._entries.values()),
-            self._interrupted,
-            time.perf_counter() - self._started,
+            self._interrupted or status is Status.INTERRUPTED,
+            self._seconds(),
         )
 
     def _begin(self, stage: str, share: Fraction) -> float | None:
@@ -219,9 +205,9 @@ class Comparing:
             self.on_stage(stage)
         if self.timeout is None:
             return None
-        return max(1e-3, (self.timeout - (time.perf_counter() - self._started)) * float(share))
+        return max(1e-3, (self.timeout - self._seconds()) * float(share))
 
-    def _search(self, method: str, limit: float | None) -> EnvelopeResult:
+    def _box(self, method: str, limit: float | None) -> EnvelopeResult:
         deadline = Deadline.after(limit)
         encoding = create_encoding(self.encoding, self.plan, self.epsilon, deadline)
         name, _, around = method.partition("-")

@@ -19,16 +19,17 @@ from robust.encode.variables import Linear, variable
 from robust.irr.conflicts import Candidate, Chosen, Clause, Optimum, Point
 from robust.irr.containment import require_some_schedule
 from robust.irr.irr import ordered
-from robust.irr.search import Conduct, OutsideError, Search, stops_at
+from robust.irr.search import BoxSearch, Conduct, OutsideError, stops_at
 from robust.irr.stops import JUST, declared_stop
 from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Interval, Side
-from robust.qe.compute import RegionSearch, RegionStatus
+from robust.qe.compute import RegionSearch
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import feasible_point, maximize
+from robust.searching import Status
 from robust.smt.export import Exporter
 from robust.smt.limits import Deadline
 from robust.smt.terms import Formula
@@ -41,7 +42,7 @@ FARTHEST = Fraction(2**80)
 """Where the search for ever wider boxes ends: the envelope has no widest one, nor an infinite one."""
 
 
-class ExactSearch(Search):
+class ExactSearch(BoxSearch):
     """Exact widening or the optimal box over a discovered bad set.
 
     `widen` is the max–min fair maximal box; with an order, as far as possible parameter by parameter in that order.
@@ -140,7 +141,7 @@ class ExactSearch(Search):
             encoding=self.encoding.name,
             timeout=ENUMERATION if remaining is None else min(ENUMERATION, remaining / 2),
         ).run()
-        if found.status is RegionStatus.INTERRUPTED:
+        if found.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         difference = found.region.as_difference()
         outside = difference.base.complement() if difference.base is not None else []
@@ -200,7 +201,7 @@ class OptimalBox(Optimum[Fraction]):
         return None if self.lowest is None else -self.lowest
 
     def run(self) -> Box:
-        """Search until the best box is proved optimal; `bound` is then its weighted width over finite sides.
+        """BoxSearch until the best box is proved optimal; `bound` is then its weighted width over finite sides.
 
         Raises:
             OutOfTimeError: if the deadline passes first; no box is wider than `bound`.

@@ -19,7 +19,7 @@ from typing import Unpack
 
 from robust.errors import InputError, did_you_mean
 from robust.irr.containment import Containment, require_some_schedule
-from robust.irr.search import Conduct, OutsideError, Search, stops_at
+from robust.irr.search import BoxSearch, Conduct, OutsideError, stops_at
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Face, Side
 
@@ -46,7 +46,7 @@ class _Turn:
     """Successes in a row in the direction tried last."""
 
 
-class IncrementalRobustification(Search):
+class IncrementalRobustification(BoxSearch):
     """One run of IRR.
 
     Args:

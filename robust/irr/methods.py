@@ -10,7 +10,7 @@ from robust.encode.interface import Encoding
 from robust.irr.containment import Containment
 from robust.irr.exact import ExactSearch
 from robust.irr.irr import IncrementalRobustification
-from robust.irr.search import Conduct, Search
+from robust.irr.search import BoxSearch, Conduct
 from robust.smt.export import Exporter
 
 
@@ -34,7 +34,7 @@ class BoxMethod:
 
     def search(
         self, formulas: Encoding, *, solver: str, exporter: Exporter | None = None, **conduct: Unpack[Conduct]
-    ) -> Search:
+    ) -> BoxSearch:
         """The search for a box of a plan.
 
         Raises:

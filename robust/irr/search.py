@@ -3,43 +3,24 @@
 from __future__ import annotations
 
 import logging
-import time
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import product
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 from robust.encode.interface import Encoding
 from robust.irr.containment import Margins, Questions
 from robust.irr.stops import APPROACHED, CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
 from robust.plan.model import Parameter, ParametrizedPlan
-from robust.presented import Presented, VerdictEnum
+from robust.presented import Presented
 from robust.qe.box import Box, Face, Side
+from robust.searching import DECIDED, Searching, Status
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Statistics
 
-if TYPE_CHECKING:
-    from robust.execute.controllability import ControllabilityReport
-    from robust.irr.check import Counterexample
-    from robust.probability.measure import Bounds
-
 log = logging.getLogger(__name__)
-
-
-class Status(VerdictEnum):
-    """How a search ended."""
-
-    COMPLETE = "complete"
-    TIMEOUT = "timeout"
-    INTERRUPTED = "interrupted"
-    INVALID = "invalid"
-    UNKNOWN = "unknown"
-
-
-DECIDED = (Status.COMPLETE, Status.INVALID)
-"""Nothing ended the search before it was done."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +51,7 @@ class EnvelopeResult(Presented, ask="verified"):
     is what no box can be wider than, where the widest one was looked for. `stops` says what ends each finite side of a
     verified box: an obligation, statements of the network, a declared bound, or why that is not known. `advice` is
     about parameters for which an action's own duration leaves no room. `doubling` and `contain_nominal` are as
-    they were asked for; methods that know no other boxes always contain the nominal point.
-
-    What was asked for beside: `counterexample` shows what breaks at the nominal point; `controllability` what a
-    dispatcher need not know of the values in the box; `probability` how probable they are. `plan` is what it is about.
+    they were asked for; methods that know no other boxes always contain the nominal point. `plan` is what it is about.
     """
 
     status: Status
@@ -96,9 +74,6 @@ class EnvelopeResult(Presented, ask="verified"):
     advice: tuple[Advice, ...] = ()
     doubling: bool = False
     contain_nominal: bool = True
-    counterexample: Counterexample | None = None
-    controllability: ControllabilityReport | None = None
-    probability: Bounds | None = None
     plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -133,7 +108,7 @@ class OutsideError(Exception):
 
 
 class Conduct(TypedDict, total=False):
-    """What every search can be given, whatever it searches for; subclasses of :class:`Search` hand it on as it is."""
+    """What every search for a box can be given; subclasses of :class:`BoxSearch` hand it on as it is."""
 
     deadline: Deadline
     """When to stop with the best box so far."""
@@ -141,7 +116,7 @@ class Conduct(TypedDict, total=False):
     """Called with each step."""
 
 
-class Search(ABC):
+class BoxSearch(Searching[EnvelopeResult]):
     """One search from the nominal point outwards; subclasses accept boxes, record steps, and say how to search.
 
     Args:
@@ -161,6 +136,7 @@ class Search(ABC):
         statistics: Statistics,
         **conduct: Unpack[Conduct],
     ) -> None:
+        super().__init__()
         self.encoding = encoding
         self.method = method
         self.deadline = conduct.get("deadline", NEVER)
@@ -173,10 +149,11 @@ class Search(ABC):
         self._solver = solver
         self._statistics = statistics
         self._on_step = conduct.get("on_step")
-        self._started = time.perf_counter()
         self._first_widening: float | None = None
         self._trace: list[Step] = []
         self._stops: dict[Face, Stop] = {}
+        self._outside: Mapping[str, Fraction] = {}
+        """Values at which the plan breaks, if it is INVALID."""
 
     @property
     @abstractmethod
@@ -188,35 +165,25 @@ class Search(ABC):
         """What no box can be wider than, as far as that is known."""
         return None
 
-    def run(self) -> EnvelopeResult:
-        """Search until done, out of time, interrupted by Ctrl-C or stopped by a solver that failed.
-
-        All values in the box are inside the envelope in any case.
+    def _ending(self) -> tuple[Status, str | None]:
+        """All values in the box are inside the envelope, however the search ends.
 
         Raises:
             InputError: if the network has no schedule, whatever the parameter values.
         """
         try:
-            self._search()
-        except OutOfTimeError as stopped:
-            return self._result(Status.TIMEOUT if stopped.reason is None else Status.UNKNOWN, stopped.reason)
-        except KeyboardInterrupt:
-            return self._result(Status.INTERRUPTED)
+            status, reason = super()._ending()
         except OutsideError as outside:
-            return self._result(Status.INVALID, outside.reason, outside.values)
-        try:
-            self._find_stops()
-        except (OutOfTimeError, KeyboardInterrupt):
-            log.info("no time was left to find out what ends all sides")  # the box is complete without
-        return self._result(Status.COMPLETE)
+            self._outside = outside.values
+            return Status.INVALID, outside.reason
+        if status is Status.COMPLETE:
+            try:
+                self._find_stops()
+            except (OutOfTimeError, KeyboardInterrupt):
+                log.info("no time was left to find out what ends all sides")  # the box is complete without
+        return status, reason
 
-    def so_far(self, *, timed_out: bool) -> EnvelopeResult:
-        """The best box by now, if the search is given up: because time is out, or else by an interruption."""
-        return self._result(Status.TIMEOUT if timed_out else Status.INTERRUPTED)
-
-    def _result(
-        self, status: Status, reason: str | None = None, values: Mapping[str, Fraction] | None = None
-    ) -> EnvelopeResult:
+    def _result(self, status: Status, reason: str | None = None) -> EnvelopeResult:
         return EnvelopeResult(
             status=status,
             method=self.method,
@@ -231,7 +198,7 @@ class Search(ABC):
             seconds=self._seconds(),
             trace=tuple(self._trace),
             reason=reason,
-            values=values or {},
+            values=self._outside,
             bound=self.bound,
             statistics=self._statistics,
             stops=self._all_stops(status) if self.verified else {},
@@ -240,10 +207,6 @@ class Search(ABC):
             contain_nominal=self.contain_nominal,
             plan=self.encoding.plan,
         )
-
-    @abstractmethod
-    def _search(self) -> None:
-        """Accept boxes and record steps until done, or until an exception says how the search ended."""
 
     @abstractmethod
     def _find_stops(self) -> None:
@@ -272,9 +235,6 @@ class Search(ABC):
         self._trace.append(step)
         if self._on_step is not None:
             self._on_step(step)
-
-    def _seconds(self) -> float:
-        return time.perf_counter() - self._started
 
 
 def stops_at(questions: Questions[Any], box: Box, reach: Margins, deadline: Deadline) -> Iterator[tuple[Face, Stop]]:

@@ -8,7 +8,6 @@ probability from below as well, and random points estimate it.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -19,7 +18,7 @@ from robust.errors import InputError
 from robust.irr.containment import Containment
 from robust.irr.exact import ExactSearch
 from robust.irr.irr import IncrementalRobustification
-from robust.irr.search import EnvelopeResult, Status
+from robust.irr.search import EnvelopeResult
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented, VerdictEnum
@@ -28,8 +27,9 @@ from robust.probability.distributions import Distribution
 from robust.probability.measure import Bounds, Measure, RegionMeasure, box_probability
 from robust.probability.packing import Estimate, Packing, Points
 from robust.qe.box import Box
-from robust.qe.compute import RegionResult, RegionSearch, RegionStatus
+from robust.qe.compute import RegionResult, RegionSearch
 from robust.qe.polyhedron import Polyhedron
+from robust.searching import Searching, Status
 from robust.smt.limits import Deadline, OutOfTimeError
 
 METHODS = ("irr", "widen", "optimal")
@@ -100,8 +100,8 @@ class RiskResult(Presented, ask="probability"):
         return max(self.kept, key=lambda one: one.probability.lower, default=None)
 
 
-class Risk:
-    """One search for the probability of success; `so_far` is what it has found at any moment.
+class Risk(Searching[RiskResult]):
+    """One search for the probability of success.
 
     Args:
         plan: the plan.
@@ -133,6 +133,7 @@ class Risk:
         on_bounds: Callable[[Bounds], None] | None = None,
         on_stage: Callable[[str], None] | None = None,
     ) -> None:
+        super().__init__()
         names = [parameter.name for parameter in plan.parameters]
         missing = [name for name in names if name not in distributions]
         if missing:
@@ -146,7 +147,6 @@ class Risk:
         self._deadline = Deadline.after(timeout)
         self._on_bounds = on_bounds or (lambda _: None)
         self._on_stage = on_stage or (lambda _: None)
-        self._started = time.perf_counter()
         self._region: RegionResult | None = None
         self._bounds = Bounds(Fraction(0), Fraction(1))
         self._cells = 0
@@ -155,31 +155,14 @@ class Risk:
         self._packing: Packing | None = None
         self._points: Points | None = None
 
-    def run(self) -> RiskResult:
-        """Everything; out of time or interrupted, what is known by then.
-
-        Raises:
-            UnsupportedError: an expression that is not linear.
-            SolverError: a solver is not installed.
-        """
-        try:
-            self._run_stages()
-        except OutOfTimeError as stopped:
-            return self._result(RiskStatus.TIMEOUT if stopped.reason is None else RiskStatus.UNKNOWN, stopped.reason)
-        except KeyboardInterrupt:
-            return self._result(RiskStatus.INTERRUPTED)
-        close = self._bounds.width <= self._within
-        # With few parameters only the time that a stage may take can have ended it early.
-        return self._result(RiskStatus.COMPLETE if close else RiskStatus.WIDE if self._many else RiskStatus.TIMEOUT)
-
-    def so_far(self, *, timed_out: bool) -> RiskResult:
-        """What is known by now, if the search is given up: out of time, or interrupted."""
-        return self._result(RiskStatus.TIMEOUT if timed_out else RiskStatus.INTERRUPTED)
-
-    def _result(self, status: RiskStatus, reason: str | None = None) -> RiskResult:
+    def _result(self, status: Status, reason: str | None = None) -> RiskResult:
+        ended = RiskStatus(status.value)
+        if status is Status.COMPLETE and self._bounds.width > self._within:
+            # With few parameters only the time that a stage may take can have ended it early.
+            ended = RiskStatus.WIDE if self._many else RiskStatus.TIMEOUT
         failing = 1 - self._bounds.lower
         return RiskResult(
-            status,
+            ended,
             self._plan,
             self._distributions,
             self._within,
@@ -190,13 +173,19 @@ class Risk:
             () if self._packing is None else tuple(self._packing.boxes),
             None if self._points is None else self._points.estimate,
             self._cells,
-            time.perf_counter() - self._started,
+            self._seconds(),
             reason,
         )
 
     # -- stages --------------------------------------------------------------------------------------------------------
 
-    def _run_stages(self) -> None:
+    def _search(self) -> None:
+        """All stages.
+
+        Raises:
+            UnsupportedError: an expression that is not linear.
+            SolverError: a solver is not installed.
+        """
         self._on_stage("envelope")
         search = RegionSearch(
             self._plan,
@@ -206,7 +195,7 @@ class Risk:
             timeout=self._share(Fraction(1, 3)),
         )
         self._region = region = search.run()
-        if region.status is RegionStatus.INTERRUPTED:
+        if region.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         self._on_stage("probability")
         self._measure(region)

@@ -12,7 +12,7 @@ from typing import Any
 
 from robust.encode.variables import Grid
 from robust.errors import InputError
-from robust.numbers import parse_end
+from robust.numbers import end, parse_end
 from robust.plan.model import Parameter
 from robust.qe.constraint import LinearConstraint, Sense
 
@@ -117,6 +117,13 @@ class Interval:
 
     def __str__(self) -> str:
         return self.written(str)
+
+
+def interval_text(interval: Interval) -> str:
+    """`[1, 2)`, `(−∞, 3]`, for people."""
+    opening = "[" if interval.lower is not None and interval.lower_closed else "("
+    closing = "]" if interval.upper is not None and interval.upper_closed else ")"
+    return f"{opening}{end(interval.lower, upper=False)}, {end(interval.upper, upper=True)}{closing}"
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ an obligation. How they are grouped is the splitting:
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -22,18 +21,20 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
 from robust.encode.variables import Grid, Range
 from robust.plan.model import ParametrizedPlan, Relation
-from robust.presented import Presented, VerdictEnum
+from robust.presented import Presented
 from robust.qe.box import Box
 from robust.qe.conjunctions import Conjunction, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
+from robust.qe.eliminate import create_eliminator
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
-from robust.qe.eliminate.interface import Context, Definition, Query, create_eliminator, outside
+from robust.qe.eliminate.interface import Context, Definition, Query, outside
 from robust.qe.inner import Factor, FactorSearch, Group, drawn_share, independent_groups, inner_region, open_share
 from robust.qe.nnf import FALSE, TRUE, Junction, Nnf, Reader, conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
 from robust.qe.share import OpenShare
 from robust.qe.symmetry import Symmetry, find_symmetry
+from robust.searching import Searching, Status
 from robust.smt.limits import Deadline, DiedError, OutOfTimeError
 from robust.smt.session import Session, Statistics, Verdict
 
@@ -270,13 +271,8 @@ class Existence:
         return project_at(self.query.network, self.query.eliminated, model)
 
 
-class RegionStatus(VerdictEnum):
-    """How an enumeration ended: the region is the envelope if COMPLETE, and an outer bound of it otherwise."""
-
-    COMPLETE = "complete"
-    TIMEOUT = "timeout"
-    INTERRUPTED = "interrupted"
-    UNKNOWN = "unknown"
+RegionStatus = Status
+"""How an enumeration ended: the region is the envelope if COMPLETE, and an outer bound of it otherwise."""
 
 
 @dataclass(frozen=True)
@@ -292,7 +288,7 @@ class RegionResult(Presented, ask="status"):
     the two; None where it is not known, or the envelope is exact. `plan` is what it is about, for nominal values.
     """
 
-    status: RegionStatus
+    status: Status
     region: Region
     backend: str
     splitting: str
@@ -310,7 +306,7 @@ class RegionResult(Presented, ask="status"):
 
     @property
     def is_exact(self) -> bool:
-        return self.status is RegionStatus.COMPLETE
+        return self.status is Status.COMPLETE
 
     @property
     def cut_short(self) -> bool:
@@ -340,13 +336,13 @@ class RegionResult(Presented, ask="status"):
 
 
 _ENDED = {
-    RegionStatus.TIMEOUT: "the time limit ended",
-    RegionStatus.INTERRUPTED: "an interruption ended",
-    RegionStatus.UNKNOWN: "a solver failed in",
+    Status.TIMEOUT: "the time limit ended",
+    Status.INTERRUPTED: "an interruption ended",
+    Status.UNKNOWN: "a solver failed in",
 }
 
 
-class RegionSearch:
+class RegionSearch(Searching[RegionResult]):
     """All parameter values under which a plan is valid, exactly.
 
     Args:
@@ -377,13 +373,13 @@ class RegionSearch:
         on_piece: Callable[[Polyhedron], None] | None = None,
         on_cell: Callable[[Polyhedron], None] | None = None,
     ) -> None:
+        super().__init__()
         self._plan = plan
         self._epsilon = epsilon
         self._names = (backend, splitting, learning, encoding, solver)
         self._learning = learning
         self._on_piece = on_piece
         self._on_cell = on_cell or (lambda _cell: None)
-        self._started = time.perf_counter()
         self._deadline = Deadline.after(timeout)
         self._statistics = Statistics()
         self._parameters = tuple(parameter.name for parameter in plan.parameters)
@@ -402,37 +398,20 @@ class RegionSearch:
             UnsupportedError: an expression that is not linear, or one that the back end cannot handle.
             SolverError: a solver is not installed.
         """
-        status = RegionStatus.COMPLETE
-        reason: str | None = None
-        try:
-            self._search()
-        except OutOfTimeError as stopped:
-            reason = stopped.reason
-            status = RegionStatus.TIMEOUT if reason is None else RegionStatus.UNKNOWN
-        except DiedError as died:
-            reason, status = died.message, RegionStatus.UNKNOWN
-        except KeyboardInterrupt:
-            status = RegionStatus.INTERRUPTED
+        status, reason = self._ending()
         # Half-spaces become sides of the polyhedron to subtract from.
         bad = self._bad
         half_spaces = [piece[0] for piece in bad if len(piece) == 1 and not piece[0].is_equality]
         others = [piece for piece in bad if len(piece) != 1 or piece[0].is_equality]
         sides = [side.negation()[0] for side in half_spaces]
         self._region = self._without(Polyhedron(self._parameters, (*self._bounds, *sides)).simplified(), others)
-        if status is RegionStatus.COMPLETE:
-            return self._result(status, self._region, None)
-        self._share = self.open_share
-        try:
-            self._share = open_share(self._factors)
-        except KeyboardInterrupt:
-            status = RegionStatus.INTERRUPTED
-        return replace(self._result(status, self._region, self._share), reason=reason)
-
-    def so_far(self, *, timed_out: bool) -> RegionResult:
-        """What the pieces leave that are known by now, if the search is given up: out of time, or interrupted."""
-        status = RegionStatus.TIMEOUT if timed_out else RegionStatus.INTERRUPTED
-        plain = self._without(Polyhedron(self._parameters, self._bounds), self._bad)
-        return self._result(status, self._region or plain, self.open_share)
+        if status is not Status.COMPLETE:
+            self._share = self.open_share
+            try:
+                self._share = open_share(self._factors)
+            except KeyboardInterrupt:
+                status = Status.INTERRUPTED
+        return self._result(status, reason)
 
     @property
     def open_share(self) -> OpenShare | None:
@@ -447,12 +426,32 @@ class RegionSearch:
     def _without(self, base: Polyhedron, pieces: Iterable[Conjunction]) -> Region:
         return Region.difference(base, (Polyhedron(self._parameters, piece) for piece in pieces))
 
-    def _result(self, status: RegionStatus, found: Region, share: OpenShare | None) -> RegionResult:
-        seconds = time.perf_counter() - self._started
-        factors = tuple(factor.factor() for factor in self._factors)
-        counts = self._found, self._statistics
-        known = *self._names, seconds, *counts, factors, share
-        return RegionResult(status, found, *known, epsilon=self._epsilon, plan=self._plan)
+    def _result(self, status: Status, reason: str | None = None) -> RegionResult:
+        region = self._region or self._without(Polyhedron(self._parameters, self._bounds), self._bad)
+        backend, splitting, learning, encoding, solver = self._names
+        return RegionResult(
+            status,
+            region,
+            backend,
+            splitting,
+            learning,
+            encoding,
+            solver,
+            self._seconds(),
+            self._found,
+            self._statistics,
+            tuple(factor.factor() for factor in self._factors),
+            None if status is Status.COMPLETE else self.open_share,
+            reason,
+            self._epsilon,
+            self._plan,
+        )
+
+    def _ending(self) -> tuple[Status, str | None]:
+        try:
+            return super()._ending()
+        except DiedError as died:
+            return Status.UNKNOWN, died.message
 
     def _search(self) -> None:
         backend, splitting, _, name, solver = self._names

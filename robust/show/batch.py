@@ -15,7 +15,8 @@ from rich.console import Console
 from rich.text import Text
 
 from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
-from robust.numbers import duration, interval_text, plural
+from robust.numbers import duration, plural
+from robust.qe.box import interval_text
 from robust.qe.region import Region
 from robust.show.console import colour_of, show_table, table
 from robust.show.documents import Document, Ends, box_of, document

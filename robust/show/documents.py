@@ -7,6 +7,7 @@ The published schemas in :mod:`robust.show.schemas` are those of these types. An
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from robust.irr.stops import Stop
     from robust.plan.model import Parameter
     from robust.plan.simulate import Violation
+    from robust.probability.measure import Bounds
     from robust.qe.box import Box, Face, Interval
 
 Document = dict[str, Any]
@@ -413,14 +415,23 @@ class Envelope(Noted, tag_field="schema", tag="robust/envelope/1"):
     probability: Range | UnsetType = UNSET
 
 
-def envelope(
-    result: EnvelopeResult,
-    *,
-    controllability: bool = False,
-) -> Document:
+@dataclass(frozen=True)
+class Beside:
+    """What a command finds out in addition to a box: `counterexample` shows what breaks at the nominal point,
+    `controllability` what a dispatcher need not know of the values in the box, `probability` how probable they are."""
+
+    counterexample: checks.Counterexample | None = None
+    controllability: ControllabilityReport | None = None
+    probability: Bounds | None = None
+
+
+NOTHING_BESIDE = Beside()
+
+
+def envelope(result: EnvelopeResult, beside: Beside = NOTHING_BESIDE, *, controllability: bool = False) -> Document:
     """With `controllability`, it is null where it was asked for and is not known; else it is left out then."""
     seconds = {step.check: step.seconds for step in result.trace}
-    report, shown = result.controllability, result.counterexample
+    report, shown = beside.controllability, beside.counterexample
     first = result.first_widening_seconds
     return document(
         like(
@@ -436,7 +447,7 @@ def envelope(
             ],
             statistics=like(Statistics, result.statistics),
             controllability=_controllability(report) if report is not None else None if controllability else UNSET,
-            probability=UNSET if result.probability is None else range_of(result.probability),
+            probability=UNSET if beside.probability is None else range_of(beside.probability),
         )
     )
 

@@ -9,24 +9,27 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from robust.irr.search import EnvelopeResult, Status
+from robust.irr.check import Counterexample
+from robust.irr.search import EnvelopeResult
 from robust.numbers import duration, end, plural, readable
 from robust.plan.model import Parameter
 from robust.qe.box import Interval, Side
+from robust.searching import Status
 from robust.show.console import show_table, table
+from robust.show.documents import NOTHING_BESIDE, Beside
 from robust.show.probabilities import greatest_text
 from robust.show.text import percentages, print_advice, print_counterexample, stopped
 
 
-def print_envelope(out: Console, result: EnvelopeResult, *, quiet: bool) -> None:
+def print_envelope(out: Console, result: EnvelopeResult, beside: Beside = NOTHING_BESIDE, *, quiet: bool) -> None:
     """The box, or why there is none; unless `quiet` also how it was found. What was asked for beside comes last."""
-    _print_box(out, result, quiet)
-    if result.controllability is not None:
+    _print_box(out, result, beside.counterexample, quiet)
+    if beside.controllability is not None:
         from robust.show.execution import print_controllability  # noqa: PLC0415 - much, and for few only
 
-        print_controllability(out, result.controllability, quiet=quiet)
-    if result.probability is not None:
-        out.print(greatest_text(result, result.probability), soft_wrap=True)
+        print_controllability(out, beside.controllability, quiet=quiet)
+    if beside.probability is not None:
+        out.print(greatest_text(result, beside.probability), soft_wrap=True)
 
 
 def _promise(result: EnvelopeResult) -> str:
@@ -40,12 +43,12 @@ def _promise(result: EnvelopeResult) -> str:
     return "no valid box contains this one"
 
 
-def _print_box(out: Console, result: EnvelopeResult, quiet: bool) -> None:
+def _print_box(out: Console, result: EnvelopeResult, counterexample: Counterexample | None, quiet: bool) -> None:
     if result.status is Status.INVALID:
         where = "the plan can fail at the nominal values: " if result.values else ""
         out.print(Text.assemble(("invalid", "bold red"), f": {where}{result.reason}"), soft_wrap=True)
-        if result.counterexample is not None and not quiet:
-            print_counterexample(out, result.counterexample)
+        if counterexample is not None and not quiet:
+            print_counterexample(out, counterexample)
         if not quiet:
             print_advice(out, result.advice)
         return

@@ -18,8 +18,8 @@ from robust.execute.replan import Run, RunStatus, Segment
 from robust.execute.slices import Left, SliceAnswer
 from robust.execute.worlds import Outcome
 from robust.irr.stops import advice
-from robust.numbers import end, format_number, interval_text, plural, readable
-from robust.qe.box import Side
+from robust.numbers import end, format_number, plural, readable
+from robust.qe.box import Side, interval_text
 from robust.show.console import colour_of, show_table, table
 from robust.show.made import summary
 from robust.show.text import percentages, print_advice

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.text import Text
 
 from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
-from robust.numbers import duration, exact_end, interval_text, plural, readable
+from robust.numbers import duration, exact_end, plural, readable
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, TeamParameter, TeamParameterKind
 from robust.pike_bridge.envelopes.pieces import (
     BoundStatement,
@@ -22,7 +22,7 @@ from robust.pike_bridge.envelopes.pieces import (
 from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope, TeamStop
 from robust.pike_bridge.model import Guard, guard_text
 from robust.plan.polynomial import Polynomial
-from robust.qe.box import Interval, Side
+from robust.qe.box import Interval, Side, interval_text
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb

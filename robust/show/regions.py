@@ -12,15 +12,15 @@ from rich.console import Console
 from rich.text import Text
 
 from robust.irr.compare import Comparison, Entry, FaceGap, Share
-from robust.irr.search import Status
-from robust.numbers import duration, interval_text, readable
-from robust.qe.box import Side
+from robust.numbers import duration, readable
+from robust.qe.box import Side, interval_text
 from robust.qe.compute import RegionResult
 from robust.qe.constraint import Sense
 from robust.qe.inner import Factor
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
+from robust.searching import Status
 from robust.show.console import show_table, table
 from robust.show.text import percentage, print_advice, stopped
 

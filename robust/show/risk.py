@@ -11,12 +11,12 @@ from rich.console import Console
 from rich.text import Text
 
 from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
-from robust.irr.search import Status
 from robust.numbers import duration, plural
 from robust.probability.blame import Share
 from robust.probability.measure import Bounds
 from robust.probability.packing import Estimate
 from robust.probability.risk import METHODS, RiskResult, RiskStatus
+from robust.searching import Status
 from robust.show.console import show_table, table
 from robust.show.documents import Document, Ends, Noted, box_of, document
 from robust.show.probabilities import Range, bounds_text, decimal, places_for, range_of

@@ -30,10 +30,10 @@ from robust.api import envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
 from robust.irr.containment import Containment
-from robust.irr.search import Status
 from robust.plan.load import load_plan
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Interval, Side
+from robust.searching import Status
 from robust.smt.limits import Deadline
 from tests.benchmarks.conftest import example, navigation, rendered, run
 from tests.certify import tools

@@ -17,12 +17,13 @@ from robust.draw.plots import plot_envelope
 from robust.draw.style import EDGE, REMOVED, save
 from robust.draw.tpnu import layered, plot_network
 from robust.errors import InputError
-from robust.irr.search import EnvelopeResult, Status, Step
+from robust.irr.search import EnvelopeResult, Step
 from robust.pike_bridge.model import Choice, Constraint, Event, Tpnu
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
+from robust.searching import Status
 from tests.cli.running import command, example
 from tests.pike_bridge.kitchen import kitchen
 from tests.qe.polyhedra import NAMES, cube, eq, le, lt, polygon, rectangle

@@ -14,7 +14,7 @@ from robust.api import compare, risk
 from robust.draw import gantt, plane, plots, tpnu
 from robust.draw.gantt import Bar, Chart, Lane, Mark
 from robust.draw.style import BOX_LINES, HATCHES, LIGHT, STRONG
-from robust.irr.search import EnvelopeResult, Status, Step
+from robust.irr.search import EnvelopeResult, Step
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.causal import augment
 from robust.pike_bridge.temporal.distance_graph import StructuralPrecedence
@@ -23,6 +23,7 @@ from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.reading import load_plan
+from robust.searching import Status
 from robust.show.words import Words, named
 from tests.cli.running import EXAMPLES, command, example
 from tests.draw.pictures import DAY

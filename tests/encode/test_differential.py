@@ -23,12 +23,12 @@ from robust.encode.interface import Stage
 from robust.encode.positions.encoding import PositionsEncoding
 from robust.errors import InputError, UnsupportedError
 from robust.irr.check import Answer, CheckResult
-from robust.irr.search import Status
 from robust.plan import model
 from robust.plan.load import load_plan
 from robust.plan.model import ZERO, And, Assignment, AtomEffect, Comparison, Holds, NumericEffect, Or, ParametrizedPlan
 from robust.plan.simulate import simulate
 from robust.qe.box import Interval
+from robust.searching import Status
 from robust.smt.session import Verdict
 from tests.encode.asking import both, difference, first_broken, is_broken
 from tests.plan import building

@@ -17,10 +17,10 @@ from robust.encode import create_encoding
 from robust.encode.positions.encoding import PositionsEncoding
 from robust.errors import InputError, UnsupportedError
 from robust.irr.check import Answer
-from robust.irr.search import Status
 from robust.plan.model import ZERO, And, Holds, Or, Parameter, ParametrizedPlan, TimedLiteral
 from robust.plan.simulate import simulate
 from robust.probability.risk import METHODS
+from robust.searching import Status
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.children import interrupted_after
 from tests.encode.asking import first_broken, refuted

@@ -13,11 +13,11 @@ import robust
 from robust.encode.encoding import RelationalEncoding
 from robust.irr.compare import METHODS, Comparing, Comparison, Share, volume_share, width_share
 from robust.irr.containment import Containment
-from robust.irr.search import Status
 from robust.plan.model import Or, ParametrizedPlan
 from robust.qe.box import Box, Interval, Side
 from robust.qe.compute import RegionStatus
 from robust.qe.estimate import VolumeBounds
+from robust.searching import Status
 from robust.smt.limits import Deadline
 from robust.smt.session import Session
 from tests.irr.building import ask_solvers, lasts, parameter, shipped, timed
@@ -191,10 +191,10 @@ def told(comparison: Comparison) -> dict[str, list]:
             Status.INVALID,
             (6, 6),
             {
-                "irr": ["k ∈ [5, 5]", None, None],
-                "widen": ["k ∈ [5, 5]", None, None],
+                "irr": ["k ∈ (5, 5)", None, None],
+                "widen": ["k ∈ (5, 5)", None, None],
                 "optimal": ["k ∈ [0, 4]", "2/3", "4/9", ["0", LATE], LOW_K],
-                "optimal-nominal": ["k ∈ [5, 5]", None, None],
+                "optimal-nominal": ["k ∈ (5, 5)", None, None],
             },
             id="apart",
         ),
@@ -266,7 +266,7 @@ def test_shares_of_what_is_not_known_exactly() -> None:
 def test_the_region_may_use_half_of_the_time_and_others_equal_parts_of_what_is_left(monkeypatch) -> None:
     stages: list[str] = []
     given: list[float | None] = []
-    monkeypatch.setattr("robust.irr.compare.time.perf_counter", repeat(5.0).__next__)
+    monkeypatch.setattr("robust.searching.time.perf_counter", repeat(5.0).__next__)
     monkeypatch.setattr(Deadline, "after", staticmethod(lambda seconds: given.append(seconds) or Deadline()))
     assert robust.compare(APART, timeout=600, on_stage=stages.append).status is Status.INVALID
     assert stages == ["region", *METHODS, "faces and witnesses"]
@@ -296,7 +296,7 @@ def test_interrupted_at_any_stage(monkeypatch, stage: str, query: bool) -> None:
     assert entries == [*((method, Status.COMPLETE, True) for method in finished), *begun]
     assert not any(entry.faces for entry in comparison.entries)
     regions = {"region": RegionStatus.INTERRUPTED if query else None, "faces and witnesses": RegionStatus.COMPLETE}
-    assert (comparison.region and comparison.region.status) is regions.get(stage)
+    assert (None if comparison.region is None else comparison.region.status) is regions.get(stage)
 
 
 @pytest.mark.parametrize("timed_out", [False, True])

@@ -12,12 +12,12 @@ from robust.api import check, envelope, region
 from robust.encode import create_encoding
 from robust.irr.check import Answer
 from robust.irr.containment import Containment
-from robust.irr.search import Status
 from robust.plan.load import load_plan
 from robust.plan.model import ParametrizedPlan
 from robust.qe.compute import RegionStatus
 from robust.qe.eliminate import cvc5_native, z3_tactics
 from robust.qe.nnf import ExpressionReader
+from robust.searching import Status
 from robust.smt import session as sessions
 from robust.smt.limits import NEVER
 from robust.smt.session import Session

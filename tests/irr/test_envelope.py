@@ -16,10 +16,11 @@ from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
 from robust.irr.check import Answer
 from robust.irr.containment import Containment
-from robust.irr.search import EnvelopeResult, Status
+from robust.irr.search import EnvelopeResult
 from robust.plan.model import ParametrizedPlan
 from robust.plan.simulate import simulate
 from robust.qe.box import Box, Interval, Side
+from robust.searching import Status
 from robust.smt.limits import Deadline
 from tests.encode.asking import sampled
 from tests.irr.building import parametric

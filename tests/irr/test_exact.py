@@ -10,9 +10,10 @@ from hypothesis import given, settings
 
 from robust.api import envelope
 from robust.errors import InputError
-from robust.irr.search import EnvelopeResult, Status
+from robust.irr.search import EnvelopeResult
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Side
+from robust.searching import Status
 from tests.encode.asking import Judge
 from tests.irr.building import parametric, shipped, weighted
 from tests.plan.building import drawn

@@ -14,10 +14,10 @@ from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError, UnsupportedError
 from robust.irr.check import Answer
 from robust.irr.containment import Containment
-from robust.irr.search import Status
 from robust.plan.model import ZERO, Or
 from robust.probability.risk import METHODS
 from robust.qe.box import Box, Interval, Side
+from robust.searching import Status
 from robust.smt.limits import Deadline
 from tests.irr.building import fail_at_query, lasts, parameter, shipped, timed
 from tests.plan import building

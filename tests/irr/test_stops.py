@@ -19,7 +19,7 @@ from hypothesis import seed as hypothesis_seed
 from robust.api import check, envelope
 from robust.errors import InputError
 from robust.irr.check import Answer
-from robust.irr.search import EnvelopeResult, Status
+from robust.irr.search import EnvelopeResult
 from robust.irr.stops import APPROACHED, CUT_SHORT, NOT_EXAMINED, Stop
 from robust.plan.load import assemble, load_plan
 from robust.plan.model import ParametrizedPlan
@@ -27,6 +27,7 @@ from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import parse_stn
 from robust.qe.box import Box, Side
+from robust.searching import Status
 from robust.smt.limits import OutOfTimeError
 from tests.irr.building import EXAMPLES, fail_at_query, loose, parameter, parametric, shipped, timed
 from tests.plan.building import drawn
@@ -320,7 +321,7 @@ ASKED = """
 import sys
 from random import Random
 from robust.api import check, envelope
-from robust.irr.search import Status
+from robust.searching import Status
 from tests.irr.test_stops import drawn_plans
 
 order = int(sys.argv[1])

@@ -11,9 +11,9 @@ from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
 from robust.execute.randomness import distributions_of
 from robust.irr.containment import Containment
-from robust.irr.search import Status
 from robust.probability.measure import box_probability
 from robust.qe.box import Box, Interval
+from robust.searching import Status
 from robust.smt.limits import NEVER
 from tests.irr.building import parametric, shipped
 from tests.irr.test_exact import assert_maximal

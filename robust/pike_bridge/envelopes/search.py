@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from robust.errors import InputError, Location
-from robust.irr.search import Status
 from robust.irr.stops import JUST
 from robust.irr.widen import Widening, faces_of, touching
 from robust.numbers import Number, exact
@@ -37,6 +36,7 @@ from robust.qe.box import Box, Face
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, outside
+from robust.searching import Status
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 ENUMERATING = 0.8

@@ -1,4 +1,4 @@
-"""What elimination back ends are given and give back, and which there are."""
+"""What elimination back ends are given and give back."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import import_module
 
-from robust.backends import ELIMINATORS
-from robust.errors import InputError, UnsupportedError, did_you_mean
+from robust.errors import UnsupportedError
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import TRUE, Nnf, Reader, booleans_in, conjunction, disjunction, names_in
@@ -116,19 +114,3 @@ def require_reals(formula: Nnf, name: str) -> None:
             f"back end {name!r} found the Boolean symbol {min(booleans)!r}, expected real symbols only; "
             "back ends 'project', 'fourier-motzkin', 'loos-weispfenning' and 'z3' take both"
         )
-
-
-def create_eliminator(name: str, context: Context) -> Eliminator:
-    """The back end of that name.
-
-    Raises:
-        InputError: if there is no such back end.
-        SolverError: if what it needs is not installed.
-    """
-    if name not in ELIMINATORS:
-        raise InputError(f"unknown back end {name!r}{did_you_mean(name, ELIMINATORS)}")
-    module, attribute = ELIMINATORS[name]
-    made = getattr(import_module(module), attribute)(context)
-    if not isinstance(made, Eliminator):
-        raise TypeError(f"{attribute} is not an elimination back end")
-    return made

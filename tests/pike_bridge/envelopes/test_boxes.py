@@ -7,7 +7,6 @@ from itertools import product
 import pytest
 
 from robust.errors import InputError
-from robust.irr.search import Status
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
 from robust.pike_bridge.envelopes.pieces import _CertainOrder
@@ -18,6 +17,7 @@ from robust.pike_bridge.semantics import Existence, Oracle
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.qe.box import Side
 from robust.qe.region import Region
+from robust.searching import Status
 from robust.smt.limits import Deadline
 from tests.pike_bridge import stories
 from tests.pike_bridge.envelopes.examples import parametric, random_parameters, seeded, structured

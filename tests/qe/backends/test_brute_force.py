@@ -14,9 +14,11 @@ from random import Random
 
 import pytest
 
+from robust.backends import ELIMINATORS
 from robust.qe import nnf
 from robust.qe.constraint import LinearConstraint
-from robust.qe.eliminate.interface import ELIMINATORS, Context, Query, create_eliminator
+from robust.qe.eliminate import create_eliminator
+from robust.qe.eliminate.interface import Context, Query
 from robust.qe.nnf import Nnf, Reader, conjunction, disjunction, negation
 from robust.smt.limits import NEVER
 from robust.smt.terms import Terms

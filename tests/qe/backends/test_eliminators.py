@@ -11,12 +11,13 @@ import z3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robust.backends import ELIMINATORS
 from robust.errors import InputError, UnsupportedError
 from robust.qe import nnf
 from robust.qe.conjunctions import Conjunction, project, project_at, variables_of
 from robust.qe.constraint import LinearConstraint, Sense
-from robust.qe.eliminate import loos_weispfenning
-from robust.qe.eliminate.interface import ELIMINATORS, Context, Definition, Query, create_eliminator, without
+from robust.qe.eliminate import create_eliminator, loos_weispfenning
+from robust.qe.eliminate.interface import Context, Definition, Query, without
 from robust.qe.eliminate.loos_weispfenning import simplified
 from robust.qe.eliminate.z3_tactics import to_z3
 from robust.qe.nnf import FALSE, TRUE, Literal, Nnf, Reader, conjunction, disjunction, names_in, negation
