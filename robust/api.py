@@ -351,7 +351,7 @@ def risk(plan: ParametrizedPlan, options: RiskOptions) -> RiskResult:
 
 def searching_repair(plan: ParametrizedPlan, options: RepairOptions) -> RepairSearch:
     """What :func:`repair` runs."""
-    from robust.irr.quantities import Kind
+    from robust.irr.quantities import Changeable
     from robust.irr.repair import RepairSearch
     from robust.plan.load import require_nominal_values
 
@@ -360,7 +360,9 @@ def searching_repair(plan: ParametrizedPlan, options: RepairOptions) -> RepairSe
     return RepairSearch(
         plan,
         require=required,
-        kinds={"bounds": (Kind.BOUND,), "nominal": (Kind.NOMINAL,), "both": tuple(Kind)}[options.change],
+        kinds={"bounds": (Changeable.BOUND,), "nominal": (Changeable.NOMINAL,), "both": tuple(Changeable)}[
+            options.change
+        ],
         count=options.count,
         reorder=options.reorder,
         epsilon=options.separation,

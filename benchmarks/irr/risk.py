@@ -24,7 +24,7 @@ from robust.errors import InputError
 from robust.execute.randomness import distributions_of
 from robust.irr.containment import Containment
 from robust.plan.model import ParametrizedPlan
-from robust.probability.packing import Estimate
+from robust.probability.packing import SampledEstimate
 from robust.qe.box import Box
 from robust.smt.limits import NEVER
 
@@ -98,7 +98,7 @@ def measure(parameters: int, seed: int, draws: int, within: Fraction, limit: flo
     )
 
 
-def judged(plan: ParametrizedPlan, kinds: dict[str, str], draws: int, seed: int) -> Estimate:
+def judged(plan: ParametrizedPlan, kinds: dict[str, str], draws: int, seed: int) -> SampledEstimate:
     """So many random points, each asked about by itself."""
     random = Random(seed)  # noqa: S311 - an experiment
     distributions = {name: one.settled for name, one in distributions_of(plan, kinds).items()}
@@ -108,7 +108,7 @@ def judged(plan: ParametrizedPlan, kinds: dict[str, str], draws: int, seed: int)
         point = {name: one.draw(random, None) for name, one in distributions.items()}
         checker.__dict__.pop("_refuted", None)  # what was refuted before says nothing of other points
         successes += checker.contains(Box.point(point), NEVER)
-    return Estimate.of(successes, draws)
+    return SampledEstimate.of(successes, draws)
 
 
 Group = tuple[int, Sequence[RiskRow]]

@@ -37,7 +37,7 @@ from robust.errors import InputError
 from robust.irr.search import EnvelopeResult
 from robust.numbers import approximate, end, readable
 from robust.options.declare import place_of
-from robust.probability.blame import Share
+from robust.probability.risk import BlameShare
 from robust.probability.risk import RiskResult
 from robust.qe.box import Box
 from robust.qe.region import Region
@@ -321,13 +321,13 @@ def _view(result: RiskResult, name: str) -> tuple[Fraction, Fraction]:
     return low, high
 
 
-def _shown(result: RiskResult) -> list[Share]:
+def _shown(result: RiskResult) -> list[BlameShare]:
     """The obligations that matter, the most probable last."""
     found = [one for one in result.shares or () if one.probability.upper >= result.within]
     return sorted(found, key=lambda one: one.probability.upper)
 
 
-def _draw_shares(canvas: Axes, shown: Sequence[Share], names: Sequence[str]) -> None:
+def _draw_shares(canvas: Axes, shown: Sequence[BlameShare], names: Sequence[str]) -> None:
     """A bar for each obligation: what is certain in full colour, what is possible lighter and hatched."""
     for row, one in enumerate(shown):
         possible: Any = {"color": LIGHT[5], "edgecolor": VERMILION, "hatch": HATCHES[1]}

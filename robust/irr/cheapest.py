@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from robust.irr.conflicts import Candidate, Chosen
-from robust.irr.quantities import Cost, Kind, Quantity, Unchanged, bound_name
+from robust.irr.quantities import Changeable, Cost, Quantity, Unchanged, bound_name
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Side
 from robust.qe.constraint import LinearConstraint
@@ -154,7 +154,7 @@ class CheapestChanges:
         """The other bound of the same constraint, if it may be changed."""
         one = self.quantities[name]
         other = bound_name(one.constraint, Side.LOWER if one.side is Side.UPPER else Side.UPPER)
-        return other if one.kind is Kind.BOUND and other in self.quantities else None
+        return other if one.kind is Changeable.BOUND and other in self.quantities else None
 
     def _always(self, names: Collection[str]) -> Iterator[LinearConstraint]:
         """Bounds and nominal values within their limits, lower bounds not above upper ones; the others do not move."""
@@ -173,7 +173,7 @@ class CheapestChanges:
 
     def in_order(self, name: str, moving: Collection[str]) -> Iterator[LinearConstraint]:
         """The lower bound is not above the upper one, if it is about a bound and both are numbers."""
-        if self.quantities[name].kind is Kind.NOMINAL:
+        if self.quantities[name].kind is Changeable.NOMINAL:
             return
         constraint = self.quantities[name].constraint
         written = self._plan.constraints[constraint]

@@ -40,7 +40,7 @@ JUST = Fraction(1, 1000)
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
+class RatioBounds:
     """A ratio that is at least `lower` and at most `upper` (None: no bound is known); exact if both are the same."""
 
     lower: Fraction
@@ -52,7 +52,7 @@ class Share:
 
 
 @dataclass(frozen=True, slots=True)
-class Witness:
+class FaceWitness:
     """A point just outside a face at which the plan is refuted, and the obligation (or contradiction) that breaks."""
 
     values: dict[str, Fraction]
@@ -72,7 +72,7 @@ class FaceGap:
     end: Fraction
     closed: bool
     gap: Fraction | None
-    witness: Witness | None
+    witness: FaceWitness | None
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ class Entry:
 
     method: str
     result: EnvelopeResult
-    volume_share: Share | None = None
-    width_share: Share | None = None
+    volume_share: RatioBounds | None = None
+    width_share: RatioBounds | None = None
     faces: tuple[FaceGap, ...] = ()
 
 
@@ -240,7 +240,7 @@ class Comparing(Searching[Comparison]):
                 ),
             )
 
-    def _witness(self, values: Values, encoding: Encoding, deadline: Deadline) -> Witness | None:
+    def _witness(self, values: Values, encoding: Encoding, deadline: Deadline) -> FaceWitness | None:
         """The point with what breaks there; None if there is no time to confirm it."""
         try:
             result = Checker(encoding, Box.point(values), solver=self.solver, deadline=deadline).run()
@@ -251,7 +251,7 @@ class Comparing(Searching[Comparison]):
         match result.answer:
             case Answer.REFUTED:
                 broken = [name for name, answer in result.obligations.items() if answer is Answer.REFUTED]
-                return Witness(values, broken[0] if broken else result.reason or "no schedule")
+                return FaceWitness(values, broken[0] if broken else result.reason or "no schedule")
             case Answer.UNKNOWN:
                 return None
             case Answer.PROVED:
@@ -259,7 +259,7 @@ class Comparing(Searching[Comparison]):
 
 
 def face_gap(
-    box: Box, face: Face, end: Fraction, bad: Sequence[Polyhedron], confirm: Callable[[Values], Witness | None]
+    box: Box, face: Face, end: Fraction, bad: Sequence[Polyhedron], confirm: Callable[[Values], FaceWitness | None]
 ) -> FaceGap:
     """How far the face could move, and a point beyond that the box would hold if it were moved a little more."""
     name, side = face
@@ -290,7 +290,7 @@ def bounding_width(short: Region | None) -> Fraction | None:
     return None if cell is None else sum((upper - lower for _, lower, upper in cell), Fraction(0))
 
 
-def volume_share(box: Box, volume: VolumeBounds, *, exact: bool) -> Share | None:
+def volume_share(box: Box, volume: VolumeBounds, *, exact: bool) -> RatioBounds | None:
     """Volume of the box as a share of the region's; None where there is no finite one, or the region has no inside.
 
     Of an outer bound only the lower end counts: the envelope may be smaller.
@@ -301,12 +301,12 @@ def volume_share(box: Box, volume: VolumeBounds, *, exact: bool) -> Share | None
     # The box is inside, so that the region is at least as large.
     least = max(volume.lower, own)
     lower = own / volume.upper
-    return Share(lower, own / least if exact and least else None)
+    return RatioBounds(lower, own / least if exact and least else None)
 
 
-def width_share(box: Box, width: Fraction | None, *, exact: bool) -> Share | None:
+def width_share(box: Box, width: Fraction | None, *, exact: bool) -> RatioBounds | None:
     """Total width of the box as a share of that of the region's bounding box; None where there is no finite one."""
     own = box.total_width
     if own is None or not width:
         return None
-    return Share(own / width, own / width if exact else None)
+    return RatioBounds(own / width, own / width if exact else None)

@@ -56,7 +56,7 @@ class Candidate(Generic[CostT]):
     attained: bool = True
 
 
-class Optimum(ABC, Generic[CostT]):
+class MasterProblem(ABC, Generic[CostT]):
     """The master problem: the best point that satisfies one inequality of each clause.
 
     Args:
@@ -138,7 +138,7 @@ class Optimum(ABC, Generic[CostT]):
         }
 
 
-class ConflictSearch(Optimum[CostT]):
+class ConflictSearch(MasterProblem[CostT]):
     """A search for the best point in which nothing conflicts; the separator adds clauses to the master problem."""
 
     def __init__(self, *, solver: str, deadline: Deadline, lowest: CostT) -> None:

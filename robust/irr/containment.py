@@ -15,7 +15,7 @@ from robust.errors import InputError, Location
 from robust.plan.model import ParameterReference
 from robust.qe.box import Box, Face, Interval
 from robust.qe.constraint import LinearConstraint
-from robust.qe.nnf import Junction, Reader, conjunction
+from robust.qe.nnf import FormulaReader, Junction, conjunction
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.export import Exporter
 from robust.smt.limits import Deadline, OutOfTimeError, raise_if_interrupted
@@ -32,7 +32,7 @@ EFFORTS = 300_000, 3_000_000, 30_000_000, 0
 
 
 @dataclass
-class Question:
+class ObligationQuestion:
     """One obligation, and the parameters that matter to it.
 
     Once it is `opened`, it has a solver session of its own, unless it speaks of parameters alone, or nothing breaks it:
@@ -78,9 +78,9 @@ class Questions(ABC, Generic[Found]):
         self._exporter = exporter
         self._names = tuple(parameter.name for parameter in encoding.plan.parameters)
         self._written: dict[str, tuple[Interval, tuple[Formula, ...]]] = {}
-        self.reader = Reader(encoding.terms)
+        self.reader = FormulaReader(encoding.terms)
         self._questions = [
-            Question(obligation)
+            ObligationQuestion(obligation)
             for obligation in encoding.obligations
             if obligation.violation is not encoding.terms.false
         ]
@@ -101,11 +101,11 @@ class Questions(ABC, Generic[Found]):
         """What is found where a facet of enc_valid breaks in the box."""
 
     @abstractmethod
-    def _of_piece(self, question: Question, piece: Polyhedron, box: Box) -> Found:
+    def _of_piece(self, question: ObligationQuestion, piece: Polyhedron, box: Box) -> Found:
         """What is found where a piece of what breaks the obligation meets the box."""
 
     @abstractmethod
-    def _of_model(self, question: Question, session: Session, box: Box) -> Found:
+    def _of_model(self, question: ObligationQuestion, session: Session, box: Box) -> Found:
         """What is found where the session has a model that breaks the obligation in the box."""
 
     def _look_in(self, box: Box, deadline: Deadline) -> Found | None:
@@ -119,7 +119,7 @@ class Questions(ABC, Generic[Found]):
         # What breaks is found soon, what holds is proved late: so all questions get a little time before any gets more.
         questions = list(self._questions)
         for effort in EFFORTS:
-            hard: list[Question] = []
+            hard: list[ObligationQuestion] = []
             for question in questions:
                 found = self._ask(question, box, deadline, effort, hard)
                 if found is not None:
@@ -180,7 +180,7 @@ class Questions(ABC, Generic[Found]):
                 found[face].append(question.obligation.name)
         return {face: tuple(names) for face, names in found.items()}
 
-    def _ended(self, question: Question, box: Box, reach: Margins, deadline: Deadline) -> set[Face]:
+    def _ended(self, question: ObligationQuestion, box: Box, reach: Margins, deadline: Deadline) -> set[Face]:
         """The faces just beyond which an obligation breaks."""
         ended = set(self._known_ends(question, box, reach))
         groups = [{face: step for face, step in reach.items() if face not in ended}]
@@ -200,7 +200,7 @@ class Questions(ABC, Generic[Found]):
                 groups += [{face: (distances[face] or group[face]) / 2} for face in rest]
         return ended
 
-    def _known_ends(self, question: Question, box: Box, reach: Margins) -> Iterable[Face]:
+    def _known_ends(self, question: ObligationQuestion, box: Box, reach: Margins) -> Iterable[Face]:
         """Faces just beyond which an obligation is known to break."""
         return ()
 
@@ -208,7 +208,9 @@ class Questions(ABC, Generic[Found]):
     def _distance(self, found: Found | Facet, face: Face, step: Fraction, box: Box) -> Fraction | None:
         """How far a face has to move alone to meet what was found; 0 if it is as near as counts, None if never."""
 
-    def _ask(self, question: Question, box: Box, deadline: Deadline, effort: int, hard: list[Question]) -> Found | None:
+    def _ask(
+        self, question: ObligationQuestion, box: Box, deadline: Deadline, effort: int, hard: list[ObligationQuestion]
+    ) -> Found | None:
         """What is found; a question that needs more than the effort is added to the hard ones."""
         if not question.opened:
             self._open(question, deadline)
@@ -233,7 +235,7 @@ class Questions(ABC, Generic[Found]):
             hard.append(question)
         return None
 
-    def _open(self, question: Question, deadline: Deadline) -> None:
+    def _open(self, question: ObligationQuestion, deadline: Deadline) -> None:
         """Take the query apart, or make a session for it."""
         formulas = self.encoding.query(question.obligation)
         relevant = self.encoding.parameters_in(formulas)
@@ -251,7 +253,7 @@ class Questions(ABC, Generic[Found]):
             question.session = session
         question.opened = True
 
-    def _takes_apart(self, question: Question, formulas: Sequence[Formula]) -> bool:
+    def _takes_apart(self, question: ObligationQuestion, formulas: Sequence[Formula]) -> bool:
         """Whether the query speaks of parameters alone, and says in few words what breaks the obligation."""
         symbols = {symbol for formula in formulas for symbol in self.encoding.terms.variables(formula)}
         if len(symbols) > len(question.parameters):
@@ -319,7 +321,7 @@ class Containment(Questions[Callable[[], Refutation]]):
         found = self._look_in(box, deadline)
         return None if found is None else found()
 
-    def _known_ends(self, question: Question, box: Box, reach: Margins) -> Iterable[Face]:
+    def _known_ends(self, question: ObligationQuestion, box: Box, reach: Margins) -> Iterable[Face]:
         points = [known.values for known in self._refuted if known.reason == question.obligation.name]
         return (face for face, step in reach.items() if any(map(_moved(box, {face: step}).__contains__, points)))
 
@@ -338,7 +340,7 @@ class Containment(Questions[Callable[[], Refutation]]):
 
         return refutation
 
-    def _of_piece(self, question: Question, piece: Polyhedron, box: Box) -> Callable[[], Refutation]:
+    def _of_piece(self, question: ObligationQuestion, piece: Polyhedron, box: Box) -> Callable[[], Refutation]:
         def refutation() -> Refutation:
             point = piece.restricted(box.constraints()).some_point()
             if point is None:
@@ -347,7 +349,7 @@ class Containment(Questions[Callable[[], Refutation]]):
 
         return refutation
 
-    def _of_model(self, question: Question, session: Session, box: Box) -> Callable[[], Refutation]:
+    def _of_model(self, question: ObligationQuestion, session: Session, box: Box) -> Callable[[], Refutation]:
         symbols = [self.encoding.terms.real(ParameterReference(name)) for name in box.intervals]
         values = session.values(symbols)
         point = {name: Fraction(values.get(name, box[name].some_value())) for name in box.intervals}

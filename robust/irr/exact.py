@@ -16,10 +16,10 @@ from typing import Unpack
 
 from robust.encode.interface import Encoding
 from robust.encode.variables import Linear, variable
-from robust.irr.conflicts import Candidate, Chosen, Clause, Optimum, Point
-from robust.irr.containment import require_some_schedule
+from robust.irr.conflicts import Candidate, Chosen, Clause, MasterProblem, Point
+from robust.irr.containment import Margins, require_some_schedule
 from robust.irr.irr import ordered
-from robust.irr.search import BoxSearch, Conduct, OutsideError, stops_at
+from robust.irr.search import BoxSearch, Conduct, OutsideError
 from robust.irr.stops import JUST, declared_stop
 from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
 from robust.plan.model import ParameterReference
@@ -79,13 +79,7 @@ class ExactSearch(BoxSearch):
         parameters = encoding.plan.parameters
         turns = [[parameter] for parameter in ordered(parameters, order)] if order else [parameters]
         self._groups = [faces_of(turn) for turn in turns]
-        super().__init__(
-            encoding,
-            method=method,
-            solver=solver,
-            statistics=self._bad.statistics,
-            **conduct,
-        )
+        super().__init__(self._bad, method=method, **conduct)
         self.contain_nominal = method != "optimal" or contain_nominal
 
     @property
@@ -97,22 +91,19 @@ class ExactSearch(BoxSearch):
         return self._best.bound if self._best is not None else None
 
     def _search(self) -> None:
-        pieces = self._pieces
         if self.method == "widen":
-            self._widen(pieces)
+            self._widen()
             return
         if self._contain_nominal or self._bad.piece_in(self.box, self.deadline) is None:
             # A good box at once, and the pieces that shape it.
-            self._widen(pieces)
-        pieces += self._enumerated()
-        met: list[Obstacle] = [*pieces]
+            self._widen()
+        known: list[Obstacle] = [*self._pieces, *self._enumerated()]
         self._best = OptimalBox(
-            bad=self._bad, pieces=met, contain_nominal=self._contain_nominal, deadline=self.deadline
+            bad=self._bad, pieces=known, contain_nominal=self._contain_nominal, deadline=self.deadline
         )
         self._keep(self._best.run())
-        pieces[:] = [one for one in met if isinstance(one, Polyhedron)]
 
-    def _widen(self, pieces: list[Polyhedron]) -> None:
+    def _widen(self) -> None:
         """Widen from the nominal point, and add the bad polyhedra that shape the box to the pieces."""
         piece = self._bad.piece_in(self.box, self.deadline)
         if piece is not None:
@@ -120,16 +111,14 @@ class ExactSearch(BoxSearch):
                 require_some_schedule(self.encoding, self._bad.open_session(), self.deadline)
             raise OutsideError(self._bad.reasons[piece], self.encoding.plan.nominal)
         self.verified = True
-        met: list[Obstacle] = [*pieces]
         Widening(
             bad=self._bad,
             parameters=self.encoding.plan.parameters,
-            pieces=met,
+            pieces=self._pieces,
             groups=self._groups,
             deadline=self.deadline,
             on_box=self._keep,
         ).run()
-        pieces[:] = [one for one in met if isinstance(one, Polyhedron)]
 
     def _enumerated(self) -> list[Polyhedron]:
         """Bad polyhedra by enumeration, for a while: they are larger than what single boxes run into."""
@@ -147,13 +136,12 @@ class ExactSearch(BoxSearch):
         outside = difference.base.complement() if difference.base is not None else []
         return [*outside, *difference.pieces]
 
-    def _find_stops(self) -> None:
-        reach = {
+    def _margins(self) -> Margins:
+        return {
             (one.name, side): JUST
             for one, side in product(self.encoding.plan.parameters, Side)
             if (end := self.box[one.name].end(side)) is not None and declared_stop(one, side, end) is None
         }
-        self._stops.update(stops_at(self._bad, self.box, reach, self.deadline))
 
     def _keep(self, box: Box) -> None:
         self.verified = True
@@ -161,7 +149,7 @@ class ExactSearch(BoxSearch):
         self._record(self._bad.checks, accepted=True)
 
 
-class OptimalBox(Optimum[Fraction]):
+class OptimalBox(MasterProblem[Fraction]):
     """One search for the widest box; points are its ends, and it costs less the wider it is.
 
     Args:

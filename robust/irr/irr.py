@@ -18,8 +18,8 @@ from itertools import cycle
 from typing import Unpack
 
 from robust.errors import InputError, did_you_mean
-from robust.irr.containment import Containment, require_some_schedule
-from robust.irr.search import BoxSearch, Conduct, OutsideError, stops_at
+from robust.irr.containment import Containment, Margins, require_some_schedule
+from robust.irr.search import BoxSearch, Conduct, OutsideError
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Face, Side
 
@@ -69,13 +69,7 @@ class IncrementalRobustification(BoxSearch):
         order: Sequence[str] = (),
         **conduct: Unpack[Conduct],
     ) -> None:
-        super().__init__(
-            containment.encoding,
-            method="irr",
-            solver=containment.solver,
-            statistics=containment.statistics,
-            **conduct,
-        )
+        super().__init__(containment, method="irr", **conduct)
         self.beta = self._beta = beta
         self._containment = containment
         self.doubling = self._doubling = doubling
@@ -106,14 +100,14 @@ class IncrementalRobustification(BoxSearch):
             if turn.available and turn.delta >= least:
                 self._attempt(turn)
 
-    def _find_stops(self) -> None:
+    def _margins(self) -> Margins:
         """The last attempt of every side that can end has failed; failures of longer steps say nothing of ends."""
-        reach = {}
+        margins = {}
         for (name, side), tried in self._failures.items():
             end = self.box[name].end(side)
             if end is not None and tried is not None:
-                reach[name, side] = abs(tried - end)
-        self._stops.update(stops_at(self._containment, self.box, reach, self.deadline))
+                margins[name, side] = abs(tried - end)
+        return margins
 
     def _first_turn(self, parameter: Parameter) -> _Turn:
         """Lines 4 and 5; the default schedule has nothing to try where the nominal value is at a declared bound."""

@@ -33,7 +33,7 @@ from robust.plan.polynomial import Polynomial
 from robust.qe.box import Side
 
 
-class Kind(Enum):
+class Changeable(Enum):
     """What may be changed."""
 
     BOUND = "bound"
@@ -50,7 +50,7 @@ class Quantity:
     """
 
     name: str
-    kind: Kind
+    kind: Changeable
     old: Fraction | None
     weight: Fraction = Fraction(1)
     lower: Fraction | None = None
@@ -79,7 +79,7 @@ Limits = tuple[Fraction | None, Fraction | None]
 
 
 def quantities(
-    plan: ParametrizedPlan, kinds: Collection[Kind], fixed: Collection[str] = (), gap: Fraction | None = None
+    plan: ParametrizedPlan, kinds: Collection[Changeable], fixed: Collection[str] = (), gap: Fraction | None = None
 ) -> list[Quantity]:
     """All that may be changed.
 
@@ -89,10 +89,10 @@ def quantities(
         fixed: parameters that keep their nominal values.
         gap: what is left at least of a bound that orders two time points; None: it may order them the other way.
     """
-    found = list(_bounds(plan, gap)) if Kind.BOUND in kinds else []
-    if Kind.NOMINAL in kinds:
+    found = list(_bounds(plan, gap)) if Changeable.BOUND in kinds else []
+    if Changeable.NOMINAL in kinds:
         found += [
-            Quantity(one.name, Kind.NOMINAL, one.nominal, one.weight, one.lower, one.upper)
+            Quantity(one.name, Changeable.NOMINAL, one.nominal, one.weight, one.lower, one.upper)
             for one in plan.parameters
             if one.name not in fixed
         ]
@@ -122,7 +122,7 @@ def _bounds(plan: ParametrizedPlan, gap: Fraction | None) -> Iterator[Quantity]:
                 else:
                     upper = -kept if upper is None else min(upper, -kept)
             if lower is None or lower != upper:
-                yield Quantity(bound_name(number, side), Kind.BOUND, old, Fraction(1), lower, upper, number, side)
+                yield Quantity(bound_name(number, side), Changeable.BOUND, old, Fraction(1), lower, upper, number, side)
 
 
 def _limits(plan: ParametrizedPlan) -> dict[tuple[TimePoint, TimePoint], Limits]:
@@ -156,7 +156,7 @@ def lifted(plan: ParametrizedPlan, changeable: Sequence[Quantity]) -> Parametriz
     """The plan with a parameter for each bound that may be changed."""
     constraints, parameters = list(plan.constraints), list(plan.parameters)
     for one in changeable:
-        if one.kind is Kind.BOUND:
+        if one.kind is Changeable.BOUND:
             reference: Bound = Polynomial.variable(ParameterReference(one.name))
             constraints[one.constraint] = _with_bound(constraints[one.constraint], one.side, reference)
             parameters.append(Parameter(one.name, one.old or Fraction(0), one.weight, one.lower, one.upper))
@@ -171,7 +171,7 @@ def changed(plan: ParametrizedPlan, changeable: Sequence[Quantity], values: Mapp
         if one.name not in values:
             continue
         value = values[one.name]
-        if one.kind is Kind.BOUND:
+        if one.kind is Changeable.BOUND:
             moved: Bound = Polynomial.constant(value)
             constraints[one.constraint] = _with_bound(constraints[one.constraint], one.side, moved)
         else:
@@ -206,18 +206,18 @@ class Change:
     @property
     def part(self) -> str:
         """Which number of the statement, as the language of plans calls it: `lower`, `upper` or `default`."""
-        return "default" if self.quantity.kind is Kind.NOMINAL else self.quantity.side.value
+        return "default" if self.quantity.kind is Changeable.NOMINAL else self.quantity.side.value
 
     def __str__(self) -> str:
         infinite = "-inf" if self.quantity.side is Side.LOWER else "inf"
         old = infinite if self.old is None else format_number(self.old)
-        what = "nominal value" if self.quantity.kind is Kind.NOMINAL else f"{self.quantity.side.value} bound"
+        what = "nominal value" if self.quantity.kind is Changeable.NOMINAL else f"{self.quantity.side.value} bound"
         return f"{self.statement}: {what} {old} to {format_number(self.new)}"
 
 
 def change_of(plan: ParametrizedPlan, quantity: Quantity, new: Fraction, serves: tuple[str, ...]) -> Change:
     """What becomes of a quantity of the plan."""
-    if quantity.kind is Kind.NOMINAL:
+    if quantity.kind is Changeable.NOMINAL:
         parameter = next(one for one in plan.parameters if one.name == quantity.name)
         words = f"{quantity.name} {readable(new)} instead of {readable(parameter.nominal)}"
         return Change(quantity, new, f"parameter {quantity.name}", parameter.location, words, serves)

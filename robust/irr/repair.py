@@ -25,8 +25,8 @@ from robust.irr.conflicts import Candidate, Chosen, Clause, Point, RepairSearchi
 from robust.irr.containment import EFFORTS, within
 from robust.irr.quantities import (
     Change,
+    Changeable,
     Cost,
-    Kind,
     Unchanged,
     change_of,
     changed,
@@ -86,7 +86,11 @@ class Repair(Presented, ask="status"):
         return self.status.is_open
 
 
-_CHANGES = {frozenset({Kind.BOUND}): "bounds", frozenset({Kind.NOMINAL}): "nominal", frozenset(Kind): "both"}
+_CHANGES = {
+    frozenset({Changeable.BOUND}): "bounds",
+    frozenset({Changeable.NOMINAL}): "nominal",
+    frozenset(Changeable): "both",
+}
 """What may change, in the words of options."""
 
 
@@ -110,7 +114,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         plan: ParametrizedPlan,
         *,
         require: Mapping[str, Interval] | None = None,
-        kinds: Collection[Kind] = (Kind.BOUND,),
+        kinds: Collection[Changeable] = (Changeable.BOUND,),
         count: bool = False,
         reorder: bool = False,
         epsilon: Fraction = EPSILON,

@@ -10,7 +10,6 @@ from fractions import Fraction
 from itertools import product
 from typing import Any, TypedDict, Unpack
 
-from robust.encode.interface import Encoding
 from robust.irr.containment import Margins, Questions
 from robust.irr.stops import APPROACHED, CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
 from robust.plan.model import Parameter, ParametrizedPlan
@@ -120,24 +119,15 @@ class BoxSearch(Searching[EnvelopeResult]):
     """One search from the nominal point outwards; subclasses accept boxes, record steps, and say how to search.
 
     Args:
-        encoding: the plan's formulas.
+        questions: what is asked of boxes.
         method: the name of the search.
-        solver: the name of the solver that is asked.
-        statistics: where its queries are counted.
         conduct: see :class:`Conduct`.
     """
 
-    def __init__(
-        self,
-        encoding: Encoding,
-        *,
-        method: str,
-        solver: str,
-        statistics: Statistics,
-        **conduct: Unpack[Conduct],
-    ) -> None:
+    def __init__(self, questions: Questions[Any], *, method: str, **conduct: Unpack[Conduct]) -> None:
         super().__init__()
-        self.encoding = encoding
+        self._questions = questions
+        self.encoding = encoding = questions.encoding
         self.method = method
         self.deadline = conduct.get("deadline", NEVER)
         self.beta: Fraction | None = None
@@ -146,8 +136,6 @@ class BoxSearch(Searching[EnvelopeResult]):
         self.unbounded_checks = 0
         self.box = Box.nominal(encoding.plan.parameters)
         self.verified = False
-        self._solver = solver
-        self._statistics = statistics
         self._on_step = conduct.get("on_step")
         self._first_widening: float | None = None
         self._trace: list[Step] = []
@@ -178,7 +166,7 @@ class BoxSearch(Searching[EnvelopeResult]):
             return Status.INVALID, outside.reason
         if status is Status.COMPLETE:
             try:
-                self._find_stops()
+                self._stops.update(stops_at(self._questions, self.box, self._margins(), self.deadline))
             except (OutOfTimeError, KeyboardInterrupt):
                 log.info("no time was left to find out what ends all sides")  # the box is complete without
         return status, reason
@@ -188,7 +176,7 @@ class BoxSearch(Searching[EnvelopeResult]):
             status=status,
             method=self.method,
             encoding=self.encoding.name,
-            solver=self._solver,
+            solver=self._questions.solver,
             beta=self.beta,
             parameters=self.encoding.plan.parameters,
             box=self.box if self.verified else Box.nothing(self.encoding.plan.parameters),
@@ -200,7 +188,7 @@ class BoxSearch(Searching[EnvelopeResult]):
             reason=reason,
             values=self._outside,
             bound=self.bound,
-            statistics=self._statistics,
+            statistics=self._questions.statistics,
             stops=self._all_stops(status) if self.verified else {},
             advice=advice(self.encoding.plan, self.box, reason) if status in DECIDED else (),
             doubling=self.doubling,
@@ -209,8 +197,8 @@ class BoxSearch(Searching[EnvelopeResult]):
         )
 
     @abstractmethod
-    def _find_stops(self) -> None:
-        """Find out what ends the sides of a complete box, where the search has not noted it in `_stops`."""
+    def _margins(self) -> Margins:
+        """How far beyond the sides of a complete box to look for what ends them, unless it is a declared bound."""
 
     def _all_stops(self, status: Status) -> dict[Face, Stop]:
         """What ends each finite side, or why that is not known."""

@@ -13,7 +13,7 @@ from itertools import product
 from typing import Protocol, cast
 
 from robust.encode.interface import Encoding, Facet
-from robust.irr.containment import Margins, Question, Questions
+from robust.irr.containment import Margins, ObligationQuestion, Questions
 from robust.plan.model import Parameter, Relation
 from robust.qe.box import Box, Face, Side
 from robust.qe.conjunctions import Conjunction, irredundant, project
@@ -35,7 +35,7 @@ class Least:
     attained: bool
 
 
-class Reach(Protocol):
+class Meeting(Protocol):
     """When growing boxes meet something: exactly then, or not before, as `exact` says."""
 
     exact: bool
@@ -44,7 +44,7 @@ class Reach(Protocol):
         """The least λ ≥ 0, and whether the box meets it at that λ; None if it never does."""
 
 
-class Reason(Protocol):
+class FaceObstacle(Protocol):
     """Why boxes are not as wanted, in terms of where their faces stand; boxes around such boxes are not so either."""
 
     @property
@@ -52,7 +52,7 @@ class Reason(Protocol):
         """The parameters whose faces matter."""
 
     @property
-    def slabs(self) -> Reach:
+    def slabs(self) -> Meeting:
         """When boxes meet it, exactly."""
 
     @property
@@ -63,7 +63,7 @@ class Reason(Protocol):
         """Whether a box does."""
 
 
-Obstacle = Polyhedron | Reason
+Obstacle = Polyhedron | FaceObstacle
 """What boxes must not meet, and what stops them when they grow."""
 
 
@@ -170,7 +170,7 @@ class DiscoveredBadSet(Questions[Polyhedron]):
         self.checks += 1
         return self._look_in(box, deadline)
 
-    def _known_ends(self, question: Question, box: Box, reach: Margins) -> Iterable[Face]:
+    def _known_ends(self, question: ObligationQuestion, box: Box, reach: Margins) -> Iterable[Face]:
         pieces = [piece for piece, reason in self.reasons.items() if reason == question.obligation.name]
         return (face for face in reach if next(touching(pieces, box, face), None) is not None)
 
@@ -191,14 +191,14 @@ class DiscoveredBadSet(Questions[Polyhedron]):
         self.reasons[piece] = facet.obligation or f"no schedule: {'; '.join(facet.origins)}"
         return piece
 
-    def _of_piece(self, question: Question, piece: Polyhedron, box: Box) -> Polyhedron:
+    def _of_piece(self, question: ObligationQuestion, piece: Polyhedron, box: Box) -> Polyhedron:
         needed = self._needed.get(piece)
         if needed is None:
             needed = self._needed[piece] = Polyhedron(self._names, irredundant(piece.constraints) or ())
             self.reasons[needed] = question.obligation.name
         return needed
 
-    def _of_model(self, question: Question, session: Session, box: Box) -> Polyhedron:
+    def _of_model(self, question: ObligationQuestion, session: Session, box: Box) -> Polyhedron:
         """All parameter values that break the obligation in the way that the model does."""
         terms, name = self.encoding.terms, question.obligation.name
         if name not in self._formulas:

@@ -11,7 +11,7 @@ goes, so that no valid box contains the result.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from heapq import heappop, heappush
 from math import ceil, floor, lcm
@@ -20,11 +20,12 @@ from typing import Unpack
 from robust.encode.interface import Encoding
 from robust.irr.exact import ExactSearch, end_of, missing
 from robust.irr.search import Conduct
-from robust.irr.widen import Widening, faces_of, least_stretch
+from robust.irr.widen import faces_of, least_stretch
 from robust.plan.model import Parameter
 from robust.probability.distributions import Distribution
 from robust.probability.enclosures import ONE, UNIT, Enclosure, product
 from robust.probability.measure import interval_probability
+from robust.probability.packing import widen_around
 from robust.qe.box import Box, Face, Interval, Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
@@ -60,7 +61,7 @@ Ranges = tuple[tuple[int, int], ...]
 """Where each end may be: twice the number of a parameter is its lower end, one more its upper end."""
 
 
-class Ends:
+class ProbableEnds:
     """The search for the ends of the most probable box that misses all that is known to be bad.
 
     Args:
@@ -358,7 +359,7 @@ class GreatestBox(ExactSearch):
         super().__init__(encoding, method="risk", solver=solver, exporter=exporter, **conduct)
         self._within = within
         self._distributions = {name: one.settled for name, one in distributions.items()}
-        self._ends = Ends(encoding.plan.parameters, self._distributions)
+        self._ends = ProbableEnds(encoding.plan.parameters, self._distributions)
         self._proved = False
 
     @property
@@ -405,7 +406,7 @@ class GreatestBox(ExactSearch):
     def _without_any(self) -> None:
         """No box is known: what the plan's nominal values are, if they are good, is one without any probability."""
         if not self.verified:
-            self._widen([])
+            self._widen()
 
     def _widen_around(self, pieces: list[Polyhedron]) -> None:
         """A good box at once, if the nominal values are good, or the middle of the distributions is."""
@@ -418,18 +419,15 @@ class GreatestBox(ExactSearch):
             if piece is not None:
                 pieces.append(piece)
                 continue
-            parameters = [
-                replace(one, nominal=fixed[one.name], weight=self._distributions[one.name].scale)
-                for one in plan.parameters
-            ]
-            Widening(
+            widen_around(
+                fixed,
+                plan.parameters,
+                self._distributions,
                 bad=self._bad,
-                parameters=parameters,
                 pieces=pieces,
-                groups=[faces_of(parameters)],
                 deadline=self.deadline,
                 on_box=self._keep,
-            ).run()
+            )
             return
 
     def _extend(self) -> None:

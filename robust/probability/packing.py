@@ -6,7 +6,7 @@ part that none of them covers yet; together they bound the probability from belo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from heapq import heappop, heappush
@@ -28,6 +28,22 @@ ATTEMPTS = 8
 """Points that are tried in a part before it is divided."""
 LEAST = Fraction(1, 10**6)
 """Parts that are less probable are left alone."""
+
+
+def widen_around(
+    point: Mapping[str, Fraction],
+    parameters: Sequence[Parameter],
+    distributions: Mapping[str, Distribution],
+    *,
+    bad: DiscoveredBadSet,
+    pieces: list[Polyhedron],
+    deadline: Deadline,
+    on_box: Callable[[Box], None],
+) -> None:
+    """Exact widening from a good point, each parameter as fast as its values scatter; see :class:`Widening`."""
+    moved = [replace(one, nominal=point[one.name], weight=distributions[one.name].scale) for one in parameters]
+    groups = [faces_of(moved)]
+    Widening(bad=bad, parameters=moved, pieces=pieces, groups=groups, deadline=deadline, on_box=on_box).run()
 
 
 class Packing:
@@ -106,21 +122,18 @@ class Packing:
         """A box in a part around a good point that nothing but bad values and the part's own sides stop."""
         walls = [Polyhedron(self._names, (half,)) for side in part.constraints() for half in side.negation()]
         pieces = [*walls, *self._pieces]
-        parameters = [
-            replace(one, nominal=point[one.name], weight=self._distributions[one.name].scale)
-            for one in self._parameters
-        ]
-        found = [Box.point(point)]
-        Widening(
+        boxes = [Box.point(point)]
+        widen_around(
+            point,
+            self._parameters,
+            self._distributions,
             bad=self._bad,
-            parameters=parameters,
             pieces=pieces,
-            groups=[faces_of(parameters)],
             deadline=deadline,
-            on_box=found.append,
-        ).run()
+            on_box=boxes.append,
+        )
         self._pieces += pieces[len(walls) + len(self._pieces) :]
-        return found[-1]
+        return boxes[-1]
 
     def _divide(self, part: Box) -> None:
         """Two halves, if good values are rare in a part: the one parameter that is widest is cut."""
@@ -169,7 +182,7 @@ def _is_left(outer: Interval, end: Fraction, side: Side) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class SampledEstimate:
     """Of `draws` random points the plan succeeded at `successes`; the probability of success is between `lower` and
     `upper` with `confidence` [Clopper and Pearson 1934]: this is statistics, no proof."""
 
@@ -180,8 +193,8 @@ class Estimate:
     confidence: Fraction = CONFIDENCE
 
     @staticmethod
-    def of(successes: int, draws: int) -> Estimate:
-        return Estimate(draws, successes, *proportion_bounds(successes, draws, float(CONFIDENCE)))
+    def of(successes: int, draws: int) -> SampledEstimate:
+        return SampledEstimate(draws, successes, *proportion_bounds(successes, draws, float(CONFIDENCE)))
 
 
 class Points:
@@ -238,6 +251,6 @@ class Points:
         return found is None
 
     @property
-    def estimate(self) -> Estimate | None:
+    def estimate(self) -> SampledEstimate | None:
         """What is known by now; None without any point."""
-        return Estimate.of(self.successes, self.draws) if self.draws else None
+        return SampledEstimate.of(self.successes, self.draws) if self.draws else None

@@ -4,30 +4,35 @@ A run with parameter values in the envelope succeeds, whatever schedule its netw
 also if only some schedules fail, and if a parameter is outside of its declared bounds. With few parameters the
 envelope is computed, or bounds of it, and its probability by subdivision. With many, boxes found by widening bound the
 probability from below as well, and random points estimate it.
+
+Each failing value is counted for the first thing that goes wrong with it. First come declared bounds, then demands on
+durations, then whether there is a schedule at all, then every other obligation in the order in which they are examined:
+the same values may break several, but are counted once, so that shares add up. What breaks an obligation is enumerated
+apart from what breaks those before it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.errors import InputError
-from robust.irr.containment import Containment
-from robust.irr.exact import ExactSearch
-from robust.irr.irr import IncrementalRobustification
+from robust.irr.methods import BoxMethod
 from robust.irr.search import EnvelopeResult
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented, VerdictEnum
-from robust.probability.blame import Attribution, Share
 from robust.probability.distributions import Distribution
 from robust.probability.measure import Bounds, Measure, RegionMeasure, box_probability
-from robust.probability.packing import Estimate, Packing, Points
+from robust.probability.packing import Packing, Points, SampledEstimate
 from robust.qe.box import Box
-from robust.qe.compute import RegionResult, RegionSearch
+from robust.qe.broken import Causes
+from robust.qe.compute import RegionResult, RegionSearch, declared_bounds
+from robust.qe.conjunctions import Conjunction
 from robust.qe.polyhedron import Polyhedron
 from robust.searching import Searching, Status
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -44,6 +49,9 @@ TICK = 0.5
 """Seconds between two looks at bounds that are being computed."""
 DRAWS = 10_000
 """Random points of an estimate."""
+DECLARED = "declared bounds"
+NO_SCHEDULE = "no schedule"
+NOTHING = Bounds(Fraction(0), Fraction(0))
 
 
 class RiskStatus(VerdictEnum):
@@ -55,6 +63,14 @@ class RiskStatus(VerdictEnum):
     TIMEOUT = "timeout"
     INTERRUPTED = "interrupted"
     UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class BlameShare:
+    """How much of the probability an obligation takes, by its name, as the first that breaks."""
+
+    name: str
+    probability: Bounds
 
 
 @dataclass(frozen=True)
@@ -82,9 +98,9 @@ class RiskResult(Presented, ask="probability"):
     probability: Bounds
     region: RegionResult | None
     kept: tuple[Kept, ...]
-    shares: tuple[Share, ...] | None
+    shares: tuple[BlameShare, ...] | None
     disjoint: tuple[Box, ...]
-    estimate: Estimate | None
+    estimate: SampledEstimate | None
     cells: int
     seconds: float
     reason: str | None = None
@@ -256,11 +272,8 @@ class Risk(Searching[RiskResult]):
             encoding = create_encoding(self._encoding, self._plan, self._epsilon, deadline)
         except OutOfTimeError:
             return
-        if method == "irr":
-            containment = Containment(encoding, solver=self._solver)
-            found = IncrementalRobustification(containment, beta=Fraction(1), deadline=deadline).run()
-        else:
-            found = ExactSearch(encoding, method=method, solver=self._solver, deadline=deadline).run()
+        asked = BoxMethod(method, contain_nominal=False)
+        found = asked.search(encoding, solver=self._solver, deadline=deadline).run()
         if found.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         if found.verified:
@@ -274,11 +287,8 @@ class Risk(Searching[RiskResult]):
         self._attribution = Attribution(
             self._plan, self._distributions, epsilon=self._epsilon, solver=self._solver, deadline=deadline
         )
-        try:
+        with _ending_early():
             self._attribution.run(self._within / FINER)
-        except OutOfTimeError as stopped:
-            if stopped.reason is not None:
-                raise
 
     def _go_without_region(self, region: RegionResult) -> None:
         """Boxes without common points, and random points."""
@@ -287,21 +297,25 @@ class Risk(Searching[RiskResult]):
         if self._many:
             self._on_stage("boxes without common points")
             self._packing = Packing(bad, self._plan.parameters, self._distributions)
-            try:
+            with _ending_early():
                 self._packing.run(Deadline.after(self._share(Fraction(1, 2))))
-            except OutOfTimeError as stopped:
-                if stopped.reason is not None:
-                    raise
             self._know(self._packing.lower, self._bounds.upper)
         self._on_stage("random points")
         good = () if self._packing is None else self._packing.boxes
         known = region.region if region.is_exact else None
         self._points = Points(bad, self._distributions, good=good, region=known)
-        try:
+        with _ending_early():
             self._points.run(self._draws or DRAWS, Deadline.after(self._share(Fraction(9, 10))))
-        except OutOfTimeError as stopped:
-            if stopped.reason is not None:
-                raise
+
+
+@contextmanager
+def _ending_early() -> Iterator[None]:
+    """A stage whose time may be out before it is done, but whose solver may not fail."""
+    try:
+        yield
+    except OutOfTimeError as stopped:
+        if stopped.reason is not None:
+            raise
 
 
 def _run_telling(one: Measure | RegionMeasure, within: Fraction, deadline: Deadline, tell: Callable[[], None]) -> None:
@@ -315,3 +329,101 @@ def _run_telling(one: Measure | RegionMeasure, within: Fraction, deadline: Deadl
             tell()
         else:
             return
+
+
+# -- what takes the failing values -------------------------------------------------------------------------------------
+
+
+@dataclass
+class FirstBroken:
+    """What breaks an obligation first: `pieces` without `earlier`; all of it, if it is `complete`."""
+
+    name: str
+    earlier: tuple[Polyhedron, ...]
+    pieces: list[Polyhedron] = field(default_factory=list)
+    complete: bool = False
+    bounds: Bounds | None = None
+
+
+class Attribution:
+    """Finds the shares, obligation by obligation.
+
+    Args:
+        plan: the plan.
+        distributions: of its parameters.
+        epsilon: the separation of mutex time points.
+        solver: `z3` or `cvc5`.
+        deadline: when to stop.
+    """
+
+    def __init__(
+        self,
+        plan: ParametrizedPlan,
+        distributions: Mapping[str, Distribution],
+        *,
+        epsilon: Fraction,
+        solver: str,
+        deadline: Deadline,
+    ) -> None:
+        self._plan = plan
+        self._distributions = distributions
+        self._epsilon = epsilon
+        self._solver = solver
+        self._deadline = deadline
+        self._names = tuple(parameter.name for parameter in plan.parameters)
+        self._within = Polyhedron(self._names, declared_bounds(plan))
+        self._broken: list[FirstBroken] = []
+        self._done = False
+
+    def run(self, within: Fraction) -> None:
+        """Enumerate, and measure.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+            UnsupportedError: an expression that is not linear.
+        """
+        for one in self._enumerated():
+            parts = [(self._within.restricted(piece.constraints), one.earlier) for piece in one.pieces]
+            measure = Measure(parts, self._distributions)
+            try:
+                measure.run(within, self._deadline)
+            finally:
+                one.bounds = measure.bounds
+        self._done = True
+
+    def shares(self, failing: Fraction) -> tuple[BlameShare, ...]:
+        """What is known by now, without what takes nothing; `failing` is what all together take at most."""
+        inside = box_probability(Box.declared(self._plan.parameters), self._distributions)
+        found = {DECLARED: Bounds(1 - inside.upper, 1 - inside.lower)}
+        for one in self._broken:
+            known = one.bounds or (NOTHING if one.complete and not one.pieces else Bounds(Fraction(0), failing))
+            upper = known.upper if one.complete else failing
+            before = found.get(one.name, NOTHING)
+            found[one.name] = Bounds(before.lower + known.lower, min(failing, before.upper + upper))
+        return tuple(BlameShare(name, bounds) for name, bounds in found.items() if bounds.upper)
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing but what is named can break."""
+        return self._done
+
+    def _enumerated(self) -> Iterator[FirstBroken]:
+        """Each thing that can go wrong, when all about it is known."""
+        causes = Causes(self._plan, self._epsilon, self._solver, self._deadline)
+        known = causes.outside
+        for name, halves in causes.demands().items():
+            yield self._found(name, halves, known)
+        yield self._found(NO_SCHEDULE, causes.without_schedule(), known)
+        for obligation in causes.obligations:
+            yield self._found(obligation.name, causes.pieces(obligation, known), known)
+
+    def _found(self, name: str, pieces: Iterable[Conjunction], known: list[Conjunction]) -> FirstBroken:
+        found = FirstBroken(name, tuple(piece for one in self._broken for piece in one.pieces))
+        self._broken.append(found)
+        for piece in pieces:
+            polyhedron = Polyhedron(self._names, piece)
+            if piece not in known and not polyhedron.is_disjoint_from(self._within):
+                found.pieces.append(polyhedron)
+                known.append(piece)
+        found.complete = True
+        return found

@@ -17,12 +17,12 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Facet, Obligation
 from robust.encode.validity import Validity
 from robust.plan.model import ParametrizedPlan, Relation
-from robust.qe.compute import Existence, ProblemBuilder, declared_bounds
+from robust.qe.compute import ProblemBuilder, UnschedulableValues, declared_bounds
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import PieceSearch
-from robust.qe.eliminate.interface import Context
-from robust.qe.nnf import Reader
+from robust.qe.eliminate.interface import Elimination
+from robust.qe.nnf import FormulaReader
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline, OutOfTimeError
 
@@ -31,7 +31,7 @@ MOST = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Broken:
+class BrokenObligation:
     """Within the declared bounds, at every value in a piece that leaves a schedule, some schedule breaks `obligation`.
 
     A `demand` is one on durations over parameters alone; of other obligations pieces say nothing where one breaks.
@@ -46,7 +46,7 @@ class Broken:
 class Breaks:
     """What breaks where, in the order in which obligations are examined; all of it, if `complete`."""
 
-    found: tuple[Broken, ...]
+    found: tuple[BrokenObligation, ...]
     complete: bool
 
 
@@ -58,7 +58,7 @@ def what_breaks(
     Raises:
         UnsupportedError: an expression that is not linear.
     """
-    found: list[Broken] = []
+    found: list[BrokenObligation] = []
     try:
         for one in _enumerated(plan, epsilon, solver, Deadline.after(timeout)):
             found.append(one)
@@ -69,18 +69,20 @@ def what_breaks(
     return Breaks(tuple(found), complete=True)
 
 
-def _enumerated(plan: ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> Iterator[Broken]:
+def _enumerated(
+    plan: ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline
+) -> Iterator[BrokenObligation]:
     """Each obligation that can break, when all about it is known."""
     piece_of = partial(Polyhedron, tuple(parameter.name for parameter in plan.parameters))
     causes = Causes(plan, epsilon, solver, deadline)
     demands = causes.demands()
-    yield from (Broken(name, tuple(map(piece_of, found)), demand=True) for name, found in demands.items())
+    yield from (BrokenObligation(name, tuple(map(piece_of, found)), demand=True) for name, found in demands.items())
     known: list[Conjunction] = [*causes.outside, *causes.without_schedule()]
     for obligation in causes.obligations:
         if obligation.name not in demands:
             pieces = tuple(map(piece_of, islice(causes.pieces(obligation, known), MOST + 1)))
             if pieces:
-                yield Broken(obligation.name, pieces, demand=False)
+                yield BrokenObligation(obligation.name, pieces, demand=False)
 
 
 class Causes:
@@ -95,7 +97,7 @@ class Causes:
         self.bounds = declared_bounds(plan)
         self._deadline = deadline
         self._encoding = create_encoding("relational", plan, epsilon, deadline)
-        self._context = Context(self._encoding.terms, Reader(self._encoding.terms), solver)
+        self._context = Elimination(self._encoding.terms, FormulaReader(self._encoding.terms), solver)
         self._builder = ProblemBuilder(self._encoding, self._context.reader, self._context.session())
 
     @property
@@ -114,7 +116,9 @@ class Causes:
 
     def without_schedule(self) -> Iterator[Conjunction]:
         """There is no schedule."""
-        return Existence(self._encoding, self._context, self._builder.existence(), self.bounds).pieces(self._deadline)
+        return UnschedulableValues(self._encoding, self._context, self._builder.existence(), self.bounds).pieces(
+            self._deadline
+        )
 
     @property
     def obligations(self) -> list[Obligation]:

@@ -27,9 +27,17 @@ from robust.qe.conjunctions import Conjunction, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
 from robust.qe.eliminate import create_eliminator
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
-from robust.qe.eliminate.interface import Context, Definition, Query, outside
-from robust.qe.inner import Factor, FactorSearch, Group, drawn_share, independent_groups, inner_region, open_share
-from robust.qe.nnf import FALSE, TRUE, Junction, Nnf, Reader, conjunction, disjunction, names_in, negation
+from robust.qe.eliminate.interface import Definition, Elimination, Query, outside
+from robust.qe.inner import (
+    EnvelopeFactor,
+    FactorSearch,
+    ParameterGroup,
+    drawn_share,
+    independent_groups,
+    inner_region,
+    open_share,
+)
+from robust.qe.nnf import FALSE, TRUE, FormulaReader, Junction, Nnf, conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
 from robust.qe.share import OpenShare
@@ -40,7 +48,7 @@ from robust.smt.session import Session, Statistics, Verdict
 
 
 @dataclass(frozen=True)
-class Problem:
+class EliminationProblem:
     """What is to be eliminated for one plan.
 
     `bounds` are the declared parameter bounds as a conjunction, `exists` is the query of enc_valid, and the union of
@@ -68,7 +76,7 @@ class ProblemBuilder:
         session: an empty session over these terms, for the examination of definitions.
     """
 
-    def __init__(self, encoding: Encoding, reader: Reader, session: Session) -> None:
+    def __init__(self, encoding: Encoding, reader: FormulaReader, session: Session) -> None:
         self._encoding = encoding
         self._reader = reader
         self._session = session
@@ -76,7 +84,7 @@ class ProblemBuilder:
         self._unknowns = {symbol.symbol_name() for symbol in encoding.unknowns()} | set(self._kept)
         self._defined: dict[Nnf, Mapping[str, bool]] = {}
 
-    def build(self, splitting: str) -> Problem:
+    def build(self, splitting: str) -> EliminationProblem:
         """The problems of a splitting, quickest first."""
         queries = [
             self.query(obligation)
@@ -86,7 +94,7 @@ class ProblemBuilder:
         if splitting != "full":
             queries = [merged("all obligations", self._kept, queries)] if queries else []
         queries.sort(key=lambda query: len(query.eliminated))
-        return Problem(self._kept, declared_bounds(self._encoding.plan), self.existence(), tuple(queries))
+        return EliminationProblem(self._kept, declared_bounds(self._encoding.plan), self.existence(), tuple(queries))
 
     def existence(self) -> Query:
         """∃ times. enc_tn."""
@@ -195,7 +203,7 @@ def _cases(formula: Nnf, name: str) -> list[tuple[Nnf, LinearConstraint]] | None
 
 
 @dataclass(eq=False)
-class Existence:
+class UnschedulableValues:
     """Finds what lies outside enc_valid.
 
     Args:
@@ -206,7 +214,7 @@ class Existence:
     """
 
     encoding: Encoding
-    context: Context
+    context: Elimination
     query: Query
     bounds: Conjunction
 
@@ -298,7 +306,7 @@ class RegionResult(Presented, ask="status"):
     seconds: float
     pieces: int
     statistics: Statistics = field(default_factory=Statistics)
-    factors: tuple[Factor, ...] = ()
+    factors: tuple[EnvelopeFactor, ...] = ()
     open_share: OpenShare | None = None
     reason: str | None = None
     epsilon: Fraction = EPSILON
@@ -456,7 +464,7 @@ class RegionSearch(Searching[RegionResult]):
     def _search(self) -> None:
         backend, splitting, _, name, solver = self._names
         encoding = create_encoding(name, self._plan, self._epsilon, self._deadline)
-        context = Context(encoding.terms, Reader(encoding.terms), solver, self._statistics)
+        context = Elimination(encoding.terms, FormulaReader(encoding.terms), solver, self._statistics)
         eliminator = create_eliminator(backend, context)
         builder = ProblemBuilder(encoding, context.reader, context.session())
         problem = builder.build(splitting)
@@ -464,7 +472,7 @@ class RegionSearch(Searching[RegionResult]):
             self._add(eliminator.eliminate_nested(problem.violation, problem.exists, self._deadline))
             return
         if backend == "project":
-            existence = Existence(encoding, context, problem.exists, problem.bounds).pieces(self._deadline)
+            existence = UnschedulableValues(encoding, context, problem.exists, problem.bounds).pieces(self._deadline)
         else:
             # What none of the pieces that leave a schedule covers, within the declared bounds.
             rest = conjunction(outside(one) for one in eliminator.eliminate(problem.exists, (), self._deadline))
@@ -481,7 +489,7 @@ class RegionSearch(Searching[RegionResult]):
         for query in problem.violations:
             self._add(eliminator.eliminate(query, self._known(), self._deadline))
 
-    def _search_factors(self, context: Context, problem: Problem) -> None:
+    def _search_factors(self, context: Elimination, problem: EliminationProblem) -> None:
         """Group by group, up to symmetry; again without where that leaves too much to describe."""
         facets = list(self._pieces)
         symmetry = find_symmetry(self._plan, self._deadline)
@@ -490,7 +498,9 @@ class RegionSearch(Searching[RegionResult]):
             sides.append(LinearConstraint.false())
         base = Polyhedron(self._parameters, (*self._bounds, *sides))
         groups = [
-            Group(names, queries, base.project(names), tuple(self._known()), self._plan.nominal, symmetry.within(names))
+            ParameterGroup(
+                names, queries, base.project(names), tuple(self._known()), self._plan.nominal, symmetry.within(names)
+            )
             for names, queries in independent_groups(self._parameters, problem.violations, facets)
         ]
         search = partial(FactorSearch, context, deadline=self._deadline, on_piece=self._tell, on_cell=self._on_cell)
@@ -523,7 +533,7 @@ class RegionSearch(Searching[RegionResult]):
             self._on_piece(piece)
 
 
-def _with_existence(problem: Problem, existence: Iterable[Conjunction]) -> Query:
+def _with_existence(problem: EliminationProblem, existence: Iterable[Conjunction]) -> Query:
     """All violations, and what leaves no schedule, as one query."""
     query = problem.violation
     beyond = disjunction(conjunction(piece) for piece in existence)

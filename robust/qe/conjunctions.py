@@ -175,7 +175,7 @@ def _tightness(bound: tuple[LinearConstraint, int], name: str, point: Mapping[st
 
 
 @dataclass(frozen=True, slots=True)
-class NormalForm:
+class SolvedForm:
     """A polyhedron that is not empty.
 
     Each of `equalities` determines one parameter (`pivots`, in the same order) that occurs nowhere else. `inequalities`
@@ -207,7 +207,7 @@ class NormalForm:
         return {name: values[name] for name in self.parameters}
 
 
-def normal_form(parameters: Sequence[str], constraints: Iterable[LinearConstraint]) -> NormalForm | None:
+def normal_form(parameters: Sequence[str], constraints: Iterable[LinearConstraint]) -> SolvedForm | None:
     """The normal form of a polyhedron; None if it is empty."""
     solved = _Equalities()
     pending = list(trim(constraints))
@@ -230,9 +230,9 @@ def normal_form(parameters: Sequence[str], constraints: Iterable[LinearConstrain
     kept = _needed(free, inequalities, interior)
     pivots = tuple(name for name in parameters if name in solved.by_pivot)
     equalities = tuple(solved.by_pivot[name] for name in pivots)
-    form = NormalForm(tuple(parameters), equalities, pivots, kept, {})
+    form = SolvedForm(tuple(parameters), equalities, pivots, kept, {})
     completed = form.complete(dict(zip(free, interior, strict=True)))
-    return NormalForm(tuple(parameters), equalities, pivots, kept, completed)
+    return SolvedForm(tuple(parameters), equalities, pivots, kept, completed)
 
 
 class _Equalities:

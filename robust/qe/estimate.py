@@ -10,7 +10,7 @@ from itertools import islice
 from math import factorial, floor, prod
 from random import Random
 
-from robust.qe.conjunctions import NormalForm
+from robust.qe.conjunctions import SolvedForm
 from robust.qe.constraint import ZERO, Coefficients, LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 
@@ -197,7 +197,7 @@ def _walks(pieces: Iterable[Polyhedron], random: Random) -> Iterator[dict[str, F
         yield next(random.choice(walks))
 
 
-def _walk(form: NormalForm, random: Random) -> Iterator[dict[str, Fraction]]:
+def _walk(form: SolvedForm, random: Random) -> Iterator[dict[str, Fraction]]:
     """Points of the relative interior of a polyhedron: steps in random directions, to a random place of the chord."""
     current = {name: form.interior[name] for name in form.free}
     while True:
@@ -206,7 +206,7 @@ def _walk(form: NormalForm, random: Random) -> Iterator[dict[str, Fraction]]:
         yield form.complete(current)
 
 
-def _step(form: NormalForm, start: dict[str, Fraction], random: Random) -> dict[str, Fraction]:
+def _step(form: SolvedForm, start: dict[str, Fraction], random: Random) -> dict[str, Fraction]:
     along = set(random.sample(form.free, random.randint(1, len(form.free))))
     direction = {name: Fraction(random.randint(-8, 8) if name in along else 0) for name in form.free}
     least, most = -FAR, FAR
@@ -220,7 +220,7 @@ def _step(form: NormalForm, start: dict[str, Fraction], random: Random) -> dict[
     return _rounded(form, target)
 
 
-def _rounded(form: NormalForm, point: dict[str, Fraction]) -> dict[str, Fraction]:
+def _rounded(form: SolvedForm, point: dict[str, Fraction]) -> dict[str, Fraction]:
     """A nearby point with small denominators, or the point itself; the walk would make them grow without end."""
     for bits in (4, 10, 20, 40):
         scale = 1 << bits

@@ -23,8 +23,8 @@ from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import ZERO, LinearConstraint
 from robust.qe.eliminate.enumerate import PieceSearch, satisfiable
-from robust.qe.eliminate.interface import Context, Query
-from robust.qe.generalize import MOST_IMAGES, Lifting, Widening
+from robust.qe.eliminate.interface import Elimination, Query
+from robust.qe.generalize import MOST_IMAGES, Lifting, PieceWidening
 from robust.qe.nnf import names_in
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import LONG, Region, absorb
@@ -93,7 +93,7 @@ def _names_of(query: Query) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Factor:
+class EnvelopeFactor:
     """What is known of the values of one independent group of parameters, where the classes of `symmetry` ascend.
 
     `outer` holds all good values there, and all of `inner` are good. Values elsewhere are what their images in
@@ -124,7 +124,7 @@ class Factor:
         return [image for images in found for image in images or ()]
 
 
-def inner_region(parameters: tuple[str, ...], factors: Sequence[Factor], at: Point) -> Region:
+def inner_region(parameters: tuple[str, ...], factors: Sequence[EnvelopeFactor], at: Point) -> Region:
     """The product of what is good in each group, as a union, with some parameters fixed.
 
     If that takes too many polyhedra it is only a part of the product.
@@ -146,7 +146,7 @@ def outer_side(piece: Polyhedron, point: Point) -> LinearConstraint:
 
 
 @dataclass(frozen=True)
-class Group:
+class ParameterGroup:
     """What is to be found of one independent group of parameters.
 
     `queries` are its violations, among the values of `base`, which leave a schedule and are within the declared bounds.
@@ -174,8 +174,8 @@ class FactorSearch:
 
     def __init__(
         self,
-        context: Context,
-        group: Group,
+        context: Elimination,
+        group: ParameterGroup,
         deadline: Deadline,
         on_piece: Callable[[Polyhedron], None],
         on_cell: Callable[[Polyhedron], None],
@@ -195,7 +195,7 @@ class FactorSearch:
         self._searches: dict[str, tuple[PieceSearch, int]] = {}
         self._pieces: list[Polyhedron] = []
         self.good: list[Polyhedron] = []
-        self._widening = Widening(context, self._base, group.queries, deadline)
+        self._widening = PieceWidening(context, self._base, group.queries, deadline)
         for piece in self._known:
             self._widening.exclude(piece)
         self._lifting = Lifting(context, self._base, group.symmetry, deadline) if group.symmetry else None
@@ -439,12 +439,12 @@ class FactorSearch:
         orders = prod(factorial(len(names)) for names in self.symmetry.classes)
         return whole.volume() or ZERO, possible * orders, proved * orders
 
-    def factor(self) -> Factor:
+    def factor(self) -> EnvelopeFactor:
         """What is known by now."""
         beyond = (piece for piece in self._pieces if len(piece.constraints) != 1 or piece.constraints[0].is_equality)
         outer = Region.difference(self._base, beyond)
         inner = outer if self.done else Region.union_of(self._parameters, self.good)
-        return Factor(self._parameters, self.symmetry, outer, inner)
+        return EnvelopeFactor(self._parameters, self.symmetry, outer, inner)
 
 
 def open_share(factors: Sequence[FactorSearch]) -> OpenShare | None:

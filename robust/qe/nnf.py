@@ -27,7 +27,7 @@ Model = Mapping[str, Fraction | bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Literal:
+class BooleanLiteral:
     """A Boolean symbol has this value."""
 
     name: str
@@ -39,7 +39,7 @@ class Literal:
         return (self.name,)
 
 
-Leaf = LinearConstraint | Literal
+Leaf = LinearConstraint | BooleanLiteral
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +60,7 @@ def _restored(conjunctive: bool, operands: tuple[Nnf, ...]) -> Junction:
     return TRUE if conjunctive else FALSE
 
 
-Nnf = LinearConstraint | Literal | Junction
+Nnf = LinearConstraint | BooleanLiteral | Junction
 TRUE = Junction(True, ())
 FALSE = Junction(False, ())
 
@@ -112,8 +112,8 @@ def _flattened(operands: Iterable[Nnf], conjunctive: bool) -> list[Nnf] | None:
                     return None
                 if operand.coefficients:
                     flat[operand] = None
-            case Literal(name, value):
-                if Literal(name, not value) in flat:
+            case BooleanLiteral(name, value):
+                if BooleanLiteral(name, not value) in flat:
                     return None
                 flat[operand] = None
     return list(flat)
@@ -167,7 +167,11 @@ def negation(root: Nnf) -> Nnf:
     """The negation, in negation normal form again."""
 
     def leaf(node: Leaf) -> Nnf:
-        return Literal(node.name, not node.value) if isinstance(node, Literal) else disjunction(node.negation())
+        return (
+            BooleanLiteral(node.name, not node.value)
+            if isinstance(node, BooleanLiteral)
+            else disjunction(node.negation())
+        )
 
     return fold(root, leaf, lambda node, parts: disjunction(parts) if node.conjunctive else conjunction(parts))
 
@@ -180,11 +184,11 @@ def names_in(root: Nnf) -> frozenset[str]:
 
 def booleans_in(root: Nnf) -> frozenset[str]:
     """Names of the Boolean symbols that occur."""
-    return frozenset(node.name for node in postorder(root) if isinstance(node, Literal))
+    return frozenset(node.name for node in postorder(root) if isinstance(node, BooleanLiteral))
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class NodeOrder:
     """The nodes of a formula, children first, with the positions of their operands; the root is the last."""
 
     nodes: tuple[Nnf, ...]
@@ -203,7 +207,7 @@ class Layout:
                 case LinearConstraint(coefficients, relation, constant):
                     total = sum([factor * whole[name] for name, factor in coefficients])
                     truth.append(relation.holds(total * constant.denominator, constant.numerator * unit))
-                case Literal(name, value):
+                case BooleanLiteral(name, value):
                     truth.append(bool(values[name]) is value)
                 case Junction(conjunctive, _):
                     truth.append(all(truth[i] for i in operands) if conjunctive else any(truth[i] for i in operands))
@@ -213,14 +217,14 @@ class Layout:
 
 
 @lru_cache(maxsize=4096)
-def layout(root: Nnf) -> Layout:
+def layout(root: Nnf) -> NodeOrder:
     """The nodes of a formula in a row; remembered, because implicants are asked for again and again."""
     nodes = tuple(postorder(root))
     position = {node: index for index, node in enumerate(nodes)}
     operands = tuple(
         tuple(position[operand] for operand in node.operands) if isinstance(node, Junction) else () for node in nodes
     )
-    return Layout(nodes, operands, names_in(root))
+    return NodeOrder(nodes, operands, names_in(root))
 
 
 def implicant(root: Nnf, model: Model, chosen: dict[Leaf, None]) -> bool:
@@ -327,7 +331,7 @@ class ExpressionReader:
                 condition, otherwise, first, second = parts
                 return conjunction((disjunction((otherwise, first)), disjunction((condition, second))))
             case Operator.SYMBOL:
-                return Literal(operands[0], positive)
+                return BooleanLiteral(operands[0], positive)
         if operator not in _RELATIONS:
             raise UnsupportedError(f"found {node}, expected a comparison of linear real terms")
         sense, sign = _RELATIONS[operator]
@@ -421,7 +425,7 @@ def _shape(node: Formula) -> Shape:
     return _SHAPES[node.node_type()], node.args()
 
 
-class Reader(ExpressionReader):
+class FormulaReader(ExpressionReader):
     """Translates between the formulas of one `Terms` and their normal forms."""
 
     def __init__(self, terms: Terms) -> None:

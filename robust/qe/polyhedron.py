@@ -10,7 +10,7 @@ from itertools import combinations
 
 from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.qe.box import Box, Interval
-from robust.qe.conjunctions import NormalForm, normal_form, project
+from robust.qe.conjunctions import SolvedForm, normal_form, project
 from robust.qe.constraint import ONE, ZERO, LinearConstraint, Sense, substitute_equality, trim
 from robust.qe.simplex import Supremum, Tableau, extend, feasible_point, integer_form, supremum, tableau, violates
 from robust.qe.slabs import Slabs
@@ -76,7 +76,7 @@ class Polyhedron:
         return solved if solved.restore() else None
 
     @cached_property
-    def normal_form(self) -> NormalForm | None:
+    def normal_form(self) -> SolvedForm | None:
         """Affine hull, irredundant inequalities and a relative interior point; None if empty."""
         return normal_form(self.parameters, self.constraints)
 

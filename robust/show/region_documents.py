@@ -162,7 +162,7 @@ def region(result: RegionResult) -> Document:
     )
 
 
-def _factor(factor: inner.Factor) -> Factor:
+def _factor(factor: inner.EnvelopeFactor) -> Factor:
     outer, proved = factor.outer.as_dict(), factor.inner.as_dict()
     return Factor(
         parameters=list(factor.parameters),
@@ -302,7 +302,7 @@ def _compared(entry: compares.Entry) -> ComparedBox:
     )
 
 
-def _share(share: compares.Share | None) -> Share | None:
+def _share(share: compares.RatioBounds | None) -> Share | None:
     return None if share is None else like(Share, share)
 
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from robust.irr.compare import Comparison, Entry, FaceGap, Share
+from robust.irr.compare import Comparison, Entry, FaceGap, RatioBounds
 from robust.numbers import duration, readable
 from robust.qe.box import Side, interval_text
 from robust.qe.compute import RegionResult
 from robust.qe.constraint import Sense
-from robust.qe.inner import Factor
+from robust.qe.inner import EnvelopeFactor
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb
 from robust.qe.render import signed_sum
@@ -96,7 +96,7 @@ def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
         out.print(_summary(result), soft_wrap=True)
 
 
-def _ordered_lines(factors: Sequence[Factor]) -> Iterator[str]:
+def _ordered_lines(factors: Sequence[EnvelopeFactor]) -> Iterator[str]:
     """The region up to permutations of parameters, for each group of them; all have to hold."""
     for index, one in enumerate(factors):
         yield from ("",) if index else ()
@@ -104,7 +104,7 @@ def _ordered_lines(factors: Sequence[Factor]) -> Iterator[str]:
         yield from region_lines(in_form(one.outer, None), exact=True)
 
 
-def _ordering(factor: Factor) -> Iterator[str]:
+def _ordering(factor: EnvelopeFactor) -> Iterator[str]:
     for names in factor.symmetry.classes:
         yield f"In ascending order of {', '.join(names)}, which are interchangeable:"
 
@@ -264,7 +264,7 @@ def _face_cells(face: FaceGap, percent: Fraction | None) -> Row:
     return f"{face.parameter} {sign} {end}", gap, witness.obligation if witness else "", point
 
 
-def _share(share: Share | None) -> str:
+def _share(share: RatioBounds | None) -> str:
     if share is None:
         return "–"
     if share.is_exact:

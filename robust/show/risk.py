@@ -12,10 +12,9 @@ from rich.text import Text
 
 from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, plural
-from robust.probability.blame import Share
 from robust.probability.measure import Bounds
-from robust.probability.packing import Estimate
-from robust.probability.risk import METHODS, RiskResult, RiskStatus
+from robust.probability.packing import SampledEstimate
+from robust.probability.risk import METHODS, BlameShare, RiskResult, RiskStatus
 from robust.searching import Status
 from robust.show.console import show_table, table
 from robust.show.documents import Document, Ends, Noted, box_of, document
@@ -127,7 +126,7 @@ def answer(result: RiskResult) -> Document:
     )
 
 
-def _blamed(share: Share) -> Blamed:
+def _blamed(share: BlameShare) -> Blamed:
     return Blamed(obligation=share.name, probability=range_of(share.probability))
 
 
@@ -165,7 +164,7 @@ def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
     out.print(_summary(result), soft_wrap=True)
 
 
-def _estimate(found: Estimate, places: int) -> Text:
+def _estimate(found: SampledEstimate, places: int) -> Text:
     share = f"{found.successes / found.draws:.{places}f}"
     ends = f"{found.lower:.{places}f} to {found.upper:.{places}f}"
     return Text(
@@ -174,7 +173,7 @@ def _estimate(found: Estimate, places: int) -> Text:
     )
 
 
-def _share_rows(shares: Sequence[Share], within: Fraction, places: int) -> list[tuple[str, str]]:
+def _share_rows(shares: Sequence[BlameShare], within: Fraction, places: int) -> list[tuple[str, str]]:
     """Those that matter, the greatest first; what is negligible is counted."""
     shown = [one for one in shares if one.probability.upper >= within]
     shown.sort(key=lambda one: one.probability.upper, reverse=True)

@@ -11,7 +11,7 @@ import pytest
 
 import robust
 from robust.encode.encoding import RelationalEncoding
-from robust.irr.compare import METHODS, Comparing, Comparison, Share, volume_share, width_share
+from robust.irr.compare import METHODS, Comparing, Comparison, RatioBounds, volume_share, width_share
 from robust.irr.containment import Containment
 from robust.plan.model import Or, ParametrizedPlan
 from robust.qe.box import Box, Interval, Side
@@ -136,7 +136,7 @@ WIDEST = ["to_ridge ∈ [20, 45], to_crater ∈ [40, 40]", "0", "25/74", NIGHT, 
 def told(comparison: Comparison) -> dict[str, list]:
     """For each method the box, the shares, and the faces."""
 
-    def share(of: Share | None) -> str | None:
+    def share(of: RatioBounds | None) -> str | None:
         return of and (str(of.lower) if of.is_exact else f"{of.lower} to {of.upper}")
 
     return {
@@ -247,16 +247,16 @@ def test_shares_of_what_is_not_known_exactly() -> None:
     """The region is at least as large as the box; an outer bound may be too large, which makes shares too small."""
     box = Box({"k": Interval(Fraction(0), Fraction(2)), "m": Interval(Fraction(1), Fraction(4))})
     bounds = VolumeBounds(Fraction(4), Fraction(12))
-    assert volume_share(box, bounds, exact=True) == Share(Fraction(1, 2), Fraction(1))
-    assert volume_share(box, VolumeBounds(Fraction(8), Fraction(12)), exact=True) == Share(
+    assert volume_share(box, bounds, exact=True) == RatioBounds(Fraction(1, 2), Fraction(1))
+    assert volume_share(box, VolumeBounds(Fraction(8), Fraction(12)), exact=True) == RatioBounds(
         Fraction(1, 2), Fraction(3, 4)
     )
-    assert volume_share(box, bounds, exact=False) == Share(Fraction(1, 2), None)
+    assert volume_share(box, bounds, exact=False) == RatioBounds(Fraction(1, 2), None)
     assert volume_share(Box.point({"k": Fraction(1)}), VolumeBounds(Fraction(0), Fraction(0)), exact=True) is None
     flat = Box.point({"k": Fraction(1)}).replace("m", Interval(None, None))
-    assert volume_share(flat, VolumeBounds(Fraction(0), Fraction(5)), exact=True) == Share(Fraction(0), None)
-    assert width_share(box, Fraction(10), exact=True) == Share(Fraction(1, 2), Fraction(1, 2))
-    assert width_share(box, Fraction(10), exact=False) == Share(Fraction(1, 2), None)
+    assert volume_share(flat, VolumeBounds(Fraction(0), Fraction(5)), exact=True) == RatioBounds(Fraction(0), None)
+    assert width_share(box, Fraction(10), exact=True) == RatioBounds(Fraction(1, 2), Fraction(1, 2))
+    assert width_share(box, Fraction(10), exact=False) == RatioBounds(Fraction(1, 2), None)
     assert width_share(box, Fraction(0), exact=True) is None
 
 

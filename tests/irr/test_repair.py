@@ -17,7 +17,7 @@ from robust.errors import InputError, SolverError
 from robust.irr import repair as repairs
 from robust.irr.check import Answer, Checker, CheckResult
 from robust.irr.conflicts import RepairStatus
-from robust.irr.quantities import Cost, Kind
+from robust.irr.quantities import Changeable, Cost
 from robust.irr.repair import RepairSearch
 from robust.plan.load import load_plan
 from robust.plan.model import Bound, ParametrizedPlan, TemporalConstraint
@@ -240,7 +240,7 @@ def test_an_endless_wait_gets_a_limit_as_wide_as_can_be() -> None:
 def test_a_network_without_schedule_is_repaired_too() -> None:
     i = action("i")
     plan = plan_of(i, constraints=(at(i.start, 2), between(i.start, i.end, 3, 4), at(i.end, 1)))
-    found = RepairSearch(plan, kinds=(Kind.BOUND,)).run()
+    found = RepairSearch(plan, kinds=(Changeable.BOUND,)).run()
     assert found.status is RepairStatus.OPTIMAL
     assert found.cost == Cost(0, Fraction(4))
     assert found.plan is not None

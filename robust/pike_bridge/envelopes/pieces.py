@@ -23,7 +23,7 @@ from robust.plan.model import Parameter, ParameterReference
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box
 from robust.qe.constraint import LinearConstraint
-from robust.qe.nnf import Leaf, Nnf, Reader, conjunction, implicant
+from robust.qe.nnf import FormulaReader, Leaf, Nnf, conjunction, implicant
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.session import Session, Value
@@ -83,7 +83,7 @@ class ParametricSemantics(Semantics):
         self,
         parametric: ParametricPlan,
         terms: Terms,
-        reader: Reader,
+        reader: FormulaReader,
         *,
         copies: Mapping[str, str] = MappingProxyType({}),
         given: Guard = ALWAYS,
@@ -123,7 +123,7 @@ class ParametricSemantics(Semantics):
         else:
             yield from super()._declare(variable)
 
-    def _note(self, reader: Reader, formula: Formula, statement: Statement) -> None:
+    def _note(self, reader: FormulaReader, formula: Formula, statement: Statement) -> None:
         found = reader.read(formula)
         if isinstance(found, LinearConstraint):
             self.statements.setdefault(found, statement)
@@ -145,7 +145,7 @@ class ParametricQuestion:
     """
 
     terms: Terms
-    reader: Reader
+    reader: FormulaReader
     formulas: tuple[Formula, ...]
     statements: Mapping[Leaf, Statement]
     choices: frozenset[Formula]
@@ -162,7 +162,7 @@ def question(parametric: ParametricPlan, key: Sequence[str], assume: Guard = ALW
         assume: choices that are made already.
     """
     terms = Terms()
-    reader = Reader(terms)
+    reader = FormulaReader(terms)
     semantics = ParametricSemantics(parametric, terms, reader)
     mentioned = mentions(parametric.plan, assume)
 
@@ -323,7 +323,7 @@ class _Waiting:
     def __init__(self, parametric: ParametricPlan, alternatives: Sequence[Guard], assume: Guard) -> None:
         self._plan = parametric.plan
         self._terms = Terms()
-        self._reader = Reader(self._terms)
+        self._reader = FormulaReader(self._terms)
         self._alternatives = alternatives
         self._order = _CertainOrder(parametric)
         self._statements: dict[Leaf, Statement] = {}

@@ -6,10 +6,10 @@ from importlib import import_module
 
 from robust.backends import ELIMINATORS
 from robust.errors import InputError, did_you_mean
-from robust.qe.eliminate.interface import Context, Eliminator
+from robust.qe.eliminate.interface import Elimination, Eliminator
 
 
-def create_eliminator(name: str, context: Context) -> Eliminator:
+def create_eliminator(name: str, context: Elimination) -> Eliminator:
     """The back end of that name.
 
     Raises:

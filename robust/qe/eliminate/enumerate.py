@@ -16,8 +16,8 @@ from typing import TypeVar
 
 from robust.qe.conjunctions import Conjunction, irredundant, project, project_at, solve_equalities, variables_of
 from robust.qe.constraint import LinearConstraint, trim
-from robust.qe.eliminate.interface import Context, Eliminator, Query, outside, without
-from robust.qe.nnf import Leaf, Literal, Model, Nnf, Reader, implicant, names_in, negation
+from robust.qe.eliminate.interface import Elimination, Eliminator, Query, outside, without
+from robust.qe.nnf import BooleanLiteral, FormulaReader, Leaf, Model, Nnf, implicant, names_in, negation
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 
@@ -27,7 +27,7 @@ L = TypeVar("L", bound=Leaf)
 class Outlook:
     """A session in which nothing must be left: whether a conjunction stays inside what its assertions exclude."""
 
-    def __init__(self, session: Session, reader: Reader, deadline: Deadline) -> None:
+    def __init__(self, session: Session, reader: FormulaReader, deadline: Deadline) -> None:
         self._session = session
         self._reader = reader
         self._deadline = deadline
@@ -120,7 +120,7 @@ def _mentioned(leaves: Mapping[Leaf, None]) -> set[str]:
 def polyhedra_of(
     formula: Nnf,
     make_session: Callable[[], Session],
-    reader: Reader,
+    reader: FormulaReader,
     deadline: Deadline,
     known: Iterable[Conjunction] = (),
 ) -> Iterator[Conjunction]:
@@ -167,7 +167,7 @@ class Project(Eliminator):
 class PieceSearch:
     """The sessions of one query: where pieces come from, what they must not lose, and what is known already."""
 
-    def __init__(self, context: Context, query: Query, deadline: Deadline) -> None:
+    def __init__(self, context: Elimination, query: Query, deadline: Deadline) -> None:
         self._context = context
         self._reader = context.reader
         self._query = query
@@ -230,7 +230,7 @@ class PieceSearch:
         # What the violation itself says comes last, where fewer constraints are dropped.
         leaves = (*found.support, *found.chosen)
         constraints = (leaf for leaf in leaves if isinstance(leaf, LinearConstraint))
-        literals = (leaf for leaf in leaves if isinstance(leaf, Literal))
+        literals = (leaf for leaf in leaves if isinstance(leaf, BooleanLiteral))
         return (*dict.fromkeys(literals), *solve_equalities(constraints, found.defined))
 
     def _projection(self, constraints: Conjunction, model: Model) -> Conjunction:

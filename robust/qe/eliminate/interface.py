@@ -10,7 +10,7 @@ from functools import cached_property
 from robust.errors import UnsupportedError
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import LinearConstraint
-from robust.qe.nnf import TRUE, Nnf, Reader, booleans_in, conjunction, disjunction, names_in
+from robust.qe.nnf import TRUE, FormulaReader, Nnf, booleans_in, conjunction, disjunction, names_in
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Statistics
 from robust.smt.terms import Terms
@@ -57,11 +57,11 @@ class Query:
 
 
 @dataclass
-class Context:
+class Elimination:
     """What back ends may use: the door to the solvers, and where to count."""
 
     terms: Terms
-    reader: Reader
+    reader: FormulaReader
     solver: str = "z3"
     statistics: Statistics = field(default_factory=Statistics)
 
@@ -76,7 +76,7 @@ class Eliminator(ABC):
     alternation = False
     """Whether it takes formulas with both quantifiers."""
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Elimination) -> None:
         self.context = context
 
     @abstractmethod

@@ -27,9 +27,9 @@ from robust.qe.eliminate.interface import Eliminator, Query, without
 from robust.qe.nnf import (
     FALSE,
     TRUE,
+    BooleanLiteral,
     Junction,
     Leaf,
-    Literal,
     Nnf,
     booleans_in,
     conjunction,
@@ -295,7 +295,7 @@ class _Run:
 
 def _determined(node: Nnf) -> Value | None:
     """The value that a literal or an equality leaves any symbol in it; None if it is neither."""
-    if isinstance(node, Literal):
+    if isinstance(node, BooleanLiteral):
         return node.value
     return VirtualValue(node, 0) if isinstance(node, LinearConstraint) and node.is_equality else None
 
@@ -304,7 +304,7 @@ def substitute(formula: Nnf, name: str, value: Value) -> Nnf:
     """The formula with a virtual value for a real symbol, or with a truth value for a Boolean one."""
 
     def leaf(node: Leaf) -> Nnf:
-        if isinstance(node, Literal):
+        if isinstance(node, BooleanLiteral):
             if node.name != name:
                 return node
             return TRUE if node.value is value else FALSE
@@ -356,7 +356,7 @@ def perform(task: Task, deadline: Deadline) -> Nnf:
     return result
 
 
-class Facts:
+class KnownBounds:
     """Upper bounds of linear forms and values of Booleans that hold where a subformula is looked at.
 
     What has been learnt since a mark can be taken back.
@@ -374,7 +374,7 @@ class Facts:
         return len(self._before)
 
     def learn(self, leaf: Leaf) -> None:
-        if isinstance(leaf, Literal):
+        if isinstance(leaf, BooleanLiteral):
             self._before.append((leaf.name, self._booleans.get(leaf.name)))
             self._booleans[leaf.name] = leaf.value
             return
@@ -399,7 +399,7 @@ class Facts:
 
     def apply(self, leaf: Leaf) -> Nnf:
         """The leaf, or its truth where the facts decide it."""
-        if isinstance(leaf, Literal):
+        if isinstance(leaf, BooleanLiteral):
             known = self._booleans.get(leaf.name)
             return leaf if known is None else (TRUE if known is leaf.value else FALSE)
         if not self._bounds:
@@ -434,10 +434,10 @@ def simplified(root: Nnf, assumed: Iterable[Leaf] = (), deadline: Deadline | Non
     Raises:
         OutOfTimeError: if the deadline passes.
     """
-    return perform(_simplify(root, Facts(assumed)), deadline or Deadline.after(None))
+    return perform(_simplify(root, KnownBounds(assumed)), deadline or Deadline.after(None))
 
 
-def _simplify(node: Nnf, facts: Facts) -> Task:
+def _simplify(node: Nnf, facts: KnownBounds) -> Task:
     if not isinstance(node, Junction):
         return facts.apply(node)
     conjunctive, mark = node.conjunctive, facts.mark
@@ -469,7 +469,7 @@ def _is_equality(leaf: Leaf) -> bool:
     return isinstance(leaf, LinearConstraint) and leaf.is_equality
 
 
-def _assume(node: Nnf, conjunctive: bool, facts: Facts) -> int:
+def _assume(node: Nnf, conjunctive: bool, facts: KnownBounds) -> int:
     """Learn what other operands may assume of one that is a leaf or consists of leaves; how many leaves there were.
 
     That is the leaf itself in a conjunction; in a disjunction its negation, if that is one leaf.
@@ -481,8 +481,8 @@ def _assume(node: Nnf, conjunctive: bool, facts: Facts) -> int:
     for leaf in leaves:
         if conjunctive:
             facts.learn(leaf)
-        elif isinstance(leaf, Literal):
-            facts.learn(Literal(leaf.name, not leaf.value))
+        elif isinstance(leaf, BooleanLiteral):
+            facts.learn(BooleanLiteral(leaf.name, not leaf.value))
         elif not leaf.is_equality:
             facts.learn(leaf.negation()[0])
     return len(leaves)

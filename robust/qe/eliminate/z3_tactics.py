@@ -11,9 +11,9 @@ from robust.qe.constraint import Sense
 from robust.qe.eliminate.enumerate import polyhedra_of
 from robust.qe.eliminate.interface import Eliminator, Query, without
 from robust.qe.nnf import (
+    BooleanLiteral,
     ExpressionReader,
     Leaf,
-    Literal,
     Nnf,
     Operator,
     Shape,
@@ -77,7 +77,7 @@ def to_z3(root: Nnf) -> Any:
     """The formula as an expression of z3."""
 
     def leaf(node: Leaf) -> Any:
-        if isinstance(node, Literal):
+        if isinstance(node, BooleanLiteral):
             return z3.Bool(node.name) if node.value else z3.Not(z3.Bool(node.name))
         # Whole numbers only: the constant's denominator goes to the other side.
         scale = node.constant.denominator

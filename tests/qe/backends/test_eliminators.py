@@ -17,10 +17,10 @@ from robust.qe import nnf
 from robust.qe.conjunctions import Conjunction, project, project_at, variables_of
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.eliminate import create_eliminator, loos_weispfenning
-from robust.qe.eliminate.interface import Context, Definition, Query, without
+from robust.qe.eliminate.interface import Definition, Elimination, Query, without
 from robust.qe.eliminate.loos_weispfenning import simplified
 from robust.qe.eliminate.z3_tactics import to_z3
-from robust.qe.nnf import FALSE, TRUE, Literal, Nnf, Reader, conjunction, disjunction, names_in, negation
+from robust.qe.nnf import FALSE, TRUE, BooleanLiteral, FormulaReader, Nnf, conjunction, disjunction, names_in, negation
 from robust.qe.simplex import feasible_point
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
@@ -31,9 +31,9 @@ KEPT = ("a", "b")
 REALS = ("x", "y", "z")
 
 
-def context() -> Context:
+def context() -> Elimination:
     terms = Terms()
-    return Context(terms, Reader(terms))
+    return Elimination(terms, FormulaReader(terms))
 
 
 @st.composite
@@ -48,7 +48,7 @@ def formulas(*, booleans: bool = False) -> st.SearchStrategy[Nnf]:
     """Negation normal forms of depth three or so over kept and other symbols."""
     leaves: st.SearchStrategy[Nnf] = constraints()
     if booleans:
-        leaves = st.one_of(leaves, leaves, st.builds(Literal, st.sampled_from(["p", "q"]), st.booleans()))
+        leaves = st.one_of(leaves, leaves, st.builds(BooleanLiteral, st.sampled_from(["p", "q"]), st.booleans()))
     return st.recursive(
         leaves,
         lambda inner: st.one_of(
@@ -150,7 +150,7 @@ def test_what_a_back_end_does_not_take_is_told() -> None:
     with pytest.raises(InputError, match=r"unknown back end 'cvc4'.*cvc5"):
         create_eliminator("cvc4", context())
     with pytest.raises(UnsupportedError, match=r"Boolean symbol 'p'.*back ends 'project'"):
-        eliminate("cvc5", query(conjunction((Literal("p", True), at_most(0, a=1)))))
+        eliminate("cvc5", query(conjunction((BooleanLiteral("p", True), at_most(0, a=1)))))
 
 
 @pytest.mark.parametrize("name", OURS)
@@ -211,8 +211,8 @@ def holds(formula: Nnf, model: dict[str, Fraction | bool]) -> bool:
 @settings(max_examples=80, deadline=None)
 def test_reading_what_was_written_is_equivalent(formula: Nnf) -> None:
     terms = Terms()
-    written = Reader(terms).write(formula)
-    again = Reader(terms)
+    written = FormulaReader(terms).write(formula)
+    again = FormulaReader(terms)
     assert is_valid(terms, terms.equivalence(written, again.write(again.read(written))))
     assert is_valid(terms, terms.equivalence(terms.negation(written), again.write(again.read(terms.negation(written)))))
 
@@ -227,7 +227,7 @@ def test_negation_and_simplification(formula: Nnf, model: dict[str, Fraction | b
 @given(formulas(booleans=True), MODELS)
 @settings(max_examples=60, deadline=None)
 def test_implicants_are_true_and_imply(formula: Nnf, model: dict[str, Fraction | bool]) -> None:
-    chosen: dict[LinearConstraint | Literal, None] = {}
+    chosen: dict[LinearConstraint | BooleanLiteral, None] = {}
     assert nnf.implicant(formula, model, chosen) is holds(formula, model)
     assert all(holds(leaf, model) for leaf in chosen)
     if chosen:
@@ -262,7 +262,7 @@ def test_constants_fold_and_known_cases_are_excluded() -> None:
     assert conjunction((leaf, FALSE)) is FALSE
     assert disjunction((leaf, TRUE)) is TRUE
     assert conjunction((leaf, leaf)) is leaf or conjunction((leaf, leaf)) == leaf
-    assert disjunction((Literal("p", True), Literal("p", False))) is TRUE
+    assert disjunction((BooleanLiteral("p", True), BooleanLiteral("p", False))) is TRUE
     assert conjunction((leaf, LinearConstraint.of({"a": 1}, "<=", 1))) == LinearConstraint.of({"a": 1}, "<=", 1)
     assert disjunction((leaf, LinearConstraint.of({"a": 1}, "<=", 1))) == leaf
 
@@ -273,7 +273,7 @@ def test_sums_differences_and_multiples_are_read() -> None:
     two = terms.number(Fraction(2))
 
     def read(form: Any) -> Nnf:
-        return Reader(terms).read(make.LE(form, terms.number(Fraction(3))))
+        return FormulaReader(terms).read(make.LE(form, terms.number(Fraction(3))))
 
     assert read(make.Minus(x, make.Minus(y, z))) == LinearConstraint.of({"x": 1, "y": -1, "z": 1}, "<=", 3)
     assert read(make.Plus(x, make.Times(two, two))) == LinearConstraint.of({"x": 1}, "<=", -1)
@@ -286,7 +286,7 @@ def test_deep_formulas_are_read() -> None:
     formula = symbols[0]
     for index in range(3000):
         formula = terms.manager.And(symbols[index % 2], terms.manager.Or(symbols[0], formula))
-    assert names_in(Reader(terms).read(formula)) == {"p0", "p1"}
+    assert names_in(FormulaReader(terms).read(formula)) == {"p0", "p1"}
 
 
 def test_other_formulas_are_rejected() -> None:
@@ -294,10 +294,10 @@ def test_other_formulas_are_rejected() -> None:
     real = terms.real("x")
     product = terms.manager.GE(terms.manager.Times(real, real), terms.number(Fraction(0)))
     with pytest.raises(UnsupportedError, match="product"):
-        Reader(terms).read(product)
+        FormulaReader(terms).read(product)
     choice = terms.manager.Ite(terms.manager.Symbol("p"), real, terms.number(Fraction(1)))
     with pytest.raises(UnsupportedError, match="linear real term"):
-        Reader(terms).read(terms.manager.GE(choice, real))
+        FormulaReader(terms).read(terms.manager.GE(choice, real))
 
 
 DEEP = 3000

@@ -25,7 +25,7 @@ from robust.plan.model import ZERO, Condition, DurationConstraint, Parameter, Pa
 from robust.qe.box import Box, Interval
 from robust.qe.compute import ProblemBuilder, RegionResult, RegionSearch, RegionStatus
 from robust.qe.constraint import LinearConstraint
-from robust.qe.nnf import Reader, conjunction
+from robust.qe.nnf import FormulaReader, conjunction
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.smt.limits import NEVER, Deadline, noticing_interrupts
@@ -259,7 +259,7 @@ def test_queries_are_named_timed_and_counted(monkeypatch: pytest.MonkeyPatch, ba
 
 def test_the_problem_as_a_whole() -> None:
     encoding = RelationalEncoding(fixed_plan(parameter(upper=9), condition=at_least(k, 3)))
-    builder = ProblemBuilder(encoding, Reader(encoding.terms), Session(encoding.terms))
+    builder = ProblemBuilder(encoding, FormulaReader(encoding.terms), Session(encoding.terms))
     existence = builder.existence()
     assert (existence.name, existence.kept, existence.definitions) == ("some schedule exists", ("k",), ())
     assert existence.formula == conjunction((*existence.network, existence.remainder))
