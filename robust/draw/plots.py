@@ -37,8 +37,7 @@ from robust.errors import InputError
 from robust.irr.search import EnvelopeResult
 from robust.numbers import approximate, end, readable
 from robust.options.declare import place_of
-from robust.probability.risk import BlameShare
-from robust.probability.risk import RiskResult
+from robust.probability.risk import BlameShare, RiskResult
 from robust.qe.box import Box
 from robust.qe.region import Region
 from robust.searching import Status
