@@ -22,6 +22,7 @@ from math import factorial, floor, lcm, prod
 from robust.probability.distributions import Distribution, Weights
 from robust.probability.enclosures import ONE, UNIT, Enclosure, product
 from robust.qe.box import Box, Interval
+from robust.qe.conjunctions import linked
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline
@@ -476,17 +477,12 @@ def _groups(
     base: Polyhedron, removed: Sequence[Polyhedron]
 ) -> list[tuple[tuple[str, ...], tuple[LinearConstraint, ...], tuple[Polyhedron, ...]]]:
     """Groups of parameters of which no side and no polyhedron to remove speaks together; others are free."""
-    home: dict[str, set[str]] = {}
-    spoken = [frozenset(one.parameters) for one in base.constraints] + [piece.mentioned for piece in removed]
-    for names in spoken:
-        joined = set(names).union(*(home[name] for name in names if name in home))
-        home |= dict.fromkeys(joined, joined)
-    groups = {id(group): group for group in home.values()}.values()
+    statements = (*(one.parameters for one in base.constraints), *(piece.mentioned for piece in removed))
     return [
         (
             tuple(name for name in base.parameters if name in group),
             tuple(one for one in base.constraints if group.intersection(one.parameters)),
             tuple(piece for piece in removed if group & piece.mentioned),
         )
-        for group in groups
+        for group in dict.fromkeys(linked(statements).values())
     ]

@@ -436,24 +436,10 @@ class RegionSearch(Searching[RegionResult]):
 
     def _result(self, status: Status, reason: str | None = None) -> RegionResult:
         region = self._region or self._without(Polyhedron(self._parameters, self._bounds), self._bad)
-        backend, splitting, learning, encoding, solver = self._names
-        return RegionResult(
-            status,
-            region,
-            backend,
-            splitting,
-            learning,
-            encoding,
-            solver,
-            self._seconds(),
-            self._found,
-            self._statistics,
-            tuple(factor.factor() for factor in self._factors),
-            None if status is Status.COMPLETE else self.open_share,
-            reason,
-            self._epsilon,
-            self._plan,
-        )
+        factors = tuple(factor.factor() for factor in self._factors)
+        share = None if status is Status.COMPLETE else self.open_share
+        known = *self._names, self._seconds(), self._found, self._statistics, factors, share, reason
+        return RegionResult(status, region, *known, epsilon=self._epsilon, plan=self._plan)
 
     def _ending(self) -> tuple[Status, str | None]:
         try:

@@ -90,6 +90,18 @@ def irredundant(constraints: Iterable[LinearConstraint]) -> Conjunction | None:
     return None if form is None else form.constraints
 
 
+def linked(statements: Iterable[Iterable[str]]) -> dict[str, frozenset[str]]:
+    """By name, all names that statements link with it, directly or by others."""
+    groups: dict[str, frozenset[str]] = {}
+    for names in statements:
+        known = frozenset(names)
+        met = {groups.get(name, frozenset({name})) for name in known}
+        if len(met) > 1 or not known <= groups.keys():
+            group = frozenset().union(*met)
+            groups |= dict.fromkeys(sorted(group), group)
+    return groups
+
+
 def variables_of(constraints: Iterable[LinearConstraint]) -> list[str]:
     return list(dict.fromkeys(name for constraint in constraints for name in constraint.parameters))
 

@@ -20,7 +20,7 @@ from itertools import islice
 from math import factorial, prod
 
 from robust.qe.box import Box, Interval
-from robust.qe.conjunctions import Conjunction
+from robust.qe.conjunctions import Conjunction, linked, variables_of
 from robust.qe.constraint import ZERO, LinearConstraint
 from robust.qe.eliminate.enumerate import PieceSearch, satisfiable
 from robust.qe.eliminate.interface import Elimination, Query
@@ -48,35 +48,21 @@ def independent_groups(
     Values of one group neither decide whether those of another leave a schedule, which the `facets` say, nor whether
     one of its queries can be satisfied if they do. Queries without parameters belong to the first group.
     """
-    joined: dict[str, str] = {}
-
-    def root(name: str) -> str:
-        while joined.setdefault(name, name) != name:
-            name = joined[name]
-        return name
-
-    def join(names: Iterable[str]) -> None:
-        roots = [root(name) for name in names]
-        for one in roots:
-            joined[root(one)] = root(roots[0])
-
-    for facet in facets:
-        join(name for constraint in facet for name in constraint.parameters)
     spoken = {query.name: _names_of(query) for query in queries}
+    home = linked(
+        (
+            *(variables_of(facet) for facet in facets),
+            *(constraint.parameters for query in queries for constraint in query.network),
+            *spoken.values(),
+        )
+    )
+    groups: dict[frozenset[str], tuple[list[str], list[Query]]] = {}
+    for name in parameters or ("",):
+        groups.setdefault(home.get(name, frozenset({name})), ([], []))[0].append(name)
     for query in queries:
-        for constraint in query.network:
-            join(constraint.parameters)
-        join(spoken[query.name])
-    groups: dict[str, tuple[list[str], list[Query]]] = {}
-    for name in parameters:
-        groups.setdefault(root(name), ([], []))[0].append(name)
-    for query in queries:
-        roots = (root(name) for name in spoken[query.name])
-        home = next((one for one in roots if one in groups), next(iter(groups), None))
-        if home is None:
-            groups[""] = ([], [])
-        groups["" if home is None else home][1].append(query)
-    return [(tuple(names), tuple(found)) for names, found in groups.values()] or [((), ())]
+        homes = (home[name] for name in spoken[query.name])
+        groups[next((group for group in homes if group in groups), next(iter(groups)))][1].append(query)
+    return [(tuple(filter(None, names)), tuple(own)) for names, own in groups.values()]
 
 
 def _names_of(query: Query) -> list[str]:

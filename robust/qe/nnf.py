@@ -27,7 +27,7 @@ Model = Mapping[str, Fraction | bool]
 
 
 @dataclass(frozen=True, slots=True)
-class BooleanLiteral:
+class BoolLeaf:
     """A Boolean symbol has this value."""
 
     name: str
@@ -39,7 +39,7 @@ class BooleanLiteral:
         return (self.name,)
 
 
-Leaf = LinearConstraint | BooleanLiteral
+Leaf = LinearConstraint | BoolLeaf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +60,7 @@ def _restored(conjunctive: bool, operands: tuple[Nnf, ...]) -> Junction:
     return TRUE if conjunctive else FALSE
 
 
-Nnf = LinearConstraint | BooleanLiteral | Junction
+Nnf = LinearConstraint | BoolLeaf | Junction
 TRUE = Junction(True, ())
 FALSE = Junction(False, ())
 
@@ -112,8 +112,8 @@ def _flattened(operands: Iterable[Nnf], conjunctive: bool) -> list[Nnf] | None:
                     return None
                 if operand.coefficients:
                     flat[operand] = None
-            case BooleanLiteral(name, value):
-                if BooleanLiteral(name, not value) in flat:
+            case BoolLeaf(name, value):
+                if BoolLeaf(name, not value) in flat:
                     return None
                 flat[operand] = None
     return list(flat)
@@ -167,11 +167,7 @@ def negation(root: Nnf) -> Nnf:
     """The negation, in negation normal form again."""
 
     def leaf(node: Leaf) -> Nnf:
-        return (
-            BooleanLiteral(node.name, not node.value)
-            if isinstance(node, BooleanLiteral)
-            else disjunction(node.negation())
-        )
+        return BoolLeaf(node.name, not node.value) if isinstance(node, BoolLeaf) else disjunction(node.negation())
 
     return fold(root, leaf, lambda node, parts: disjunction(parts) if node.conjunctive else conjunction(parts))
 
@@ -184,7 +180,7 @@ def names_in(root: Nnf) -> frozenset[str]:
 
 def booleans_in(root: Nnf) -> frozenset[str]:
     """Names of the Boolean symbols that occur."""
-    return frozenset(node.name for node in postorder(root) if isinstance(node, BooleanLiteral))
+    return frozenset(node.name for node in postorder(root) if isinstance(node, BoolLeaf))
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +203,7 @@ class NodeOrder:
                 case LinearConstraint(coefficients, relation, constant):
                     total = sum([factor * whole[name] for name, factor in coefficients])
                     truth.append(relation.holds(total * constant.denominator, constant.numerator * unit))
-                case BooleanLiteral(name, value):
+                case BoolLeaf(name, value):
                     truth.append(bool(values[name]) is value)
                 case Junction(conjunctive, _):
                     truth.append(all(truth[i] for i in operands) if conjunctive else any(truth[i] for i in operands))
@@ -331,7 +327,7 @@ class ExpressionReader:
                 condition, otherwise, first, second = parts
                 return conjunction((disjunction((otherwise, first)), disjunction((condition, second))))
             case Operator.SYMBOL:
-                return BooleanLiteral(operands[0], positive)
+                return BoolLeaf(operands[0], positive)
         if operator not in _RELATIONS:
             raise UnsupportedError(f"found {node}, expected a comparison of linear real terms")
         sense, sign = _RELATIONS[operator]

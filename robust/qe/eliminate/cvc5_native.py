@@ -11,19 +11,7 @@ from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import Sense
 from robust.qe.eliminate.enumerate import polyhedra_of
 from robust.qe.eliminate.interface import Eliminator, Query, require_reals, without
-from robust.qe.nnf import (
-    FALSE,
-    TRUE,
-    BooleanLiteral,
-    ExpressionReader,
-    Junction,
-    Leaf,
-    Nnf,
-    Operator,
-    Shape,
-    fold,
-    names_in,
-)
+from robust.qe.nnf import FALSE, TRUE, BoolLeaf, ExpressionReader, Junction, Leaf, Nnf, Operator, Shape, fold, names_in
 from robust.smt.limits import Deadline, stream_from_copy
 
 try:
@@ -90,7 +78,7 @@ class _Native:
             return parts[0] if len(parts) == 1 else manager.mkTerm(kind, *parts)
 
         def leaf(node: Leaf) -> Any:
-            if isinstance(node, BooleanLiteral):
+            if isinstance(node, BoolLeaf):
                 raise UnsupportedError(f"found the Boolean symbol {node.name!r}, expected real symbols only")
             parts = [manager.mkTerm(Kind.MULT, number(c), symbols[name]) for name, c in node.coefficients]
             kind = {Sense.AT_MOST: Kind.LEQ, Sense.LESS: Kind.LT, Sense.EQUAL: Kind.EQUAL}[node.relation]

@@ -17,7 +17,7 @@ from typing import TypeVar
 from robust.qe.conjunctions import Conjunction, irredundant, project, project_at, solve_equalities, variables_of
 from robust.qe.constraint import LinearConstraint, trim
 from robust.qe.eliminate.interface import Elimination, Eliminator, Query, outside, without
-from robust.qe.nnf import BooleanLiteral, FormulaReader, Leaf, Model, Nnf, implicant, names_in, negation
+from robust.qe.nnf import BoolLeaf, FormulaReader, Leaf, Model, Nnf, implicant, names_in, negation
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
 
@@ -230,7 +230,7 @@ class PieceSearch:
         # What the violation itself says comes last, where fewer constraints are dropped.
         leaves = (*found.support, *found.chosen)
         constraints = (leaf for leaf in leaves if isinstance(leaf, LinearConstraint))
-        literals = (leaf for leaf in leaves if isinstance(leaf, BooleanLiteral))
+        literals = (leaf for leaf in leaves if isinstance(leaf, BoolLeaf))
         return (*dict.fromkeys(literals), *solve_equalities(constraints, found.defined))
 
     def _projection(self, constraints: Conjunction, model: Model) -> Conjunction:

@@ -27,7 +27,7 @@ from robust.qe.eliminate.interface import Eliminator, Query, without
 from robust.qe.nnf import (
     FALSE,
     TRUE,
-    BooleanLiteral,
+    BoolLeaf,
     Junction,
     Leaf,
     Nnf,
@@ -295,7 +295,7 @@ class _Run:
 
 def _determined(node: Nnf) -> Value | None:
     """The value that a literal or an equality leaves any symbol in it; None if it is neither."""
-    if isinstance(node, BooleanLiteral):
+    if isinstance(node, BoolLeaf):
         return node.value
     return VirtualValue(node, 0) if isinstance(node, LinearConstraint) and node.is_equality else None
 
@@ -304,7 +304,7 @@ def substitute(formula: Nnf, name: str, value: Value) -> Nnf:
     """The formula with a virtual value for a real symbol, or with a truth value for a Boolean one."""
 
     def leaf(node: Leaf) -> Nnf:
-        if isinstance(node, BooleanLiteral):
+        if isinstance(node, BoolLeaf):
             if node.name != name:
                 return node
             return TRUE if node.value is value else FALSE
@@ -374,7 +374,7 @@ class KnownBounds:
         return len(self._before)
 
     def learn(self, leaf: Leaf) -> None:
-        if isinstance(leaf, BooleanLiteral):
+        if isinstance(leaf, BoolLeaf):
             self._before.append((leaf.name, self._booleans.get(leaf.name)))
             self._booleans[leaf.name] = leaf.value
             return
@@ -399,7 +399,7 @@ class KnownBounds:
 
     def apply(self, leaf: Leaf) -> Nnf:
         """The leaf, or its truth where the facts decide it."""
-        if isinstance(leaf, BooleanLiteral):
+        if isinstance(leaf, BoolLeaf):
             known = self._booleans.get(leaf.name)
             return leaf if known is None else (TRUE if known is leaf.value else FALSE)
         if not self._bounds:
@@ -481,8 +481,8 @@ def _assume(node: Nnf, conjunctive: bool, facts: KnownBounds) -> int:
     for leaf in leaves:
         if conjunctive:
             facts.learn(leaf)
-        elif isinstance(leaf, BooleanLiteral):
-            facts.learn(BooleanLiteral(leaf.name, not leaf.value))
+        elif isinstance(leaf, BoolLeaf):
+            facts.learn(BoolLeaf(leaf.name, not leaf.value))
         elif not leaf.is_equality:
             facts.learn(leaf.negation()[0])
     return len(leaves)

@@ -11,7 +11,7 @@ from robust.qe.constraint import Sense
 from robust.qe.eliminate.enumerate import polyhedra_of
 from robust.qe.eliminate.interface import Eliminator, Query, without
 from robust.qe.nnf import (
-    BooleanLiteral,
+    BoolLeaf,
     ExpressionReader,
     Leaf,
     Nnf,
@@ -77,7 +77,7 @@ def to_z3(root: Nnf) -> Any:
     """The formula as an expression of z3."""
 
     def leaf(node: Leaf) -> Any:
-        if isinstance(node, BooleanLiteral):
+        if isinstance(node, BoolLeaf):
             return z3.Bool(node.name) if node.value else z3.Not(z3.Bool(node.name))
         # Whole numbers only: the constant's denominator goes to the other side.
         scale = node.constant.denominator

@@ -20,7 +20,7 @@ from robust.qe.eliminate import create_eliminator, loos_weispfenning
 from robust.qe.eliminate.interface import Definition, Elimination, Query, without
 from robust.qe.eliminate.loos_weispfenning import simplified
 from robust.qe.eliminate.z3_tactics import to_z3
-from robust.qe.nnf import FALSE, TRUE, BooleanLiteral, FormulaReader, Nnf, conjunction, disjunction, names_in, negation
+from robust.qe.nnf import FALSE, TRUE, BoolLeaf, FormulaReader, Nnf, conjunction, disjunction, names_in, negation
 from robust.qe.simplex import feasible_point
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
@@ -48,7 +48,7 @@ def formulas(*, booleans: bool = False) -> st.SearchStrategy[Nnf]:
     """Negation normal forms of depth three or so over kept and other symbols."""
     leaves: st.SearchStrategy[Nnf] = constraints()
     if booleans:
-        leaves = st.one_of(leaves, leaves, st.builds(BooleanLiteral, st.sampled_from(["p", "q"]), st.booleans()))
+        leaves = st.one_of(leaves, leaves, st.builds(BoolLeaf, st.sampled_from(["p", "q"]), st.booleans()))
     return st.recursive(
         leaves,
         lambda inner: st.one_of(
@@ -150,7 +150,7 @@ def test_what_a_back_end_does_not_take_is_told() -> None:
     with pytest.raises(InputError, match=r"unknown back end 'cvc4'.*cvc5"):
         create_eliminator("cvc4", context())
     with pytest.raises(UnsupportedError, match=r"Boolean symbol 'p'.*back ends 'project'"):
-        eliminate("cvc5", query(conjunction((BooleanLiteral("p", True), at_most(0, a=1)))))
+        eliminate("cvc5", query(conjunction((BoolLeaf("p", True), at_most(0, a=1)))))
 
 
 @pytest.mark.parametrize("name", OURS)
@@ -227,7 +227,7 @@ def test_negation_and_simplification(formula: Nnf, model: dict[str, Fraction | b
 @given(formulas(booleans=True), MODELS)
 @settings(max_examples=60, deadline=None)
 def test_implicants_are_true_and_imply(formula: Nnf, model: dict[str, Fraction | bool]) -> None:
-    chosen: dict[LinearConstraint | BooleanLiteral, None] = {}
+    chosen: dict[LinearConstraint | BoolLeaf, None] = {}
     assert nnf.implicant(formula, model, chosen) is holds(formula, model)
     assert all(holds(leaf, model) for leaf in chosen)
     if chosen:
@@ -262,7 +262,7 @@ def test_constants_fold_and_known_cases_are_excluded() -> None:
     assert conjunction((leaf, FALSE)) is FALSE
     assert disjunction((leaf, TRUE)) is TRUE
     assert conjunction((leaf, leaf)) is leaf or conjunction((leaf, leaf)) == leaf
-    assert disjunction((BooleanLiteral("p", True), BooleanLiteral("p", False))) is TRUE
+    assert disjunction((BoolLeaf("p", True), BoolLeaf("p", False))) is TRUE
     assert conjunction((leaf, LinearConstraint.of({"a": 1}, "<=", 1))) == LinearConstraint.of({"a": 1}, "<=", 1)
     assert disjunction((leaf, LinearConstraint.of({"a": 1}, "<=", 1))) == leaf
 
