@@ -54,7 +54,7 @@ class Bounds:
 
 
 @dataclass(eq=False)
-class Span:
+class AxisSpan:
     """A value, or an open interval of values, of one parameter, in units; None is an infinite end."""
 
     lower: int | None
@@ -77,31 +77,31 @@ class Axis:
     def __init__(self, distribution: Distribution, unit: int) -> None:
         self._distribution = distribution
         self._unit = unit
-        self._parts: dict[Span, tuple[Span, ...]] = {}
+        self._parts: dict[AxisSpan, tuple[AxisSpan, ...]] = {}
         self._centre = floor(distribution.centre * unit)
         self._step = floor(2 * distribution.scale * unit)
         self._breaks = [int(value * unit) for value in distribution.breaks]
 
-    def roots(self) -> list[Span]:
+    def roots(self) -> list[AxisSpan]:
         """The values with a probability of their own, and all others."""
         found = []
         for value, mass in self._distribution.atoms:
             place = int(value * self._unit)
-            found.append(Span(place, place, mass))
+            found.append(AxisSpan(place, place, mass))
         if self._distribution.kind != "constant":
             ends = (None if end is None else int(end * self._unit) for end in self._distribution.support)
             found.append(self._span(*ends))
         return found
 
-    def _span(self, lower: int | None, upper: int | None) -> Span:
+    def _span(self, lower: int | None, upper: int | None) -> AxisSpan:
         low, high = (None if end is None else Fraction(end, self._unit) for end in (lower, upper))
         mass = self._distribution.between(low, high)
         smooth = not any((lower is None or lower < at) and (upper is None or at < upper) for at in self._breaks)
         if low is None or high is None or not smooth:
-            return Span(lower, upper, mass)
-        return Span(lower, upper, mass, self._distribution.weights(low, high))
+            return AxisSpan(lower, upper, mass)
+        return AxisSpan(lower, upper, mass, self._distribution.weights(low, high))
 
-    def split(self, span: Span) -> tuple[Span, ...]:
+    def split(self, span: AxisSpan) -> tuple[AxisSpan, ...]:
         """Two spans that it consists of, but for the value in between; itself if it is too small."""
         if span not in self._parts:
             place = self._place(span)
@@ -109,7 +109,7 @@ class Axis:
             self._parts[span] = (span,) if place is None else tuple(self._span(*pair) for pair in ends)
         return self._parts[span]
 
-    def _place(self, span: Span) -> int | None:
+    def _place(self, span: AxisSpan) -> int | None:
         """Where to split it."""
         inside = [at for at in self._breaks if _is_between(at, span)]
         if inside:
@@ -125,7 +125,7 @@ class Axis:
         return place if _is_between(place, span) else None
 
 
-def _is_between(place: int, span: Span) -> bool:
+def _is_between(place: int, span: AxisSpan) -> bool:
     return (span.lower is None or span.lower < place) and (span.upper is None or place < span.upper)
 
 
@@ -137,7 +137,7 @@ class Half:
     limit: int
     strict: bool = False
     equality: bool = False
-    shares: dict[tuple[Span, ...], tuple[int, int]] = field(default_factory=dict)
+    shares: dict[tuple[AxisSpan, ...], tuple[int, int]] = field(default_factory=dict)
 
     @cached_property
     def opposite(self) -> tuple[tuple[int, int], ...]:
@@ -145,7 +145,7 @@ class Half:
         return tuple((axis, -factor) for axis, factor in self.factors)
 
 
-Cell = tuple[Span, ...]
+Cell = tuple[AxisSpan, ...]
 Active = tuple[tuple[Half, ...], tuple[tuple[Half, ...], ...]]
 """A part in a cell, as far as it is not settled there: sides of the polyhedron, and of those to remove."""
 

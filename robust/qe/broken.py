@@ -21,7 +21,7 @@ from robust.qe.compute import ProblemBuilder, UnschedulableValues, declared_boun
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import PieceSearch
-from robust.qe.eliminate.interface import Elimination
+from robust.qe.eliminate.interface import Solvers
 from robust.qe.nnf import FormulaReader
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -97,7 +97,7 @@ class Causes:
         self.bounds = declared_bounds(plan)
         self._deadline = deadline
         self._encoding = create_encoding("relational", plan, epsilon, deadline)
-        self._context = Elimination(self._encoding.terms, FormulaReader(self._encoding.terms), solver)
+        self._context = Solvers(self._encoding.terms, FormulaReader(self._encoding.terms), solver)
         self._builder = ProblemBuilder(self._encoding, self._context.reader, self._context.session())
 
     @property

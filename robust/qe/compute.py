@@ -27,7 +27,7 @@ from robust.qe.conjunctions import Conjunction, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
 from robust.qe.eliminate import create_eliminator
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
-from robust.qe.eliminate.interface import Definition, Elimination, Query, outside
+from robust.qe.eliminate.interface import Definition, Query, Solvers, outside
 from robust.qe.inner import (
     EnvelopeFactor,
     FactorSearch,
@@ -214,7 +214,7 @@ class UnschedulableValues:
     """
 
     encoding: Encoding
-    context: Elimination
+    context: Solvers
     query: Query
     bounds: Conjunction
 
@@ -450,7 +450,7 @@ class RegionSearch(Searching[RegionResult]):
     def _search(self) -> None:
         backend, splitting, _, name, solver = self._names
         encoding = create_encoding(name, self._plan, self._epsilon, self._deadline)
-        context = Elimination(encoding.terms, FormulaReader(encoding.terms), solver, self._statistics)
+        context = Solvers(encoding.terms, FormulaReader(encoding.terms), solver, self._statistics)
         eliminator = create_eliminator(backend, context)
         builder = ProblemBuilder(encoding, context.reader, context.session())
         problem = builder.build(splitting)
@@ -475,7 +475,7 @@ class RegionSearch(Searching[RegionResult]):
         for query in problem.violations:
             self._add(eliminator.eliminate(query, self._known(), self._deadline))
 
-    def _search_factors(self, context: Elimination, problem: EliminationProblem) -> None:
+    def _search_factors(self, context: Solvers, problem: EliminationProblem) -> None:
         """Group by group, up to symmetry; again without where that leaves too much to describe."""
         facets = list(self._pieces)
         symmetry = find_symmetry(self._plan, self._deadline)

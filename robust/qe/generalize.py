@@ -9,7 +9,7 @@ from robust.qe.box import Box
 from robust.qe.conjunctions import Conjunction, variables_of
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import Outlook
-from robust.qe.eliminate.interface import Elimination, Query, outside
+from robust.qe.eliminate.interface import Query, Solvers, outside
 from robust.qe.nnf import conjunction, disjunction, negation
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.symmetry import Symmetry
@@ -28,7 +28,7 @@ class PieceWidening:
     is, are bad as well. Without a schedule values are bad too, so nothing need be known of that.
     """
 
-    def __init__(self, context: Elimination, base: Polyhedron, queries: Sequence[Query], deadline: Deadline) -> None:
+    def __init__(self, context: Solvers, base: Polyhedron, queries: Sequence[Query], deadline: Deadline) -> None:
         self._context = context
         self._base = base
         self._box = set(box_sides(base))
@@ -73,7 +73,7 @@ class Lifting:
     A piece is lifted to a polyhedron around it of which every image, where classes ascend, is inside the known pieces.
     """
 
-    def __init__(self, context: Elimination, base: Polyhedron, symmetry: Symmetry, deadline: Deadline) -> None:
+    def __init__(self, context: Solvers, base: Polyhedron, symmetry: Symmetry, deadline: Deadline) -> None:
         self._context = context
         self._deadline = deadline
         self._base = base

@@ -23,7 +23,7 @@ from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction, linked, variables_of
 from robust.qe.constraint import ZERO, LinearConstraint
 from robust.qe.eliminate.enumerate import PieceSearch, satisfiable
-from robust.qe.eliminate.interface import Elimination, Query
+from robust.qe.eliminate.interface import Query, Solvers
 from robust.qe.generalize import MOST_IMAGES, Lifting, PieceWidening
 from robust.qe.nnf import names_in
 from robust.qe.polyhedron import Point, Polyhedron
@@ -160,7 +160,7 @@ class FactorSearch:
 
     def __init__(
         self,
-        context: Elimination,
+        context: Solvers,
         group: ParameterGroup,
         deadline: Deadline,
         on_piece: Callable[[Polyhedron], None],

@@ -6,10 +6,10 @@ from importlib import import_module
 
 from robust.backends import ELIMINATORS
 from robust.errors import InputError, did_you_mean
-from robust.qe.eliminate.interface import Elimination, Eliminator
+from robust.qe.eliminate.interface import Eliminator, Solvers
 
 
-def create_eliminator(name: str, context: Elimination) -> Eliminator:
+def create_eliminator(name: str, context: Solvers) -> Eliminator:
     """The back end of that name.
 
     Raises:

@@ -16,7 +16,7 @@ from typing import TypeVar
 
 from robust.qe.conjunctions import Conjunction, irredundant, project, project_at, solve_equalities, variables_of
 from robust.qe.constraint import LinearConstraint, trim
-from robust.qe.eliminate.interface import Elimination, Eliminator, Query, outside, without
+from robust.qe.eliminate.interface import Eliminator, Query, Solvers, outside, without
 from robust.qe.nnf import BoolLeaf, FormulaReader, Leaf, Model, Nnf, implicant, names_in, negation
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Session, Verdict
@@ -167,7 +167,7 @@ class Project(Eliminator):
 class PieceSearch:
     """The sessions of one query: where pieces come from, what they must not lose, and what is known already."""
 
-    def __init__(self, context: Elimination, query: Query, deadline: Deadline) -> None:
+    def __init__(self, context: Solvers, query: Query, deadline: Deadline) -> None:
         self._context = context
         self._reader = context.reader
         self._query = query

@@ -57,7 +57,7 @@ class Query:
 
 
 @dataclass
-class Elimination:
+class Solvers:
     """What back ends may use: the door to the solvers, and where to count."""
 
     terms: Terms
@@ -76,7 +76,7 @@ class Eliminator(ABC):
     alternation = False
     """Whether it takes formulas with both quantifiers."""
 
-    def __init__(self, context: Elimination) -> None:
+    def __init__(self, context: Solvers) -> None:
         self.context = context
 
     @abstractmethod

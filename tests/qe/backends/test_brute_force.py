@@ -18,7 +18,7 @@ from robust.backends import ELIMINATORS
 from robust.qe import nnf
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate import create_eliminator
-from robust.qe.eliminate.interface import Elimination, Query
+from robust.qe.eliminate.interface import Query, Solvers
 from robust.qe.nnf import FormulaReader, Nnf, conjunction, disjunction, negation
 from robust.smt.limits import NEVER
 from robust.smt.terms import Terms
@@ -107,7 +107,7 @@ def test_one_quantifier(name: str, count: int) -> None:
     random, seen = Random(count), set()  # noqa: S311 - reproducible, not secret
     for number in range(count):
         formula = drawn_formula(random, random.randint(2, 6))
-        context = Elimination(terms := Terms(), FormulaReader(terms))
+        context = Solvers(terms := Terms(), FormulaReader(terms))
         pieces = list(create_eliminator(name, context).eliminate(query(f"{number}", formula), (), NEVER))
         union = disjunction(map(conjunction, pieces))
         for point in points(random, pieces):
@@ -124,7 +124,7 @@ def test_both_quantifiers(name: str, count: int) -> None:
     random, seen = Random(count), set()  # noqa: S311 - reproducible, not secret
     for number in range(count):
         one, other = (drawn_formula(random, random.randint(1, 4)) for _ in range(2))
-        eliminator = create_eliminator(name, Elimination(terms := Terms(), FormulaReader(terms)))
+        eliminator = create_eliminator(name, Solvers(terms := Terms(), FormulaReader(terms)))
         pieces = list(eliminator.eliminate_nested(query("one", one), query("other", other), NEVER))
         union = disjunction(map(conjunction, pieces))
         for point in points(random, pieces):

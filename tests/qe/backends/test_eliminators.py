@@ -17,7 +17,7 @@ from robust.qe import nnf
 from robust.qe.conjunctions import Conjunction, project, project_at, variables_of
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.eliminate import create_eliminator, loos_weispfenning
-from robust.qe.eliminate.interface import Definition, Elimination, Query, without
+from robust.qe.eliminate.interface import Definition, Query, Solvers, without
 from robust.qe.eliminate.loos_weispfenning import simplified
 from robust.qe.eliminate.z3_tactics import to_z3
 from robust.qe.nnf import FALSE, TRUE, BoolLeaf, FormulaReader, Nnf, conjunction, disjunction, names_in, negation
@@ -31,9 +31,9 @@ KEPT = ("a", "b")
 REALS = ("x", "y", "z")
 
 
-def context() -> Elimination:
+def context() -> Solvers:
     terms = Terms()
-    return Elimination(terms, FormulaReader(terms))
+    return Solvers(terms, FormulaReader(terms))
 
 
 @st.composite
