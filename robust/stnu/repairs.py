@@ -179,6 +179,8 @@ class NetworkRepairSearch(RepairSearching[Fraction, Repair]):
     def accept(self, candidate: Candidate[Fraction]) -> None:
         """The best repair by now; its inequalities may have a cheaper one."""
         self.best = candidate
+        if candidate.cost == self.lowest:
+            return
         polished = self.cheapest(candidate.chosen, candidate.point)
         if polished is not None and polished.cost < candidate.cost and self.violated(polished) is None:
             self.best = polished
