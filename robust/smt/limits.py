@@ -144,8 +144,10 @@ def raise_if_interrupted() -> None:
 @contextmanager
 def uninterrupted() -> Iterator[None]:
     """A short block in which nothing raises KeyboardInterrupt in the main thread: a child is started or ended whole."""
-    usual = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTING)
+    usual = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     try:
+        # This raises the KeyboardInterrupt of a signal that came before, when they are blocked already.
+        signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTING)
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, usual)
