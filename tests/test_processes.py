@@ -18,7 +18,7 @@ import pytest
 
 from robust.errors import SolverError
 from robust.processes import KEPT, Ended, Processes, StoppedError
-from robust.smt.limits import Deadline, OutOfTimeError, from_copy, stream_from_copy
+from robust.smt.limits import Deadline, OutOfTimeError, from_copy, stream_from_copy, uninterrupted
 from robust.watcher import CANNOT_START
 from tests.children import WAIT, Told, eventually, interrupted_after, is_running
 
@@ -321,3 +321,19 @@ def test_failures_in_the_copy_are_told() -> None:
         from_copy(lambda: os._exit(0), Deadline(), "dividing")
     assert list(stream_from_copy(lambda: [1, "two"], Deadline(), "counting")) == [1, "two"]
     assert len(from_copy(lambda: bytes(3 * 2**20), Deadline(), "copying")) == 3 * 2**20
+
+
+def test_a_signal_that_comes_while_signals_are_being_blocked_leaves_none_blocked(monkeypatch):
+    usual, block = signal.pthread_sigmask(signal.SIG_BLOCK, ()), signal.pthread_sigmask
+
+    def interrupted(how, signals):
+        before = block(how, signals)
+        if how == signal.SIG_BLOCK and signals:
+            raise KeyboardInterrupt  # as Python does for a signal that was pending
+        return before
+
+    monkeypatch.setattr(signal, "pthread_sigmask", interrupted)
+    with pytest.raises(KeyboardInterrupt), uninterrupted():
+        pass
+    monkeypatch.undo()
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == usual
