@@ -136,6 +136,7 @@ class Guard:
         if self._watcher is None:
             yield
             return
+        mask = self._mask
         self.close()
         usual = {number: signal.signal(number, signal.default_int_handler) for number in self._stops}
         signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
@@ -146,6 +147,7 @@ class Guard:
             for number, handler in usual.items():
                 signal.signal(number, handler)
             self.__enter__()
+            self._mask = mask
 
     @contextmanager
     def working(self, limit: float | None = None, on_stuck: Callable[[], bool] | None = None) -> Iterator[None]:

@@ -106,6 +106,7 @@ def test_a_small_run(name, make_suite, tmp_path):
     disturbed = "2 processes ran at a time and disturbed each other's timings"
     assert (disturbed in report.notes) == (given.get("jobs") == 2)
     assert text in " ".join(rendered(report.tables).split())
+    report.plot()
     assert "plot" not in given or given["plot"].read_text(encoding="utf-8").startswith("<?xml")
     if name in READ:
         again = report.experiment.read(value)
@@ -167,7 +168,10 @@ class StandIn:
         agrees = options.jobs != 3
         table = Table("A table", ("method", "box"), [("exact widening", "equal")], styles=["green"])
         printed = {"schema": "test", "agrees": agrees}
-        return SimpleNamespace(agrees=agrees, complete=options.jobs != 4, tables=[table], as_dict=lambda: printed)
+        complete = options.jobs != 4
+        return SimpleNamespace(
+            agrees=agrees, complete=complete, tables=[table], as_dict=lambda: printed, plot=lambda: None
+        )
 
 
 @pytest.fixture
