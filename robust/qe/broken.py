@@ -14,7 +14,7 @@ from functools import partial
 from itertools import islice
 
 from robust.encode import create_encoding
-from robust.encode.interface import EPSILON, Facet, Obligation
+from robust.encode.interface import EPSILON, Facet, Obligation, Stage
 from robust.encode.validity import Validity
 from robust.plan.model import ParametrizedPlan, Relation
 from robust.qe.compute import ProblemBuilder, UnschedulableValues, declared_bounds
@@ -127,7 +127,10 @@ class Causes:
 
     def pieces(self, obligation: Obligation, known: Iterable[Conjunction]) -> Iterator[Conjunction]:
         """An obligation breaks in some schedule, but for what is known already."""
-        search = PieceSearch(self._context, self._builder.query(obligation), self._deadline)
+        # Where a duration can break, there may be schedules and yet none with all that later obligations assume.
+        open_durations = any(one.stage is Stage.DURATION for one in self.obligations)
+        query = self._builder.query(obligation, whole=open_durations)
+        search = PieceSearch(self._context, query, self._deadline)
         for piece in known:
             search.exclude(piece)
         while (found := search.next_piece()) is not None:

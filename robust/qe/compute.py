@@ -102,11 +102,11 @@ class ProblemBuilder:
         constraints, rest = _inequalities([network])
         return Query("some schedule exists", self._kept, constraints, TRUE, (), rest)
 
-    def query(self, obligation: Obligation) -> Query:
-        """∃ times, auxiliaries. enc_tn ∧ enc_eff ∧ ¬P."""
+    def query(self, obligation: Obligation, *, whole: bool = False) -> Query:
+        """∃ times, auxiliaries. enc_tn ∧ enc_eff ∧ ¬P; with the whole of enc_tn, also where enc_valid does not hold."""
         network: list[Nnf] = []
         others: list[Nnf] = []
-        for formula in self._encoding.query(obligation):
+        for formula in self._encoding.full_query(obligation) if whole else self._encoding.query(obligation):
             if formula is not obligation.violation:
                 node = self._reader.read(formula)
                 (network if names_in(node) <= self._unknowns else others).append(node)

@@ -156,6 +156,7 @@ def latencies(tmp_path_factory):
     options = {"backends": ("smt", "bdd"), "problems": 5, "plot": plot}
     found = run("figure20b", **options, on_result=lambda *progress: seen.append(progress[0]))
     assert seen == [1, 2, 3, 4, 5, 1, 2, 3, 4]
+    found.plot()
     assert plot.stat().st_size > 0
     return found
 

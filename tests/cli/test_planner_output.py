@@ -85,7 +85,7 @@ def test_a_network_is_told_by_its_text(log, tmp_path):
 
 
 def test_certificates_of_steps_are_about_the_network_beside_them(log, tmp_path):
-    certificate, network = tmp_path / "plan.cert", tmp_path / "plan.stn"
+    certificate, network = tmp_path / "steps.cert", tmp_path / "steps.stn"
     ended = command("certify", *log, "-o", certificate)
     assert ended.code == 0
     assert ended.err.endswith(f"; 1 duration moved, by at most 0.001; the certificate is about {network}\n")
