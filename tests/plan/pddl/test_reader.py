@@ -181,10 +181,10 @@ def test_what_is_no_path(found: object) -> None:
 
 
 def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(self: Path) -> bytes:  # the superuser may read everything
+    def refuse(*_: object) -> None:  # the superuser may read everything
         raise PermissionError(13, os.strerror(13))
 
-    monkeypatch.setattr(Path, "read_bytes", refuse)
+    monkeypatch.setattr("robust.plan.pddl.forms.open", refuse, raising=False)
     refused(lambda: read_text("secret"), "secret: found a file that you may not read", [])
 
 
