@@ -424,7 +424,7 @@ def test_the_latest_time_is_one_that_leaves_a_correct_execution():
     [
         ("e99", "unknown event e99"),
         (Assignment("xA9", "mug"), "unknown choice"),
-        (Assignment("xA1", "x"), "no value x"),
+        (Assignment("xA1", "x"), "found xA1 = 'x', expected one of mug, glass"),
     ],
 )
 def test_questions_about_what_is_not_in_the_plan(question, said):
