@@ -10,7 +10,7 @@ import pytest
 
 import robust
 from robust import pike, stnu
-from robust.presented import NoTruthValue, Presented, VerdictEnum
+from robust.presented import NoTruthValue, VerdictEnum
 from tests.cli.running import example
 
 PUBLIC = {

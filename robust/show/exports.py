@@ -135,7 +135,7 @@ def _obligation(result: EnvelopeResult, controllable: str | None) -> list[str]:
         "either), and no action shorter than is proved below: PlanSys2 has no limit for that. Whoever keeps to the",
         f"network {_KNOWN[controllable or 'weak']}.",
         "PlanSys2 enforces a limit only if the behaviour tree of its action has a CheckTimeout node, and measures in",
-        "seconds, which the plan's unit of time has to be.",
+        "seconds: that has to be the unit of time of the plan.",
     ]
     if result.status.value != "complete":
         lines.append(f"The search was {result.status.value}: what is here is proved, but more may be possible.")
