@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
+from functools import cached_property, partial
 from itertools import islice
 
 from robust.encode import create_encoding
@@ -120,16 +120,19 @@ class Causes:
             self._deadline
         )
 
-    @property
+    @cached_property
     def obligations(self) -> list[Obligation]:
         """Those that can break in some schedule."""
         return [one for one in self._encoding.obligations if one.violation is not self._encoding.terms.false]
 
+    @cached_property
+    def _durations_may_break(self) -> bool:
+        """If so, there may be schedules and yet none with all that later obligations assume."""
+        return any(one.stage is Stage.DURATION for one in self.obligations)
+
     def pieces(self, obligation: Obligation, known: Iterable[Conjunction]) -> Iterator[Conjunction]:
         """An obligation breaks in some schedule, but for what is known already."""
-        # Where a duration can break, there may be schedules and yet none with all that later obligations assume.
-        open_durations = any(one.stage is Stage.DURATION for one in self.obligations)
-        query = self._builder.query(obligation, whole=open_durations)
+        query = self._builder.query(obligation, whole=self._durations_may_break)
         search = PieceSearch(self._context, query, self._deadline)
         for piece in known:
             search.exclude(piece)
